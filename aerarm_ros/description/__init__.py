@@ -1,0 +1,1 @@
+"""The arm as data: URDF, configuration, packaged resources."""

@@ -1,0 +1,208 @@
+"""The drive train of a whole arm, read from YAML."""
+
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.description.board_config import BoardConfig
+from aerarm_ros.description.config_error import ConfigError, check_name, check_range
+from aerarm_ros.description.config_reader import build, check_keys, read_yaml, section
+from aerarm_ros.description.gear_config import GearConfig
+from aerarm_ros.description.joint_config import JointConfig
+from aerarm_ros.description.motor_config import MotorConfig, torque_constant
+from aerarm_ros.description.resources import resource
+
+__all__ = [
+    'ArmConfig',
+    'BoardConfig',
+    'ConfigError',
+    'GearConfig',
+    'JointConfig',
+    'MotorConfig',
+    'load_arm_config',
+    'torque_constant',
+]
+
+
+@dataclass(frozen=True, slots=True)
+class ArmConfig:
+    """Everything about an arm that its URDF does not say.
+
+    Attributes
+    ----------
+    name : str
+    joints : tuple of JointConfig
+        From base to tool, n of them.
+    boards : tuple of BoardConfig
+        `JointConfig.board` counts them from 0.
+    profile : str
+        Name of the boards' frame profile, e.g. 'uomodri_v3'.
+    gravity_in_base : tuple of 3 floats
+        [m/s^2]
+    rest_position : tuple of n floats
+        Posture [rad] to which the arm is brought to rest.
+
+    Raises
+    ------
+    ConfigError
+        If parts contradict each other, e.g. two joints on one channel of a board.
+    """
+
+    name: str
+    joints: tuple[JointConfig, ...]
+    boards: tuple[BoardConfig, ...]
+    profile: str
+    gravity_in_base: tuple[float, float, float]
+    rest_position: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check what involves more than one part."""
+        check_name('arm', 'name', self.name)
+        check_name('arm', 'profile', self.profile)
+        if not self.joints:
+            raise ConfigError('arm: joints is empty: an arm has at least one joint')
+        _check_unique('joints', 'name', (joint.name for joint in self.joints))
+        _check_unique('boards', 'name', (board.name for board in self.boards))
+        _check_unique('boards', 'device', (board.device for board in self.boards))
+        self._check_channels()
+        self._check_gravity()
+        self._check_rest_position()
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, from base to tool."""
+        return tuple(joint.name for joint in self.joints)
+
+    def column(self, field: str) -> npt.NDArray[np.float64]:
+        """Return one number of every joint.
+
+        Parameters
+        ----------
+        field : str
+            Attribute of `JointConfig`, or of its parts: 'effort_max', 'reflected_inertia',
+            'motor.current_max', 'gear.ratio'.
+
+        Returns
+        -------
+        (n,) ndarray
+            In the attribute's unit, in the order of `joint_names`.
+
+        Raises
+        ------
+        AttributeError
+            If a joint has no such attribute.
+        """
+        value = attrgetter(field)
+        return np.array([value(joint) for joint in self.joints], dtype=float)
+
+    def _check_channels(self) -> None:
+        taken: dict[tuple[int, int], str] = {}
+        for joint in self.joints:
+            if joint.board >= len(self.boards):
+                raise ConfigError(
+                    f'joint {joint.name}: board = {joint.board}, but boards lists only '
+                    f'{len(self.boards)} (numbered from 0)'
+                )
+            place = (joint.board, joint.channel)
+            if place in taken:
+                raise ConfigError(
+                    f'joint {joint.name}: board {joint.board}, channel {joint.channel} already '
+                    f'belongs to joint {taken[place]}: correct board or channel of one of them'
+                )
+            taken[place] = joint.name
+
+    def _check_gravity(self) -> None:
+        if len(self.gravity_in_base) != 3:
+            raise ConfigError(f'arm: gravity_in_base = {self.gravity_in_base} needs x, y and z')
+        for value in self.gravity_in_base:
+            check_range('arm', 'gravity_in_base', value, -20.0, 20.0, 'm/s^2')
+
+    def _check_rest_position(self) -> None:
+        if len(self.rest_position) != self.n:
+            raise ConfigError(
+                f'arm: rest_position has {len(self.rest_position)} values for {self.n} joints'
+            )
+        for joint, value in zip(self.joints, self.rest_position, strict=True):
+            key = f'rest_position of {joint.name}'
+            check_range('arm', key, value, joint.position_min, joint.position_max, 'rad')
+
+
+def load_arm_config(path: Path | str | None = None) -> ArmConfig:
+    """Read the drive train of an arm.
+
+    Parameters
+    ----------
+    path : Path or str, optional
+        YAML file laid out as the packaged config/aerarm.yaml, which is the default.
+
+    Raises
+    ------
+    ConfigError
+        If the file can't be read or says something wrong; one line, with file and key.
+    """
+    path = resource('config', 'aerarm.yaml') if path is None else Path(path)
+    document = read_yaml(path)
+    try:
+        return _arm(document)
+    except ConfigError as error:
+        raise ConfigError(f'{path}: {error}') from None
+
+
+def _arm(document: dict[str, Any]) -> ArmConfig:
+    check_keys('top level', document, ArmConfig, also=('motors', 'gears'))
+    motors = {
+        name: build(MotorConfig, f'motors.{name}', entry, name=name)
+        for name, entry in section(document, 'motors', dict).items()
+    }
+    gears = {
+        kind: build(GearConfig, f'gears.{kind}', entry, kind=kind)
+        for kind, entry in section(document, 'gears', dict).items()
+    }
+    joints = [
+        _joint(f'joints[{index}]', entry, motors, gears)
+        for index, entry in enumerate(section(document, 'joints', list))
+    ]
+    boards = [
+        build(BoardConfig, f'boards[{index}]', entry)
+        for index, entry in enumerate(section(document, 'boards', list))
+    ]
+    plain = {key: value for key, value in document.items() if key not in ('motors', 'gears')}
+    plain.update(joints=tuple(joints), boards=tuple(boards))
+    return build(ArmConfig, 'top level', plain)
+
+
+def _joint(
+    where: str, entry: Any, motors: dict[str, MotorConfig], gears: dict[str, GearConfig]
+) -> JointConfig:
+    check_keys(where, entry, JointConfig)
+    parts = {
+        'motor': _part(where, 'motor', entry, motors),
+        'gear': _part(where, 'gear', entry, gears),
+    }
+    return build(JointConfig, where, {**entry, **parts})
+
+
+def _part(where: str, key: str, entry: dict[str, Any], known: Mapping[str, object]) -> object:
+    name = entry[key]
+    if not isinstance(name, str) or name not in known:
+        listed = ', '.join(map(str, known))
+        raise ConfigError(f'{where}: {key} = {name!r} is not one of {key}s: {listed}')
+    return known[name]
+
+
+def _check_unique(owner: str, key: str, values: Iterable[Hashable]) -> None:
+    seen: set[Hashable] = set()
+    for value in values:
+        if value in seen:
+            raise ConfigError(f'{owner}: {key} {value!r} occurs twice')
+        seen.add(value)

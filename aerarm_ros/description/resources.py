@@ -1,0 +1,48 @@
+"""Files shipped beside the code: URDF, configuration, launch and RViz files."""
+
+from pathlib import Path
+
+PACKAGE = 'aerarm_ros'
+_MARKER = Path('config') / 'aerarm.yaml'
+
+
+def share_directory() -> Path:
+    """Return the folder that holds `config/`, `urdf/`, `launch/` and `rviz/`.
+
+    A source checkout (or an editable install) has them beside the package; an
+    installed package has them in `<prefix>/share/aerarm_ros`, whatever the depth of
+    site-packages below the prefix.
+
+    Raises
+    ------
+    FileNotFoundError
+        If neither is found.
+    """
+    module = Path(__file__).resolve()
+    for ancestor in module.parents:
+        for candidate in (ancestor, ancestor / 'share' / PACKAGE):
+            if (candidate / _MARKER).is_file():
+                return candidate
+    raise FileNotFoundError(
+        f'the shared files of {PACKAGE} (such as {_MARKER}) are neither beside the package nor '
+        f'in a share/{PACKAGE} folder above {module.parent}: install the package again, or '
+        'run from a complete checkout'
+    )
+
+
+def resource(*parts: str) -> Path:
+    """Return the path of a shared file, e.g. `resource('urdf', 'aerarm.urdf')`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file; the message lists what the folder does hold.
+    """
+    path = share_directory().joinpath(*parts)
+    if not path.exists():
+        folder = path.parent
+        present = sorted(entry.name for entry in folder.iterdir()) if folder.is_dir() else []
+        raise FileNotFoundError(
+            f'no shared file {path}: the folder holds {", ".join(present) or "nothing"}'
+        )
+    return path

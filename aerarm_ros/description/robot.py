@@ -1,0 +1,288 @@
+"""A serial arm, as its URDF describes it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from aerarm_ros.description.description_error import DescriptionError
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.urdf_document import UrdfDocument, UrdfJoint
+
+__all__ = ['DescriptionError', 'Robot', 'load_robot']
+
+Array = npt.NDArray[np.float64]
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A serial arm of n one-degree-of-freedom joints on a fixed base.
+
+    Links behind fixed (or locked) joints are part of the link that carries them. Use
+    `load_robot` to make one.
+
+    Attributes
+    ----------
+    model : pinocchio.Model
+        With `gravity` set and no armature. Shared by everything made from this robot: who
+        changes it copies it first.
+    joints : tuple of UrdfJoint
+        The moving joints, from base to tool.
+    urdf_text : str
+        The URDF as read.
+    path : Path or None
+        Where it was read from; None if it was given as text.
+    """
+
+    model: Any
+    joints: tuple[UrdfJoint, ...]
+    urdf_text: str
+    path: Path | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of moving joints."""
+        return len(self.joints)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the moving joints, from base to tool."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Name of each moving joint's child link, whose frame is the joint's frame."""
+        return tuple(joint.child for joint in self.joints)
+
+    @cached_property
+    def position_min(self) -> Array:
+        """(n,) lower limits [rad] (prismatic: [m]); -inf for a continuous joint."""
+        return _frozen(self.model.lowerPositionLimit)
+
+    @cached_property
+    def position_max(self) -> Array:
+        """(n,) upper limits [rad] (prismatic: [m]); inf for a continuous joint."""
+        return _frozen(self.model.upperPositionLimit)
+
+    @cached_property
+    def velocity_max(self) -> Array:
+        """(n,) velocity limits [rad/s]; inf where the URDF gives none."""
+        return _frozen(self.model.velocityLimit)
+
+    @cached_property
+    def effort_max(self) -> Array:
+        """(n,) effort limits [Nm]; inf where the URDF gives none."""
+        return _frozen(self.model.effortLimit)
+
+    @cached_property
+    def viscous(self) -> Array:
+        """(n,) viscous friction f_v [Nms/rad]: `<dynamics damping>`."""
+        return _frozen([joint.damping for joint in self.joints])
+
+    @cached_property
+    def coulomb(self) -> Array:
+        """(n,) Coulomb friction f_s [Nm]: `<dynamics friction>`."""
+        return _frozen([joint.friction for joint in self.joints])
+
+    @cached_property
+    def gravity_in_base(self) -> Array:
+        """(3,) gravity in the base frame [m/s^2]."""
+        return _frozen(self.model.gravity.linear)
+
+    @cached_property
+    def inertial_parameters(self) -> Array:
+        """(n, 10) inertial parameters of the moving links, in the order of thesis (3.3)."""
+        bodies = [self.model.inertias[i + 1] for i in range(self.n)]
+        return _frozen([body.toDynamicParameters() for body in bodies])
+
+    def with_inertial_parameters(self, pi: npt.ArrayLike) -> 'Robot':
+        """Return a copy whose moving links have other inertial parameters.
+
+        Its `urdf_text` stays that of the original.
+
+        Parameters
+        ----------
+        pi : (n, 10) array_like
+            Inertial parameters, in the order of thesis (3.3). They need not be physically
+            consistent, but a body is stored by its centre of mass, so no mass may be zero.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, a value isn't finite or a mass is zero.
+        """
+        pi = np.array(pi, dtype=float)
+        if pi.shape != (self.n, 10):
+            raise ValueError(f'inertial parameters of shape {pi.shape}, not {(self.n, 10)}')
+        if not np.all(np.isfinite(pi)) or np.any(pi[:, 0] == 0.0):
+            raise ValueError('inertial parameters must be finite, with masses other than zero')
+        model = self.model.copy()
+        for index, parameters in enumerate(pi):
+            model.inertias[index + 1] = pin.Inertia.FromDynamicParameters(parameters)
+        return Robot(model, self.joints, self.urdf_text, self.path)
+
+    def with_gravity(self, gravity_in_base: npt.ArrayLike) -> 'Robot':
+        """Return a copy under other gravity, (3,) in the base frame [m/s^2]."""
+        model = self.model.copy()
+        model.gravity.linear = _gravity(gravity_in_base)
+        return Robot(model, self.joints, self.urdf_text, self.path)
+
+
+def load_robot(
+    urdf: Path | str | None = None,
+    *,
+    gravity_in_base: npt.ArrayLike = STANDARD_GRAVITY,
+    joint_names: Sequence[str] | None = None,
+    locked: Sequence[str] = (),
+) -> Robot:
+    """Read a serial arm from a URDF; its meshes are not needed.
+
+    Continuous joints are represented by their angle [rad], like revolute ones, without
+    position limits. Prismatic joints are fine (then read [m] for [rad], [N] for [Nm]).
+
+    Parameters
+    ----------
+    urdf : Path or str, optional
+        The URDF file, or the URDF itself if it starts with `<`. Default: this package's arm.
+    gravity_in_base : (3,) array_like
+        [m/s^2]
+    joint_names : sequence of str, optional
+        The joints that move, from base to tool; all others are locked at zero.
+    locked : sequence of str
+        Joints held at zero (or at their limit nearest to it), such as gripper fingers.
+
+    Raises
+    ------
+    DescriptionError
+        If the file can't be read or isn't a URDF; if a named joint is missing or out of
+        order; if the moving joints don't form one chain, or one of them mimics another, has
+        more than one degree of freedom or carries no inertia.
+    """
+    text, path = _read(urdf)
+    source = 'the URDF text' if path is None else str(path)
+    try:
+        document = UrdfDocument(text)
+        moving = _moving_joints(document, joint_names, locked)
+        model = _build_model(document, moving)
+        _check_model(model, moving)
+        _check_order(model, joint_names)
+    except DescriptionError as error:
+        raise DescriptionError(f'{source}: {error}') from None
+    model.gravity.linear = _gravity(gravity_in_base)
+    return Robot(model, tuple(document.joints[name] for name in model.names[1:]), text, path)
+
+
+def _read(urdf: Path | str | None) -> tuple[str, Path | None]:
+    if isinstance(urdf, str) and urdf.lstrip().startswith('<'):
+        return urdf.lstrip(), None
+    path = resource('urdf', 'aerarm.urdf') if urdf is None else Path(urdf)
+    try:
+        return path.read_text(encoding='utf-8'), path
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DescriptionError(f'{path}: {reason}: check the path and its permissions') from None
+    except UnicodeDecodeError:
+        raise DescriptionError(f'{path}: not a text file, so no URDF') from None
+
+
+def _moving_joints(
+    document: UrdfDocument, joint_names: Sequence[str] | None, locked: Sequence[str]
+) -> list[UrdfJoint]:
+    """Return the joints left to move, in the order asked for."""
+    driven = {name: joint for name, joint in document.joints.items() if joint.is_driven}
+    for name in (*locked, *(joint_names or ())):
+        if name not in driven:
+            known = ', '.join(driven) or 'none'
+            raise DescriptionError(f'there is no moving joint {name!r}: there are {known}')
+    wanted = list(driven) if joint_names is None else list(joint_names)
+    moving = [document.joints[name] for name in wanted if name not in locked]
+    if not moving:
+        raise DescriptionError('no joint is left to move')
+    for joint in moving:
+        if joint.mimics is not None:
+            raise DescriptionError(
+                f'joint {joint.name} mimics {joint.mimics}, which is not supported: lock it'
+            )
+    for joint in document.joints.values():
+        if joint.kind in ('floating', 'planar'):
+            raise DescriptionError(
+                f'joint {joint.name} is {joint.kind}; only joints of one degree of freedom are '
+                'supported'
+            )
+    return moving
+
+
+def _build_model(document: UrdfDocument, moving: list[UrdfJoint]) -> Any:
+    try:
+        model = pin.buildModelFromXML(document.revolute_text())
+    except (ValueError, RuntimeError) as error:
+        raise DescriptionError(f'not a valid URDF ({error})') from None
+    names = {joint.name for joint in moving}
+    locked = [index for index in range(1, model.njoints) if model.names[index] not in names]
+    if locked:
+        posture = np.clip(0.0, model.lowerPositionLimit, model.upperPositionLimit)
+        model = pin.buildReducedModel(model, locked, posture)
+    _free_unlimited(model, document)
+    return model
+
+
+def _free_unlimited(model: Any, document: UrdfDocument) -> None:
+    """Replace the limits a URDF does not give by infinity."""
+    for index, name in enumerate(model.names[1:]):
+        joint = document.joints[name]
+        if joint.kind == 'continuous':
+            model.lowerPositionLimit[index] = -np.inf
+            model.upperPositionLimit[index] = np.inf
+        if not joint.has_limit:
+            model.velocityLimit[index] = np.inf
+            model.effortLimit[index] = np.inf
+
+
+def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
+    names = list(model.names[1:])
+    for index in range(1, model.njoints):
+        if model.parents[index] != index - 1:
+            raise DescriptionError(
+                f'not a serial arm: joint {model.names[index]} does not follow joint '
+                f'{model.names[index - 1]}: lock the joints of side branches'
+            )
+    asked = [joint.name for joint in moving]
+    if sorted(asked) != sorted(names):
+        raise DescriptionError(f'joints {asked} are not all connected to the base: got {names}')
+    children = {joint.name: joint.child for joint in moving}
+    for index, name in enumerate(names, start=1):
+        if model.inertias[index].mass <= 0.0:
+            raise DescriptionError(
+                f'link {children[name]} (moved by joint {name}) has no mass: give it an '
+                '<inertial>, or lock the joint'
+            )
+
+
+def _check_order(model: Any, joint_names: Sequence[str] | None) -> None:
+    """Require that names given are in the chain's order: positions are taken by index."""
+    names = list(model.names[1:])
+    asked = [name for name in joint_names or names if name in names]
+    if asked != names:
+        raise DescriptionError(
+            f'joint_names are not in the order from base to tool, which is {", ".join(names)}'
+        )
+
+
+def _gravity(gravity_in_base: npt.ArrayLike) -> Array:
+    gravity = np.array(gravity_in_base, dtype=float)
+    if gravity.shape != (3,) or not np.all(np.isfinite(gravity)):
+        raise DescriptionError(f'gravity_in_base = {gravity} must be three numbers [m/s^2]')
+    return gravity
+
+
+def _frozen(values: npt.ArrayLike) -> Array:
+    array = np.array(values, dtype=float)
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,195 @@
+"""What a URDF says about its joints and links, read before the dynamics library reads it.
+
+The library's own parser reports a fault in several lines on stderr and then goes on without
+the faulty inertia; so faults are looked for here.
+"""
+
+import math
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+
+from aerarm_ros.description.description_error import DescriptionError
+
+_DRIVEN_TYPES = ('revolute', 'continuous', 'prismatic')
+_KNOWN_TYPES = (*_DRIVEN_TYPES, 'fixed', 'floating', 'planar')
+
+
+@dataclass(frozen=True, slots=True)
+class UrdfJoint:
+    """A `<joint>` element.
+
+    `damping` [Nms/rad] and `friction` [Nm] are those of `<dynamics>`, zero where missing.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    mimics: str | None
+    damping: float
+    friction: float
+    has_limit: bool
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether it moves with one degree of freedom."""
+        return self.kind in _DRIVEN_TYPES
+
+
+class UrdfDocument:
+    """The joints and links of a URDF text.
+
+    Parameters
+    ----------
+    text : str
+        The URDF.
+
+    Attributes
+    ----------
+    joints : dict of str to UrdfJoint
+    links : frozenset of str
+
+    Raises
+    ------
+    DescriptionError
+        If the text isn't a URDF: not XML, xacro not yet expanded, joints that name no link
+        or form no tree, numbers that are none.
+    """
+
+    def __init__(self, text: str) -> None:
+        try:
+            self._root = ET.fromstring(text)
+        except ET.ParseError as error:
+            raise DescriptionError(f'not valid XML ({error})') from None
+        if self._root.tag != 'robot':
+            raise DescriptionError(f'the root element is <{self._root.tag}>, not <robot>')
+        if any('xacro' in element.tag for element in self._root.iter()):
+            raise DescriptionError('holds xacro macros: expand it first (xacro FILE > arm.urdf)')
+        self.links = self._read_links()
+        self.joints = self._read_joints()
+        self._check_tree()
+
+    @property
+    def continuous_joints(self) -> tuple[str, ...]:
+        """Names of the joints that turn without end."""
+        return tuple(j.name for j in self.joints.values() if j.kind == 'continuous')
+
+    def revolute_text(self) -> str:
+        """Return the URDF with every continuous joint declared revolute.
+
+        A continuous joint's angle then is one number instead of a cosine and a sine, so that
+        positions and velocities have the same length. Its limits are placeholders.
+        """
+        root = ET.fromstring(ET.tostring(self._root))
+        for element in root.findall('joint'):
+            if element.get('type') == 'continuous':
+                element.set('type', 'revolute')
+                limit = element.find('limit')
+                if limit is None:
+                    limit = ET.SubElement(element, 'limit', effort='0', velocity='0')
+                limit.set('lower', repr(-math.pi))
+                limit.set('upper', repr(math.pi))
+        return ET.tostring(root, encoding='unicode')
+
+    def _read_links(self) -> frozenset[str]:
+        names = [_attribute(link, 'name', 'a link') for link in self._root.findall('link')]
+        _check_unique('link', names)
+        for link in self._root.findall('link'):
+            _check_inertial(link)
+        return frozenset(names)
+
+    def _read_joints(self) -> dict[str, UrdfJoint]:
+        joints = [self._read_joint(element) for element in self._root.findall('joint')]
+        _check_unique('joint', [joint.name for joint in joints])
+        return {joint.name: joint for joint in joints}
+
+    def _check_tree(self) -> None:
+        """Require that every link but one, the base, hangs on exactly one joint."""
+        parent_joint: dict[str, str] = {}
+        for joint in self.joints.values():
+            if joint.child in parent_joint:
+                raise DescriptionError(
+                    f'link {joint.child} hangs on two joints, {parent_joint[joint.child]} and '
+                    f'{joint.name}'
+                )
+            parent_joint[joint.child] = joint.name
+        bases = sorted(self.links - parent_joint.keys())
+        if len(bases) != 1:
+            listed = ', '.join(bases) or 'none: the joints form a loop'
+            raise DescriptionError(f'one link must hang on no joint, the base; here {listed}')
+
+    def _read_joint(self, element: ET.Element) -> UrdfJoint:
+        name = _attribute(element, 'name', 'a joint')
+        owner = f'joint {name}'
+        kind = _attribute(element, 'type', owner)
+        if kind not in _KNOWN_TYPES:
+            raise DescriptionError(f'{owner} has the unknown type {kind!r}')
+        ends = {}
+        for end in ('parent', 'child'):
+            link = element.find(end)
+            if link is None:
+                raise DescriptionError(f'{owner} has no <{end}>')
+            ends[end] = _attribute(link, 'link', f'{owner}, <{end}>')
+            if ends[end] not in self.links:
+                raise DescriptionError(f'{owner}: there is no link {ends[end]!r} ({end})')
+        limit = element.find('limit')
+        if limit is None and kind in ('revolute', 'prismatic'):
+            raise DescriptionError(f'{owner} is {kind} and needs a <limit>')
+        for key in ('lower', 'upper', 'effort', 'velocity'):
+            _number(limit, key, f'{owner}, <limit>')
+        mimic = element.find('mimic')
+        dynamics = element.find('dynamics')
+        return UrdfJoint(
+            name=name,
+            kind=kind,
+            parent=ends['parent'],
+            child=ends['child'],
+            mimics=None if mimic is None else mimic.get('joint', '?'),
+            damping=_number(dynamics, 'damping', f'{owner}, <dynamics>'),
+            friction=_number(dynamics, 'friction', f'{owner}, <dynamics>'),
+            has_limit=limit is not None,
+        )
+
+
+def _attribute(element: ET.Element, key: str, owner: str) -> str:
+    value = element.get(key)
+    if not value:
+        raise DescriptionError(f'{owner} has no {key}')
+    return value
+
+
+def _number(element: ET.Element | None, key: str, owner: str) -> float:
+    """Return a finite attribute, zero where the element or attribute is missing."""
+    text = '0' if element is None else element.get(key, '0')
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise DescriptionError(f'{owner}: {key} = {text!r} is not a finite number')
+    return value
+
+
+def _check_inertial(link: ET.Element) -> None:
+    inertial = link.find('inertial')
+    if inertial is None:
+        return
+    owner = f'link {link.get("name")}, <inertial>'
+    for tag, keys in (('mass', ('value',)), ('inertia', ('ixx', 'iyy', 'izz'))):
+        element = inertial.find(tag)
+        if element is None:
+            raise DescriptionError(f'{owner} has no <{tag}>')
+        for key in keys:
+            if element.get(key) is None:
+                raise DescriptionError(f'{owner}, <{tag}> has no {key}')
+    inertia = inertial.find('inertia')
+    for key in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'):
+        _number(inertia, key, owner)
+    if _number(inertial.find('mass'), 'value', owner) < 0.0:
+        raise DescriptionError(f'{owner}: the mass is negative')
+
+
+def _check_unique(kind: str, names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise DescriptionError(f'{kind} {name} is given {names.count(name)} times')

@@ -1,0 +1,1 @@
+"""What the arm does: inertia, kinematics, dynamics, regressor, friction, drive train."""

@@ -1,0 +1,75 @@
+"""Between joints and motors: gears, signs, offsets and torque constants."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.description.arm_config import ArmConfig, torque_constant
+
+__all__ = ['DriveTrain', 'torque_constant']
+
+Array = npt.NDArray[np.float64]
+
+
+class DriveTrain:
+    """Converts between joint and motor quantities, thesis (4.2), (4.6), (4.7).
+
+    All arrays are (n,) or (..., n), in the order of `config.joint_names`. With `s` the sign
+    and `o` the offset of a joint::
+
+        q = s k_g theta_m + o        dq = s k_g dtheta_m        tau = s (K_i eta / k_g) i_q
+
+    Parameters
+    ----------
+    config : ArmConfig
+
+    Attributes
+    ----------
+    reflected_inertia : (n,) ndarray
+        Rotor inertia at the joint, J_m / k_g^2 [kg m^2].
+    """
+
+    def __init__(self, config: ArmConfig) -> None:
+        signs = config.column('sign')
+        self._joint_per_motor = signs * config.column('gear.ratio')
+        self._motor_per_joint = 1.0 / self._joint_per_motor
+        self._offset = config.column('offset')
+        self._effort_per_current = signs * config.column('torque_per_ampere')
+        self._current_per_effort = 1.0 / self._effort_per_current
+        # A gain acts on two quantities of the same sign, so it has no sign of its own.
+        self._joint_gain_per_motor_gain = self._effort_per_current / self._joint_per_motor
+        self.reflected_inertia = config.column('reflected_inertia')
+
+    def motor_to_joint_position(self, motor_position: Array) -> Array:
+        """Return the joint positions [rad] of motor positions [rad]."""
+        return self._joint_per_motor * motor_position + self._offset
+
+    def joint_to_motor_position(self, q: Array) -> Array:
+        """Return the motor positions [rad] of joint positions [rad]."""
+        return (q - self._offset) * self._motor_per_joint
+
+    def motor_to_joint_velocity(self, motor_velocity: Array) -> Array:
+        """Return the joint velocities [rad/s] of motor velocities [rad/s], thesis (4.6)."""
+        return self._joint_per_motor * motor_velocity
+
+    def joint_to_motor_velocity(self, dq: Array) -> Array:
+        """Return the motor velocities [rad/s] of joint velocities [rad/s], thesis (4.6)."""
+        return self._motor_per_joint * dq
+
+    def current_to_effort(self, current: Array) -> Array:
+        """Return the joint torques [Nm] of quadrature currents [A], thesis (4.2), (4.7)."""
+        return self._effort_per_current * current
+
+    def effort_to_current(self, effort: Array) -> Array:
+        """Return the quadrature currents [A] of joint torques [Nm], thesis (4.2), (4.7)."""
+        return self._current_per_effort * effort
+
+    def motor_to_joint_gain(self, gain: Array) -> Array:
+        """Return joint gains of board gains (4.4).
+
+        A board's [A/rad] becomes the joint's [Nm/rad], [A s/rad] becomes [Nms/rad].
+        """
+        return self._joint_gain_per_motor_gain * gain
+
+    def joint_to_motor_gain(self, gain: Array) -> Array:
+        """Return board gains (4.4) of joint gains: `motor_to_joint_gain` undone."""
+        return gain / self._joint_gain_per_motor_gain

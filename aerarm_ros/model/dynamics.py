@@ -1,0 +1,107 @@
+"""Inverse and direct dynamics of an arm, thesis (2.5)."""
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from aerarm_ros.description.robot import Robot
+
+Array = npt.NDArray[np.float64]
+
+
+class Dynamics:
+    """Rigid dynamics `B(q) ddq + C(q, dq) dq + g(q) = xi` of n joints, thesis (2.5).
+
+    The rotors turn 1/k_g times faster than the joints; their inertia J_m / k_g^2 is added to
+    the diagonal of B. Gyroscopic effects of the rotors are neglected. Friction isn't part of
+    the model (see `friction`).
+
+    Made to be called in a 1 kHz loop: arguments are (n,) float arrays and are not checked
+    beyond their length. An instance holds working memory: use one a thread.
+
+    Parameters
+    ----------
+    robot : Robot
+    rotor_inertia : float or (n,) array_like
+        Rotor inertia at the joints [kg m^2], e.g. `DriveTrain.reflected_inertia`.
+
+    Raises
+    ------
+    ValueError
+        If a rotor inertia is negative or not finite, or their number isn't n.
+    """
+
+    def __init__(self, robot: Robot, rotor_inertia: npt.ArrayLike = 0.0) -> None:
+        inertia = np.asarray(rotor_inertia, dtype=float)
+        if inertia.shape not in ((), (robot.n,)):
+            raise ValueError(f'{inertia.size} rotor inertias for {robot.n} joints')
+        if not np.all(np.isfinite(inertia) & (inertia >= 0.0)):
+            raise ValueError(f'rotor inertias {inertia} must be finite and not negative [kg m^2]')
+        self.robot = robot
+        self._model = robot.model.copy()
+        # Pinocchio adds the armature in rnea, crba and aba.
+        self._model.armature = np.broadcast_to(inertia, (robot.n,)).copy()
+        self._data = self._model.createData()
+
+    @property
+    def rotor_inertia(self) -> Array:
+        """(n,) rotor inertia at the joints [kg m^2]."""
+        return np.array(self._model.armature)
+
+    def set_gravity(self, gravity_in_base: npt.ArrayLike) -> None:
+        """Change gravity, (3,) in the base frame [m/s^2], e.g. as a drone's IMU reports it."""
+        self._model.gravity.linear = np.asarray(gravity_in_base, dtype=float)
+
+    def inertia_matrix(self, q: Array) -> Array:
+        """Return B(q), (n, n) [kg m^2], symmetric, rotors included."""
+        return np.asarray(pin.crba(self._model, self._data, q))
+
+    def coriolis_matrix(self, q: Array, dq: Array) -> Array:
+        """Return C(q, dq), (n, n) [Nms/rad], for which dB/dt - 2 C is skew-symmetric."""
+        return np.asarray(pin.computeCoriolisMatrix(self._model, self._data, q, dq))
+
+    def gravity(self, q: Array) -> Array:
+        """Return g(q), (n,) [Nm]."""
+        return np.asarray(pin.computeGeneralizedGravity(self._model, self._data, q))
+
+    def bias(self, q: Array, dq: Array) -> Array:
+        """Return n(q, dq) = C(q, dq) dq + g(q), (n,) [Nm]."""
+        return np.asarray(pin.nonLinearEffects(self._model, self._data, q, dq))
+
+    def inverse(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return the torques [Nm] of a motion: inverse dynamics by recursive Newton-Euler.
+
+        Parameters
+        ----------
+        q, dq, ddq : (n,) ndarray
+            [rad], [rad/s], [rad/s^2]
+
+        Returns
+        -------
+        (n,) ndarray
+            xi of (2.5) [Nm], rotors included.
+        """
+        return np.asarray(pin.rnea(self._model, self._data, q, dq, ddq))
+
+    def forward(self, q: Array, dq: Array, tau: Array) -> Array:
+        """Return the accelerations [rad/s^2] under torques: direct dynamics.
+
+        Parameters
+        ----------
+        q, dq, tau : (n,) ndarray
+            [rad], [rad/s], [Nm]; `tau` is xi of (2.5), what friction leaves of the drive's.
+
+        Returns
+        -------
+        (n,) ndarray
+            [rad/s^2]
+        """
+        return np.asarray(pin.aba(self._model, self._data, q, dq, tau))
+
+    def kinetic_energy(self, q: Array, dq: Array) -> float:
+        """Return `dq^T B(q) dq / 2` [J], rotors included."""
+        return float(0.5 * dq @ self.inertia_matrix(q) @ dq)
+
+    def potential_energy(self, q: Array) -> float:
+        """Return the energy [J] in the field of gravity, up to a constant."""
+        return float(pin.computePotentialEnergy(self._model, self._data, q))

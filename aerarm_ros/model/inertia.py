@@ -1,0 +1,162 @@
+"""The ten inertial parameters of a link, and whether a body could have them.
+
+The order of a ten-vector `pi` is that of thesis (3.3) and of Pinocchio's
+`toDynamicParameters`: mass [kg], first moment `m c` [kg m], and the inertia tensor about
+the origin of the link frame [kg m^2]. `Ixy` is the tensor's own off-diagonal entry, as in
+URDF files (so `Ixy = -m cx cy` for a point mass).
+
+Every function works on arrays of ten-vectors: the parameters are on the last axis.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+PARAMETER_NAMES = ('m', 'mcx', 'mcy', 'mcz', 'Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz', 'Izz')
+
+# Where Ixx, Ixy, Iyy, Ixz, Iyz, Izz stand in the tensor.
+_ROWS = np.array([0, 0, 1, 0, 1, 2])
+_COLUMNS = np.array([0, 1, 1, 2, 2, 2])
+
+
+def inertia_about_origin(pi: npt.ArrayLike) -> Array:
+    """Return the inertia tensors about the link frame's origin.
+
+    Parameters
+    ----------
+    pi : (..., 10) array_like
+        Inertial parameters.
+
+    Returns
+    -------
+    (..., 3, 3) ndarray
+        [kg m^2]
+    """
+    pi = _parameters(pi)
+    tensor = np.empty((*pi.shape[:-1], 3, 3))
+    tensor[..., _ROWS, _COLUMNS] = pi[..., 4:]
+    tensor[..., _COLUMNS, _ROWS] = pi[..., 4:]
+    return tensor
+
+
+def barycentric_inertia(pi: npt.ArrayLike) -> Array:
+    """Return the inertia tensors about the centres of mass, in the link frames' axes.
+
+    Thesis (3.2), with the factor 1/m the printed (3.4) lacks: `Ibar - S(mc)^T S(mc) / m`.
+
+    Parameters
+    ----------
+    pi : (..., 10) array_like
+        Inertial parameters of non-zero masses.
+
+    Returns
+    -------
+    (..., 3, 3) ndarray
+        [kg m^2]
+
+    Raises
+    ------
+    ValueError
+        If a mass is zero: such a body has no centre of mass.
+    """
+    pi = _parameters(pi)
+    mass = pi[..., 0, None, None]
+    if np.any(mass == 0.0):
+        raise ValueError('a body of zero mass has no centre of mass: check the masses')
+    moment = pi[..., 1:4]
+    return inertia_about_origin(pi) - _steiner(moment) / mass
+
+
+def pseudo_inertia(pi: npt.ArrayLike) -> Array:
+    """Return the pseudo-inertia matrices of Wensing, Kim and Slotine (RA-L 2018).
+
+    `P = [[tr(Ibar)/2 1 - Ibar, m c], [(m c)^T, m]]`, linear in the parameters. It is the
+    second moment of the mass distribution in homogeneous coordinates, hence positive
+    semidefinite exactly for those parameters that some distribution of mass has.
+
+    Parameters
+    ----------
+    pi : (..., 10) array_like
+        Inertial parameters.
+
+    Returns
+    -------
+    (..., 4, 4) ndarray
+        [kg m^2] in the upper left block, [kg m] beside it, [kg] in the corner.
+    """
+    pi = _parameters(pi)
+    tensor = inertia_about_origin(pi)
+    half_trace = 0.5 * np.trace(tensor, axis1=-2, axis2=-1)
+    matrix = np.empty((*pi.shape[:-1], 4, 4))
+    matrix[..., :3, :3] = half_trace[..., None, None] * np.eye(3) - tensor
+    matrix[..., :3, 3] = matrix[..., 3, :3] = pi[..., 1:4]
+    matrix[..., 3, 3] = pi[..., 0]
+    return matrix
+
+
+def from_pseudo_inertia(matrix: npt.ArrayLike) -> Array:
+    """Return the inertial parameters of pseudo-inertia matrices: `pseudo_inertia` undone.
+
+    Parameters
+    ----------
+    matrix : (..., 4, 4) array_like
+        Symmetric pseudo-inertia matrices.
+
+    Returns
+    -------
+    (..., 10) ndarray
+        Inertial parameters.
+    """
+    matrix = np.asarray(matrix, dtype=float)
+    if matrix.shape[-2:] != (4, 4):
+        raise ValueError(f'a pseudo-inertia matrix is 4x4, not of shape {matrix.shape}')
+    second_moment = matrix[..., :3, :3]
+    # tr(P3) = 3/2 tr(Ibar) - tr(Ibar) = tr(Ibar)/2
+    half_trace = np.trace(second_moment, axis1=-2, axis2=-1)
+    tensor = half_trace[..., None, None] * np.eye(3) - second_moment
+    pi = np.empty((*matrix.shape[:-2], 10))
+    pi[..., 0] = matrix[..., 3, 3]
+    pi[..., 1:4] = matrix[..., :3, 3]
+    pi[..., 4:] = tensor[..., _ROWS, _COLUMNS]
+    return pi
+
+
+def minimum_eigenvalue(pi: npt.ArrayLike) -> float:
+    """Return the smallest eigenvalue of all the pseudo-inertia matrices of `pi`.
+
+    Parameters
+    ----------
+    pi : (..., 10) array_like
+        Inertial parameters of one body or of many.
+    """
+    return float(np.min(np.linalg.eigvalsh(pseudo_inertia(pi))))
+
+
+def is_physically_consistent(pi: npt.ArrayLike, tolerance: float = 0.0) -> bool:
+    """Tell whether some distribution of positive mass has each of these parameters.
+
+    Stronger than thesis (3.9)-(3.15), which asks only for a positive barycentric inertia:
+    the principal moments of a body also obey the triangle inequality.
+
+    Parameters
+    ----------
+    pi : (..., 10) array_like
+        Inertial parameters of one body or of many.
+    tolerance : float
+        How far below zero an eigenvalue may lie and still count as rounding.
+    """
+    return minimum_eigenvalue(pi) >= -tolerance
+
+
+def _parameters(pi: npt.ArrayLike) -> Array:
+    pi = np.asarray(pi, dtype=float)
+    if pi.ndim == 0 or pi.shape[-1] != 10:
+        raise ValueError(f'ten inertial parameters a body are needed, not shape {pi.shape}')
+    return pi
+
+
+def _steiner(moment: Array) -> Array:
+    """Return `S(a)^T S(a) = a.a 1 - a a^T` for each vector of `moment`, (..., 3)."""
+    square = np.sum(moment * moment, axis=-1)[..., None, None]
+    return np.asarray(square * np.eye(3) - moment[..., :, None] * moment[..., None, :])

@@ -1,0 +1,135 @@
+"""Direct and differential kinematics: by DH table 2.1, and by the URDF."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from aerarm_ros.description.robot import Robot
+
+Array = npt.NDArray[np.float64]
+
+ARM_LENGTH = 0.65
+"""d_3 of table 2.1: from joint 2 to joint 4 [m]."""
+
+DH_BASE_HEIGHT = 0.167
+"""Origin of the DH base frame above the URDF's base_link [m], thesis A.4."""
+
+DH_TABLE = (
+    # a_i, d_i, alpha_i, offset of theta_i
+    (0.0, 0.0, np.pi / 2, 0.0),
+    (0.0, 0.0, np.pi / 2, np.pi / 2),
+    (0.0, ARM_LENGTH, np.pi / 2, 0.0),
+    (0.0, 0.0, 0.0, 0.0),
+)
+"""Thesis table 2.1: a_i [m], d_i [m], alpha_i [rad] and the offset of theta_i [rad]."""
+
+
+def dh_transform(a: float, d: float, alpha: float, theta: float) -> Array:
+    """Return A_i^{i-1} of thesis (2.1): frame i in frame i-1.
+
+    Parameters
+    ----------
+    a, d : float
+        [m]
+    alpha, theta : float
+        [rad]
+
+    Returns
+    -------
+    (4, 4) ndarray
+        Homogeneous transformation: turn theta about z, move d along z, a along x, turn alpha
+        about x.
+    """
+    ct, st, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
+    return np.array(
+        [
+            [ct, -st * ca, st * sa, a * ct],
+            [st, ct * ca, -ct * sa, a * st],
+            [0.0, sa, ca, d],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def dh_forward(q: npt.ArrayLike) -> Array:
+    """Return T_4^0(q), the `wrist` frame in the DH base frame, thesis (2.1) and table 2.1.
+
+    The DH base is parallel to the URDF's base_link and lies `DH_BASE_HEIGHT` above it.
+
+    Parameters
+    ----------
+    q : (4,) array_like
+        Joint positions [rad].
+
+    Returns
+    -------
+    (4, 4) ndarray
+    """
+    transform = np.eye(4)
+    for (a, d, alpha, offset), angle in zip(DH_TABLE, np.asarray(q, dtype=float), strict=True):
+        transform = transform @ dh_transform(a, d, alpha, angle + offset)
+    return transform
+
+
+class Kinematics:
+    """Pose and Jacobian of a frame of an arm of n joints, from its URDF.
+
+    An instance holds working memory: use one a thread.
+
+    Parameters
+    ----------
+    robot : Robot
+    frame : str
+        Name of a link of the URDF.
+
+    Raises
+    ------
+    ValueError
+        If there is no such link.
+    """
+
+    def __init__(self, robot: Robot, frame: str = 'tool0') -> None:
+        self._model = robot.model
+        links = [f.name for f in self._model.frames if f.type == pin.FrameType.BODY]
+        if frame not in links:
+            raise ValueError(f'there is no link {frame!r}: the links are {", ".join(links)}')
+        self.robot = robot
+        self.frame = frame
+        self._id = self._model.getFrameId(frame, pin.FrameType.BODY)
+        self._data = self._model.createData()
+
+    def transform(self, q: Array) -> Array:
+        """Return the pose of the frame in the base frame, (4, 4), for q (n,) [rad]."""
+        return np.asarray(self._placement(q).homogeneous)
+
+    def position(self, q: Array) -> Array:
+        """Return the position of the frame's origin in the base frame, (3,) [m]."""
+        return np.array(self._placement(q).translation)
+
+    def jacobian(self, q: Array) -> Array:
+        """Return the geometric Jacobian J(q): `[v; w] = J(q) dq`.
+
+        Velocity v of the frame's origin and angular velocity w, both along the base's axes.
+
+        Parameters
+        ----------
+        q : (n,) ndarray
+            [rad]
+
+        Returns
+        -------
+        (6, n) ndarray
+            Rows 0-2 linear [m], rows 3-5 angular.
+        """
+        reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        return np.asarray(pin.computeFrameJacobian(self._model, self._data, q, self._id, reference))
+
+    def position_jacobian(self, q: Array) -> Array:
+        """Return the linear rows of the Jacobian, (3, n) [m]."""
+        return self.jacobian(q)[:3]
+
+    def _placement(self, q: Array) -> Any:
+        pin.framesForwardKinematics(self._model, self._data, q)
+        return self._data.oMf[self._id]

@@ -1,0 +1,165 @@
+"""The dynamic model as a matrix times the dynamic parameters."""
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.inertia import PARAMETER_NAMES
+
+Array = npt.NDArray[np.float64]
+
+
+class Regressor:
+    """Regressor Phi of an arm: `tau = Phi(q, dq, ddq) theta`, thesis (3.1), (3.6).
+
+    The columns are the ten inertial parameters of each link (3.3), then viscous friction
+    `fv`, then Coulomb friction `fs` of each joint (3.5), then, if asked for, the rotors'
+    inertia `Ja` at the joints [kg m^2], which the thesis leaves out. For this arm: 48, or 52.
+
+    An instance holds working memory: use one a thread.
+
+    Parameters
+    ----------
+    robot : Robot
+        Of n joints. Only its kinematics and gravity matter here.
+    rotor_inertia : bool
+        Whether to append the columns `Ja`.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Name of each column, such as 'm_link1', 'fv_joint1', 'Ja_joint4'.
+    """
+
+    def __init__(self, robot: Robot, rotor_inertia: bool = False) -> None:
+        self.robot = robot
+        self.rotor_inertia = rotor_inertia
+        self._model = robot.model.copy()
+        self._data = self._model.createData()
+        self.columns = self._column_names()
+
+    def rigid(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return the links' part of one sample, thesis (3.1).
+
+        Parameters
+        ----------
+        q, dq, ddq : (n,) ndarray
+            [rad], [rad/s], [rad/s^2]
+
+        Returns
+        -------
+        (n, 10 n) ndarray
+            Torque per inertial parameter.
+        """
+        result = pin.computeJointTorqueRegressor(self._model, self._data, q, dq, ddq)
+        return np.asarray(result)
+
+    def stack_rigid(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
+        """Return the links' part of many samples.
+
+        Parameters
+        ----------
+        q, dq, ddq : (M, n) array_like
+            [rad], [rad/s], [rad/s^2]
+
+        Returns
+        -------
+        (M, n, 10 n) ndarray
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong.
+        """
+        q, dq, ddq = self._samples(q, dq, ddq)
+        stacked = np.empty((len(q), self.robot.n, 10 * self.robot.n))
+        self._fill_rigid(stacked, q, dq, ddq)
+        return stacked
+
+    def stack(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
+        """Return the whole regressor of many samples, thesis (3.6), (3.8).
+
+        Parameters
+        ----------
+        q, dq, ddq : (M, n) array_like
+            [rad], [rad/s], [rad/s^2]
+
+        Returns
+        -------
+        (M n, p) ndarray
+            Rows sample by sample, so that `tau.reshape(-1)` of (M, n) torques fits them;
+            columns as in `columns`.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong.
+        """
+        q, dq, ddq = self._samples(q, dq, ddq)
+        n = self.robot.n
+        stacked = np.zeros((len(q), n, len(self.columns)))
+        self._fill_rigid(stacked[:, :, : 10 * n], q, dq, ddq)
+        diagonals = [dq, np.sign(dq)] + ([ddq] if self.rotor_inertia else [])
+        joint = np.arange(n)
+        for block, values in enumerate(diagonals):
+            stacked[:, joint, (10 + block) * n + joint] = values
+        return stacked.reshape(-1, len(self.columns))
+
+    def parameters(
+        self,
+        inertial: npt.ArrayLike,
+        viscous: npt.ArrayLike,
+        coulomb: npt.ArrayLike,
+        rotor_inertia: npt.ArrayLike | None = None,
+    ) -> Array:
+        """Return the vector theta that belongs to `columns`, thesis (3.5).
+
+        Parameters
+        ----------
+        inertial : (n, 10) array_like
+            Inertial parameters, thesis (3.3).
+        viscous, coulomb : (n,) array_like
+            [Nms/rad], [Nm]
+        rotor_inertia : (n,) array_like, optional
+            [kg m^2] at the joints; needed exactly if the regressor has columns for it.
+
+        Returns
+        -------
+        (p,) ndarray
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, or `rotor_inertia` is missing or has no columns.
+        """
+        if (rotor_inertia is not None) != self.rotor_inertia:
+            state = 'has' if self.rotor_inertia else 'has no'
+            raise ValueError(f'this regressor {state} columns for the rotor inertia')
+        joint_parts = [viscous, coulomb] + ([] if rotor_inertia is None else [rotor_inertia])
+        parts = [np.asarray(part, dtype=float) for part in (inertial, *joint_parts)]
+        n = self.robot.n
+        if parts[0].shape != (n, 10) or any(part.shape != (n,) for part in parts[1:]):
+            shapes = [part.shape for part in parts]
+            raise ValueError(f'parameters of shapes {shapes} for an arm of {n} joints')
+        return np.concatenate([part.ravel() for part in parts])
+
+    def _fill_rigid(self, out: Array, q: Array, dq: Array, ddq: Array) -> None:
+        regressor, model, data = pin.computeJointTorqueRegressor, self._model, self._data
+        for row, position, velocity, acceleration in zip(out, q, dq, ddq, strict=True):
+            row[...] = regressor(model, data, position, velocity, acceleration)
+
+    def _samples(self, *arrays: npt.ArrayLike) -> list[Array]:
+        samples = [np.ascontiguousarray(array, dtype=float) for array in arrays]
+        shape = samples[0].shape
+        if len(shape) != 2 or shape[1] != self.robot.n or any(s.shape != shape for s in samples):
+            raise ValueError(
+                f'q, dq and ddq have shapes {[s.shape for s in samples]}, not all '
+                f'(samples, {self.robot.n})'
+            )
+        return samples
+
+    def _column_names(self) -> tuple[str, ...]:
+        links = [f'{name}_{link}' for link in self.robot.link_names for name in PARAMETER_NAMES]
+        kinds = ('fv', 'fs', 'Ja') if self.rotor_inertia else ('fv', 'fs')
+        return (*links, *(f'{kind}_{j}' for kind in kinds for j in self.robot.joint_names))

@@ -1,0 +1,79 @@
+"""Build description for both `colcon build` (ament_python) and `pip install`."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'aerarm_ros'
+
+# Every bound has an upper end: a new major version is tried before it is let in.
+RUN_TIME = [
+    'clarabel>=0.9,<0.12',
+    'mcap>=1.2,<2',
+    'mujoco>=3.1,<5',
+    'numpy>=1.26,<3',
+    'pin>=3.3,<5',
+    'plotly>=5.18,<8',
+    'pyyaml>=6,<7',
+    'rosbags>=0.10,<0.12',
+    'scipy>=1.11,<2',
+    'zstandard>=0.22,<1',
+]
+
+# ROS 2 Jazzy for hosts without ROS (x86-64 Linux only). rclpy does not pull in
+# an rmw implementation by itself, so Fast DDS is named.
+ROS_WHEELS = [
+    'ros-jazzy-common-interfaces>=5.3,<5.4',
+    'ros-jazzy-rclpy>=7.1,<7.2',
+    'ros-jazzy-rmw-fastrtps-cpp>=8.4,<8.5',
+]
+
+EXECUTABLES = ['demo', 'excitation', 'fake_hardware', 'hardware_bridge', 'identifier', 'recorder']
+
+
+def share(*parts: str) -> str:
+    """Return the install folder of shared files, where `ros2 launch` looks."""
+    return '/'.join(('share', PACKAGE, *parts))
+
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    description='ROS 2 suite for a light four-joint aerial manipulator',
+    license='Apache-2.0',
+    author='aerarm_ros developers',
+    maintainer='aerarm_ros developers',
+    maintainer_email='aerarm@users.noreply.github.com',
+    python_requires='>=3.11,<3.13',
+    packages=find_packages(
+        include=['aerarm_ros', 'aerarm_ros.*', 'aerarm_msgs_py', 'aerarm_msgs_py.*']
+    ),
+    package_data={'aerarm_ros': ['py.typed'], 'aerarm_msgs_py': ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (share(), ['package.xml']),
+        (share('config'), glob('config/*.*')),
+        (share('config', 'profiles'), glob('config/profiles/*.*')),
+        (share('urdf'), glob('urdf/*.urdf')),
+        (share('launch'), glob('launch/*.launch.py')),
+        (share('rviz'), glob('rviz/*.rviz')),
+    ],
+    install_requires=RUN_TIME,
+    extras_require={
+        'ros': ROS_WHEELS,
+        'spi': ['spidev>=3.5,<4'],
+        'test': ['hypothesis', 'pytest'],
+        'dev': [
+            'example-robot-data>=4,<7',
+            'hypothesis>=6,<7',
+            'mypy>=1.8,<3',
+            'pytest>=7.4,<10',
+            'ruff>=0.4,<1',
+            'types-PyYAML>=6,<7',
+        ],
+    },
+    zip_safe=False,
+    entry_points={
+        'console_scripts': [f'{name} = {PACKAGE}.nodes.{name}:main' for name in EXECUTABLES],
+    },
+)

@@ -1,0 +1,190 @@
+"""Serial arms read from URDF: this one, others, and URDFs that can't be used."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import DescriptionError, Robot, load_robot
+
+FindUrdf = Callable[[str], Path]
+FINGERS = ('panda_finger_joint1', 'panda_finger_joint2')
+
+INERTIAL = (
+    '<inertial><mass value="1"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+LIMIT = '<limit lower="-1" upper="2" effort="3" velocity="4"/>'
+
+
+def link(name: str, content: str = INERTIAL) -> str:
+    return f'<link name="{name}">{content}</link>'
+
+
+def joint(parent: str, child: str, kind: str = 'revolute', content: str = LIMIT) -> str:
+    return (
+        f'<joint name="{child}_joint" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="0 0 1"/><axis xyz="0 1 0"/>{content}</joint>'
+    )
+
+
+def urdf(*elements: str) -> str:
+    return f'<robot name="test">{"".join(elements)}</robot>'
+
+
+TWO_LINKS = (link('base'), link('a'), link('b'), joint('base', 'a'))
+
+
+def test_this_arm_is_the_default() -> None:
+    robot = load_robot()
+    assert robot.path == resource('urdf', 'aerarm.urdf')
+    assert robot.n == 4
+    assert robot.joint_names == ('joint1', 'joint2', 'joint3', 'joint4')
+    assert robot.link_names == ('link1', 'link2', 'link3', 'link4')
+    assert np.array_equal(robot.gravity_in_base, [0.0, 0.0, -9.81])
+
+
+def test_ur10_is_read_without_its_meshes(example_urdf: FindUrdf) -> None:
+    robot = load_robot(example_urdf('ur10_robot.urdf'))
+    assert robot.n == 6
+    assert robot.link_names[0] == 'shoulder_link'
+    assert robot.effort_max[0] == 330.0
+
+
+def test_panda_is_read_with_its_fingers_locked(example_urdf: FindUrdf) -> None:
+    path = example_urdf('panda.urdf')
+    robot = load_robot(path, locked=FINGERS)
+    assert robot.joint_names == tuple(f'panda_joint{i}' for i in range(1, 8))
+    assert np.allclose(robot.viscous, 0.003)
+    by_names = load_robot(path, joint_names=robot.joint_names)
+    assert np.array_equal(by_names.inertial_parameters, robot.inertial_parameters)
+    with pytest.raises(DescriptionError, match='panda_finger_joint2 mimics panda_finger_joint1'):
+        load_robot(path)
+
+
+def test_locked_links_weigh_on_the_link_that_carries_them() -> None:
+    whole = load_robot()
+    stiff = load_robot(locked=['joint4'])
+    assert stiff.joint_names == ('joint1', 'joint2', 'joint3')
+    masses = whole.inertial_parameters[:, 0]
+    assert stiff.inertial_parameters[2, 0] == pytest.approx(masses[2] + masses[3])
+
+
+def test_a_subset_of_joints_is_taken_in_the_order_of_the_chain() -> None:
+    assert load_robot(joint_names=['joint2', 'joint4']).joint_names == ('joint2', 'joint4')
+    with pytest.raises(DescriptionError, match='order from base to tool, which is joint2, joint4'):
+        load_robot(joint_names=['joint4', 'joint2'])
+
+
+def test_the_chain_gives_the_order_whatever_the_order_in_the_file() -> None:
+    robot = load_robot(urdf(joint('a', 'b'), *TWO_LINKS))
+    assert robot.joint_names == ('a_joint', 'b_joint')
+
+
+def test_a_continuous_joint_has_one_angle_and_no_limits() -> None:
+    text = urdf(*TWO_LINKS, joint('a', 'b', 'continuous', ''))
+    robot = load_robot(text)
+    assert robot.model.nq == robot.model.nv == robot.n == 2
+    assert robot.path is None
+    assert robot.urdf_text == text
+    assert list(robot.position_min) == [-1.0, -np.inf]
+    assert list(robot.position_max) == [2.0, np.inf]
+    assert list(robot.effort_max) == [3.0, np.inf]
+    assert list(robot.velocity_max) == [4.0, np.inf]
+    limited = load_robot(
+        urdf(*TWO_LINKS, joint('a', 'b', 'continuous', '<limit effort="5" velocity="6"/>'))
+    )
+    assert list(limited.effort_max) == [3.0, 5.0]
+
+
+def test_a_prismatic_joint_is_accepted() -> None:
+    assert load_robot(urdf(*TWO_LINKS, joint('a', 'b', 'prismatic'))).n == 2
+
+
+def test_a_locked_joint_away_from_zero_stands_at_its_nearest_limit() -> None:
+    limit = '<limit lower="0.5" upper="1" effort="1" velocity="1"/>'
+    point = '<inertial><origin xyz="1 0 0"/>' + INERTIAL.removeprefix('<inertial>')
+    text = urdf(link('base'), link('a'), link('b', point), joint('base', 'a'))
+    text = text.replace('</robot>', joint('a', 'b', 'revolute', limit) + '</robot>')
+    robot = load_robot(text, locked=['b_joint'])
+    # 0.5 rad about y brings the point mass from x to -z.
+    moment = robot.inertial_parameters[0, 1:4]
+    assert np.allclose(moment, [np.cos(0.5), 0.0, 1.0 - np.sin(0.5)])
+
+
+def test_inertial_parameters_can_be_replaced_in_a_copy() -> None:
+    robot = load_robot()
+    pi = 1.1 * robot.inertial_parameters
+    other = robot.with_inertial_parameters(pi)
+    assert np.allclose(other.inertial_parameters, pi, rtol=1e-12)
+    assert not np.allclose(robot.inertial_parameters, pi)
+    assert other.joint_names == robot.joint_names
+    unphysical = pi * np.where(np.arange(10) > 3, -1.0, 1.0)
+    assert np.allclose(robot.with_inertial_parameters(unphysical).inertial_parameters, unphysical)
+
+
+@pytest.mark.parametrize('pi', [np.ones((3, 10)), np.full((4, 10), np.nan), np.zeros((4, 10))])
+def test_wrong_inertial_parameters_are_refused(pi: np.ndarray) -> None:
+    with pytest.raises(ValueError, match='inertial parameters'):
+        load_robot().with_inertial_parameters(pi)
+
+
+def test_gravity_can_be_replaced_in_a_copy() -> None:
+    robot = load_robot()
+    hanging = robot.with_gravity([0.0, 0.0, 9.81])
+    assert np.array_equal(hanging.gravity_in_base, -robot.gravity_in_base)
+    with pytest.raises(DescriptionError, match='three numbers'):
+        robot.with_gravity([0.0, np.nan, 0.0])
+    with pytest.raises(DescriptionError, match='three numbers'):
+        load_robot(gravity_in_base=(0.0, -9.81))
+
+
+def test_arrays_cannot_be_changed() -> None:
+    robot: Robot = load_robot()
+    with pytest.raises(ValueError, match='read-only'):
+        robot.position_min[0] = 0.0
+
+
+UNUSABLE = {
+    'link without inertia': (
+        urdf(*TWO_LINKS[:2], link('b', ''), TWO_LINKS[3], joint('a', 'b')),
+        r'link b \(moved by joint b_joint\) has no mass',
+    ),
+    'branches': (
+        urdf(*TWO_LINKS, joint('base', 'b')),
+        'not a serial arm: joint b_joint does not follow joint a_joint',
+    ),
+    'no joints': (urdf(link('base')), 'no joint is left to move'),
+    'floating': (urdf(*TWO_LINKS, joint('a', 'b', 'floating', '')), 'b_joint is floating'),
+    'an axis without direction': (
+        urdf(*TWO_LINKS, joint('a', 'b')).replace('0 1 0', 'up'),
+        'not a valid URDF',
+    ),
+}
+
+
+@pytest.mark.parametrize(('text', 'message'), UNUSABLE.values(), ids=UNUSABLE.keys())
+def test_an_unusable_urdf_is_refused_with_the_reason(text: str, message: str) -> None:
+    with pytest.raises(DescriptionError, match=message) as caught:
+        load_robot(text)
+    assert '\n' not in str(caught.value)
+
+
+def test_errors_name_the_file(tmp_path: Path) -> None:
+    path = tmp_path / 'arm.urdf'
+    with pytest.raises(DescriptionError, match=r'arm\.urdf: No such file'):
+        load_robot(path)
+    path.write_text(urdf(link('base')))
+    with pytest.raises(DescriptionError, match=r'arm\.urdf: no joint'):
+        load_robot(str(path))
+    path.write_bytes(b'\xff\xfe\x00')
+    with pytest.raises(DescriptionError, match='not a text file'):
+        load_robot(path)
+
+
+@pytest.mark.parametrize('names', [{'joint_names': ['joint9']}, {'locked': ['wrist_fixed']}])
+def test_an_unknown_joint_is_named_with_the_known_ones(names: dict[str, list[str]]) -> None:
+    with pytest.raises(DescriptionError, match='there are joint1, joint2, joint3, joint4'):
+        load_robot(**names)

@@ -1,0 +1,82 @@
+"""Faults of a URDF are found before the dynamics library sees it."""
+
+import pytest
+
+from aerarm_ros.description.description_error import DescriptionError
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.urdf_document import UrdfDocument
+
+ARM = resource('urdf', 'aerarm.urdf').read_text()
+
+
+def test_joints_and_links_of_this_arm() -> None:
+    document = UrdfDocument(ARM)
+    assert {'base_link', 'link1', 'link4', 'wrist', 'tool0'} < document.links
+    joint = document.joints['joint2']
+    assert (joint.kind, joint.parent, joint.child) == ('revolute', 'link1', 'link2')
+    assert (joint.damping, joint.friction) == (2.88684e-3, 0.103)
+    assert joint.is_driven
+    assert joint.mimics is None
+    assert not document.joints['tool0_fixed'].is_driven
+
+
+def test_continuous_joints_become_revolute_in_a_copy() -> None:
+    document = UrdfDocument(ARM.replace('type="revolute"', 'type="continuous"'))
+    assert document.continuous_joints == ('joint1', 'joint2', 'joint3', 'joint4')
+    copy = UrdfDocument(document.revolute_text())
+    assert copy.continuous_joints == ()
+    assert all(copy.joints[name].kind == 'revolute' for name in document.continuous_joints)
+    assert document.continuous_joints
+
+
+# (what, its replacement, what the message says)
+FAULTS = {
+    'no XML': ('<robot', 'robot', 'not valid XML'),
+    'cut short': ('</robot>', '', 'not valid XML'),
+    'another root': ('robot', 'sdf', 'root element is <sdf>'),
+    'xacro': (
+        '<link name="wrist"/>',
+        '<x:macro xmlns:x="http://www.ros.org/wiki/xacro"/>',
+        'expand it first',
+    ),
+    'link without name': ('<link name="wrist"/>', '<link/>', 'a link has no name'),
+    'link twice': ('name="tool0"/>', 'name="wrist"/>', 'link wrist is given 2 times'),
+    'joint twice': ('name="joint2"', 'name="joint1"', 'joint joint1 is given 2 times'),
+    'unknown type': ('type="fixed"', 'type="welded"', "unknown type 'welded'"),
+    'no parent': ('<parent link="link1"/>', '', 'joint joint2 has no <parent>'),
+    'no such link': ('<child link="link2"/>', '<child link="x"/>', "no link 'x'"),
+    'two parents': (
+        '<child link="tool0"/>',
+        '<child link="link3"/>',
+        'link link3 hangs on two joints, joint3 and tool0_fixed',
+    ),
+    'two bases': ('<link name="wrist"/>', '<link name="wrist"/><link name="x"/>', 'base_link, x'),
+    'a loop': (
+        '</robot>',
+        '<joint name="back" type="fixed"><parent link="tool0"/><child link="base_link"/></joint>'
+        '</robot>',
+        'the joints form a loop',
+    ),
+    'no limit': (
+        '<limit lower="-0.523" upper="3.664" effort="9.39" velocity="5.0"/>',
+        '',
+        'joint2 is revolute and needs a <limit>',
+    ),
+    'NaN limit': ('upper="3.664"', 'upper="nan"', "upper = 'nan'"),
+    'wrong friction': ('friction="0.247"', 'friction="high"', "friction = 'high'"),
+    'no mass': ('<mass value="0.554"/>', '', 'link link2, <inertial> has no <mass>'),
+    'mass without value': ('<mass value="0.554"/>', '<mass/>', '<mass> has no value'),
+    'NaN mass': ('value="0.554"', 'value="nan"', "value = 'nan'"),
+    'negative mass': ('value="0.554"', 'value="-1"', 'the mass is negative'),
+    'wrong inertia': ('izz="0.000153"', 'izz="1,5e-4"', "izz = '1,5e-4'"),
+    'inertia without izz': ('izz="0.000153"', '', '<inertia> has no izz'),
+}
+
+
+@pytest.mark.parametrize(('old', 'new', 'message'), FAULTS.values(), ids=FAULTS.keys())
+def test_a_fault_is_named(old: str, new: str, message: str) -> None:
+    text = ARM.replace(old, new)
+    assert text != ARM
+    with pytest.raises(DescriptionError) as caught:
+        UrdfDocument(text)
+    assert message in str(caught.value)

@@ -1,0 +1,194 @@
+"""Dynamics: identities of mechanics, and a second engine that shares no code."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pytest
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.dynamics import Dynamics
+
+State = tuple[np.ndarray, np.ndarray]
+
+
+@pytest.fixture
+def dynamics(robot: Robot) -> Dynamics:
+    return Dynamics(robot, np.linspace(0.01, 0.03, robot.n))
+
+
+@pytest.fixture
+def samples(robot: Robot, rng: np.random.Generator) -> np.ndarray:
+    """Ten samples of position, velocity and acceleration."""
+    return rng.uniform(-1.5, 1.5, (10, 3, robot.n))
+
+
+def integrate(
+    acceleration: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    state: State,
+    duration: float,
+    step: float = 1e-3,
+) -> State:
+    """Integrate `ddq = acceleration(q, dq)` with the classical Runge-Kutta method."""
+
+    def rate(x: np.ndarray) -> np.ndarray:
+        return np.array([x[1], acceleration(x[0], x[1])])
+
+    x = np.array(state)
+    for _ in range(round(duration / step)):
+        k1 = rate(x)
+        k2 = rate(x + step / 2 * k1)
+        k3 = rate(x + step / 2 * k2)
+        k4 = rate(x + step * k3)
+        x = x + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return x[0], x[1]
+
+
+def test_inverse_dynamics_are_the_sum_of_their_terms(
+    dynamics: Dynamics, samples: np.ndarray
+) -> None:
+    for q, dq, ddq in samples:
+        terms = dynamics.inertia_matrix(q) @ ddq + dynamics.coriolis_matrix(q, dq) @ dq
+        assert np.allclose(dynamics.inverse(q, dq, ddq), terms + dynamics.gravity(q))
+        bias = dynamics.coriolis_matrix(q, dq) @ dq + dynamics.gravity(q)
+        assert np.allclose(dynamics.bias(q, dq), bias)
+
+
+def test_direct_dynamics_undo_inverse_dynamics(dynamics: Dynamics, samples: np.ndarray) -> None:
+    for q, dq, ddq in samples:
+        assert np.allclose(dynamics.forward(q, dq, dynamics.inverse(q, dq, ddq)), ddq)
+
+
+def test_the_inertia_matrix_is_symmetric_and_positive_definite(
+    dynamics: Dynamics, samples: np.ndarray
+) -> None:
+    for q, _, _ in samples:
+        matrix = dynamics.inertia_matrix(q)
+        assert np.allclose(matrix, matrix.T)
+        assert np.linalg.eigvalsh(matrix)[0] > 0.0
+
+
+def test_rotors_add_their_inertia_to_the_diagonal(robot: Robot, samples: np.ndarray) -> None:
+    rotor = np.linspace(0.01, 0.03, robot.n)
+    with_rotors, without = Dynamics(robot, rotor), Dynamics(robot)
+    assert np.array_equal(with_rotors.rotor_inertia, rotor)
+    assert np.all(robot.model.armature == 0.0), 'the robot is shared, so it must not change'
+    for q, dq, ddq in samples:
+        added = with_rotors.inertia_matrix(q) - without.inertia_matrix(q)
+        assert np.allclose(added, np.diag(rotor))
+        torque = with_rotors.inverse(q, dq, ddq) - without.inverse(q, dq, ddq)
+        assert np.allclose(torque, rotor * ddq)
+
+
+def test_the_rate_of_the_inertia_matrix_minus_twice_c_is_skew(
+    dynamics: Dynamics, samples: np.ndarray
+) -> None:
+    """Thesis (2.13), for every velocity and not only the one of the motion."""
+    step = 1e-6
+    for q, dq, _ in samples:
+        ahead, behind = (dynamics.inertia_matrix(q + s * step * dq) for s in (1, -1))
+        skew = (ahead - behind) / (2 * step) - 2 * dynamics.coriolis_matrix(q, dq)
+        assert np.allclose(skew + skew.T, 0.0, atol=1e-7)
+
+
+def test_gravity_is_the_slope_of_the_potential_energy(
+    dynamics: Dynamics, samples: np.ndarray
+) -> None:
+    step = 1e-6
+    for q, _, _ in samples:
+        slope = [
+            dynamics.potential_energy(q + step * u) - dynamics.potential_energy(q - step * u)
+            for u in np.eye(len(q))
+        ]
+        assert np.allclose(dynamics.gravity(q), np.array(slope) / (2 * step), atol=1e-6)
+
+
+def test_kinetic_energy_includes_the_rotors(dynamics: Dynamics, samples: np.ndarray) -> None:
+    for q, dq, _ in samples:
+        links = Dynamics(dynamics.robot).kinetic_energy(q, dq)
+        rotors = 0.5 * float(np.sum(dynamics.rotor_inertia * dq**2))
+        assert dynamics.kinetic_energy(q, dq) == pytest.approx(links + rotors)
+
+
+def test_free_motion_keeps_its_energy(dynamics: Dynamics, rng: np.random.Generator) -> None:
+    n = dynamics.robot.n
+    free = np.zeros(n)
+    q, dq = rng.uniform(-1, 1, n), rng.uniform(-1, 1, n)
+    before = dynamics.kinetic_energy(q, dq) + dynamics.potential_energy(q)
+    q1, dq1 = integrate(lambda q, dq: dynamics.forward(q, dq, free), (q, dq), 0.5)
+    assert not np.allclose(q, q1, atol=0.1)
+    after = dynamics.kinetic_energy(q1, dq1) + dynamics.potential_energy(q1)
+    assert after == pytest.approx(before, abs=1e-7)
+
+
+def test_pd_control_with_gravity_compensation_dissipates_as_predicted(arm: Robot) -> None:
+    """Thesis (2.14) on (2.7): V of (2.10) falls at the rate (2.15), `-dq (Fv + Kd) dq`."""
+    dynamics = Dynamics(arm, 0.01)
+    kp, kd, fv = np.array([30.0, 30.0, 5.0, 3.0]), np.array([3.0, 3.0, 0.5, 0.3]), arm.viscous
+    target, step = np.array([0.2, 1.2, -0.3, 0.4]), 1e-5
+
+    def acceleration(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        tau = dynamics.gravity(q) + kp * (target - q) - kd * dq
+        return dynamics.forward(q, dq, tau - fv * dq)
+
+    def lyapunov(q: np.ndarray, dq: np.ndarray) -> float:
+        return dynamics.kinetic_energy(q, dq) + 0.5 * float(np.sum(kp * (target - q) ** 2))
+
+    state = (np.array([0.0, 1.5, 0.3, -0.2]), np.zeros(4))
+    for _ in range(5):
+        q, dq = state = integrate(acceleration, state, 0.02)
+        rate = (lyapunov(*integrate(acceleration, state, step, step)) - lyapunov(q, dq)) / step
+        middle = integrate(acceleration, state, step / 2, step / 2)[1]
+        assert rate == pytest.approx(-float(np.sum((fv + kd) * middle**2)), rel=1e-4)
+        assert rate < 0.0
+    q, dq = integrate(acceleration, state, 6.0, 2e-3)
+    assert np.allclose(q, target, atol=1e-3)
+
+
+@pytest.mark.parametrize('gravity', [(0.0, 0.0, -9.81), (3.0, -4.0, 8.0)])
+def test_mujoco_computes_the_same_torques(
+    arm: Robot, rng: np.random.Generator, gravity: tuple[float, float, float]
+) -> None:
+    rotor = np.array([0.024, 0.0095, 0.0096, 0.0095])
+    model = mujoco.MjModel.from_xml_string(arm.urdf_text)
+    model.opt.gravity[:] = gravity
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+    model.dof_armature[:] = rotor
+    model.dof_damping[:] = 0.0
+    model.dof_frictionloss[:] = 0.0
+    data = mujoco.MjData(model)
+    dynamics = Dynamics(arm.with_gravity(gravity), rotor)
+    for q, dq, ddq in rng.uniform(-2.0, 2.0, (20, 3, 4)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+        mujoco.mj_inverse(model, data)
+        assert np.allclose(dynamics.inverse(q, dq, ddq), data.qfrc_inverse, atol=1e-10)
+
+
+def test_gravity_can_change_while_running(arm: Robot) -> None:
+    q = np.array([0.1, 0.4, 0.2, -0.3])
+    dynamics, upright = Dynamics(arm), Dynamics(arm)
+    dynamics.set_gravity([0.0, 0.0, 9.81])
+    assert np.allclose(dynamics.gravity(q), -upright.gravity(q))
+    assert np.allclose(arm.gravity_in_base, [0.0, 0.0, -9.81])
+
+
+def test_results_are_not_overwritten_by_the_next_call(arm: Robot) -> None:
+    dynamics = Dynamics(arm)
+    zero, q = np.zeros(4), np.array([0.1, 0.4, 0.2, -0.3])
+    first = [dynamics.inverse(zero, q, q), dynamics.inertia_matrix(zero)]
+    first += [dynamics.coriolis_matrix(zero, q), dynamics.gravity(zero), dynamics.bias(zero, q)]
+    kept = [value.copy() for value in first]
+    dynamics.inverse(q, q, zero), dynamics.inertia_matrix(q), dynamics.gravity(q)
+    dynamics.coriolis_matrix(q, zero), dynamics.bias(q, zero)
+    for value, copy in zip(first, kept, strict=True):
+        assert np.array_equal(value, copy)
+
+
+@pytest.mark.parametrize(
+    ('rotor', 'message'),
+    [([0.1, 0.1], '2 rotor inertias for 4 joints'), (-1.0, 'not negative'), (np.nan, 'finite')],
+)
+def test_a_wrong_rotor_inertia_is_refused(arm: Robot, rotor: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Dynamics(arm, rotor)  # type: ignore[arg-type]

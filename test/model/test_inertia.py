@@ -1,0 +1,115 @@
+"""Inertial parameters against bodies whose inertia is known, and thesis table A.1."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from aerarm_ros.model.inertia import (
+    barycentric_inertia,
+    from_pseudo_inertia,
+    inertia_about_origin,
+    is_physically_consistent,
+    minimum_eigenvalue,
+    pseudo_inertia,
+)
+
+finite = st.floats(-10.0, 10.0)
+
+
+def point_masses(masses: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Ten parameters of point masses, from the definitions of mass, moment and inertia."""
+    pi = np.zeros(10)
+    for m, p in zip(masses, points, strict=True):
+        inertia = m * (p @ p * np.eye(3) - np.outer(p, p))
+        upper = [inertia[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))]
+        pi += np.array([m, *(m * p), *upper])
+    return pi
+
+
+@given(arrays(float, 10, elements=finite))
+def test_pseudo_inertia_is_undone(pi: np.ndarray) -> None:
+    assert np.allclose(from_pseudo_inertia(pseudo_inertia(pi)), pi, rtol=1e-12, atol=1e-12)
+
+
+@given(arrays(float, 10, elements=finite), arrays(float, 10, elements=finite))
+def test_pseudo_inertia_is_linear(a: np.ndarray, b: np.ndarray) -> None:
+    combined = pseudo_inertia(2.0 * a - b)
+    assert np.allclose(combined, 2.0 * pseudo_inertia(a) - pseudo_inertia(b), atol=1e-9)
+
+
+@given(arrays(float, (6, 3), elements=finite), arrays(float, 6, elements=st.floats(0.0, 5.0)))
+def test_any_distribution_of_mass_is_consistent(points: np.ndarray, masses: np.ndarray) -> None:
+    pi = point_masses(masses, points)
+    scale = 1.0 + np.abs(pi).max()
+    assert is_physically_consistent(pi, tolerance=1e-12 * scale)
+
+
+def test_pseudo_inertia_is_the_second_moment(rng: np.random.Generator) -> None:
+    masses, points = rng.uniform(0.1, 1.0, 5), rng.normal(size=(5, 3))
+    homogeneous = np.column_stack([points, np.ones(5)])
+    second_moment = np.einsum('i,ij,ik->jk', masses, homogeneous, homogeneous)
+    assert np.allclose(pseudo_inertia(point_masses(masses, points)), second_moment)
+
+
+def test_barycentric_inertia_does_not_depend_on_the_origin(rng: np.random.Generator) -> None:
+    masses, points = rng.uniform(0.1, 1.0, 5), rng.normal(size=(5, 3))
+    here = barycentric_inertia(point_masses(masses, points))
+    there = barycentric_inertia(point_masses(masses, points + [1.0, -2.0, 3.0]))
+    assert np.allclose(here, there)
+
+
+def test_parameters_are_those_of_pinocchio(rng: np.random.Generator) -> None:
+    body = pin.Inertia.Random()
+    pi = body.toDynamicParameters()
+    assert np.allclose(barycentric_inertia(pi), body.inertia)
+    assert np.allclose(inertia_about_origin(pi), body.matrix()[3:, 3:])
+    assert np.allclose(pseudo_inertia(pi), body.toPseudoInertia().toMatrix())
+
+
+def test_many_bodies_at_once(rng: np.random.Generator) -> None:
+    pi = rng.normal(size=(3, 2, 10))
+    assert pseudo_inertia(pi).shape == (3, 2, 4, 4)
+    assert np.allclose(pseudo_inertia(pi)[2, 1], pseudo_inertia(pi[2, 1]))
+    assert np.allclose(barycentric_inertia(pi)[1, 0], barycentric_inertia(pi[1, 0]))
+    assert minimum_eigenvalue(pi) == min(minimum_eigenvalue(one) for one in pi.reshape(-1, 10))
+
+
+def test_a_positive_tensor_can_still_break_the_triangle_inequality() -> None:
+    pi = np.array([1.0, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.3])
+    assert np.all(np.linalg.eigvalsh(barycentric_inertia(pi)) > 0.0)
+    assert not is_physically_consistent(pi)
+
+
+def test_the_cad_column_of_table_a1_is_physical(table_a1: dict[str, np.ndarray]) -> None:
+    links = table_a1['CAD'][:40].reshape(4, 10)
+    assert is_physically_consistent(links)
+    assert minimum_eigenvalue(links) == pytest.approx(1.6e-5, abs=1e-6)
+
+
+def test_the_fitted_columns_of_table_a1_are_not(table_a1: dict[str, np.ndarray]) -> None:
+    slsqp = table_a1['SLSQP'][:40].reshape(4, 10)
+    assert not any(is_physically_consistent(link) for link in slsqp)
+    assert minimum_eigenvalue(slsqp) == pytest.approx(-1.9e-4, abs=1e-5)
+    annealed = table_a1['SA'][:40].reshape(4, 10)
+    smallest = np.linalg.eigvalsh(barycentric_inertia(annealed))[:, 0]
+    assert np.all(smallest < 0.0)
+    assert smallest[1] == pytest.approx(-0.139, abs=1e-3)
+
+
+@pytest.mark.parametrize('shape', [(), (9,), (2, 11)])
+def test_a_wrong_number_of_parameters_is_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match='ten inertial parameters'):
+        pseudo_inertia(np.zeros(shape))
+
+
+def test_a_massless_body_has_no_barycentric_inertia() -> None:
+    with pytest.raises(ValueError, match='zero mass'):
+        barycentric_inertia(np.zeros(10))
+
+
+def test_a_pseudo_inertia_of_wrong_size_is_refused() -> None:
+    with pytest.raises(ValueError, match='4x4'):
+        from_pseudo_inertia(np.eye(3))
