@@ -1,13 +1,19 @@
 """Fixtures used by the tests of several rooms."""
 
 import csv
-from collections.abc import Callable
+import random
+import socket
+from collections.abc import Callable, Iterator
 from importlib.metadata import files
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
 from hypothesis import settings
+from rclpy.node import Node
+
+from aerarm_ros.nodes.node_process import ros_environment
 
 # The same examples each time, and no limit on their time: other work may share the machine.
 settings.register_profile('suite', deadline=None, derandomize=True)
@@ -33,3 +39,43 @@ def example_urdf() -> Callable[[str], Path]:
         raise FileNotFoundError(f'example-robot-data has no {name}')
 
     return find
+
+
+@pytest.fixture
+def ros_domain(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """Give this process, and the ones it starts, a ROS domain that nobody else is in.
+
+    Returns the variables, for processes that are started with an environment of their own.
+    """
+    # Domains above 101 use ports that the system hands out to others.
+    domains = random.sample(range(1, 102), 101)
+    variables = {
+        'ROS_DOMAIN_ID': str(next(domain for domain in domains if _is_free(domain))),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        'OPENBLAS_NUM_THREADS': '1',
+    }
+    environment = ros_environment(variables)
+    for name in (*variables, 'FASTRTPS_DEFAULT_PROFILES_FILE'):
+        monkeypatch.setenv(name, environment[name])
+    return variables
+
+
+@pytest.fixture
+def ros_node(ros_domain: dict[str, str]) -> Iterator[Node]:
+    """Return a node in a domain of its own."""
+    rclpy.init(args=[])
+    node = rclpy.create_node('test')
+    yield node
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def _is_free(domain: int) -> bool:
+    """Tell whether the discovery port of a domain's first participant is unused."""
+    port = 7400 + 250 * domain + 10
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(('', port))
+        except OSError:
+            return False
+    return True

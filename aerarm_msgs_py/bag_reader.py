@@ -1,0 +1,117 @@
+"""What the suite asks of a bag: joint states as arrays, topics, lost messages."""
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerarm_msgs_py.bag import Bag
+from aerarm_msgs_py.bag_error import BagError, BagWarning
+from aerarm_msgs_py.joint_state_decoder import JointStateDecoder
+from aerarm_msgs_py.joint_state_series import JointStateSeries
+from aerarm_msgs_py.sequence_gaps import SequenceGaps
+from aerarm_msgs_py.topic_summary import TopicSummary
+
+__all__ = [
+    'BagError',
+    'BagWarning',
+    'JointStateSeries',
+    'TopicSummary',
+    'joint_state_blocks',
+    'read_joint_states',
+    'topics',
+]
+
+_JOINT_STATE = 'sensor_msgs/msg/JointState'
+
+
+def read_joint_states(path: Path | str, topic: str = '/joint_states') -> JointStateSeries:
+    """Read all messages of a JointState topic.
+
+    Parameters
+    ----------
+    path
+        rosbag2 directory or .mcap file.
+    topic
+        Topic name.
+
+    Returns
+    -------
+    JointStateSeries
+        Joints in the order of the first message; joints that turn up later follow.
+
+    Raises
+    ------
+    BagError
+        If the bag or the topic can't be read; the message says what to check.
+    """
+    blocks = list(joint_state_blocks(path, topic))
+    n = len(blocks[-1].names)
+    return JointStateSeries(
+        names=blocks[-1].names,
+        stamp=np.concatenate([block.stamp for block in blocks]),
+        log_time=np.concatenate([block.log_time for block in blocks]),
+        position=np.concatenate([_widened(block.position, n) for block in blocks]),
+        velocity=np.concatenate([_widened(block.velocity, n) for block in blocks]),
+        effort=np.concatenate([_widened(block.effort, n) for block in blocks]),
+        sequence=np.concatenate([block.sequence for block in blocks]),
+    )
+
+
+def joint_state_blocks(
+    path: Path | str, topic: str = '/joint_states'
+) -> Iterator[JointStateSeries]:
+    """Yield the messages of a JointState topic part by part, for bags larger than memory.
+
+    Columns only ever grow: the names of a part begin with those of the part before.
+    Parameters and errors are those of `read_joint_states`.
+    """
+    decoder = JointStateDecoder()
+    for block in Bag(path).messages(topic, _JOINT_STATE):
+        try:
+            stamp_ns, values = decoder.decode(block.payloads)
+        except ValueError as error:
+            raise BagError(f'topic {topic} of {path} cannot be decoded: {error}') from error
+        yield JointStateSeries(
+            names=tuple(decoder.names),
+            stamp=stamp_ns / 1e9,
+            log_time=block.log_time / 1e9,
+            position=values[:, 0],
+            velocity=values[:, 1],
+            effort=values[:, 2],
+            sequence=block.sequence,
+        )
+    if decoder.irregular:
+        warnings.warn(
+            f'{decoder.irregular} fields of topic {topic} of {path} were left out: their length '
+            'was not that of the names',
+            BagWarning,
+            stacklevel=2,
+        )
+
+
+def topics(path: Path | str) -> dict[str, TopicSummary]:
+    """Return type, number of messages and of lost messages of every topic in a bag.
+
+    Raises
+    ------
+    BagError
+        If the bag can't be read.
+    """
+    bag = Bag(path)
+    counts: dict[str, int] = {}
+    gaps: dict[str, SequenceGaps] = {}
+    for block in bag.blocks():
+        counts[block.topic] = counts.get(block.topic, 0) + len(block.payloads)
+        gaps.setdefault(block.topic, SequenceGaps()).add_all(block.sequence.tolist())
+    return {
+        topic: TopicSummary(kind, counts.get(topic, 0), gaps.get(topic, SequenceGaps()).lost)
+        for topic, kind in bag.types().items()
+    }
+
+
+def _widened(values: NDArray[np.float64], columns: int) -> NDArray[np.float64]:
+    """Return (K, columns) values, the new columns NaN."""
+    return np.pad(values, ((0, 0), (0, columns - values.shape[1])), constant_values=np.nan)

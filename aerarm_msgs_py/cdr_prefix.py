@@ -1,0 +1,89 @@
+"""The constant beginning of a serialized message, compared without its padding."""
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+ENCAPSULATION_SIZE = 4
+"""Bytes in front of the message: representation (2) and options (2)."""
+LITTLE_ENDIAN = b'\x00\x01'
+"""Representation identifier of plain CDR, little-endian; the options may hold anything."""
+
+
+class CdrPrefix:
+    """Bytes of a message that are known in advance, with alignment padding left open.
+
+    Fast CDR doesn't clear the padding after a string, so two messages with the same
+    content differ in those bytes: a plain comparison would refuse good messages now and
+    then. Offsets count from the start of the payload, encapsulation included; alignment
+    counts from the end of the encapsulation.
+
+    Parameters
+    ----------
+    start
+        Offset of the first known byte.
+    """
+
+    def __init__(self, start: int) -> None:
+        self.start = start
+        self._bytes = bytearray()
+        self._mask = bytearray()
+        self._value = 0
+        self._mask_value = 0
+
+    @property
+    def end(self) -> int:
+        """Offset of the first byte behind the prefix."""
+        return self.start + len(self._bytes)
+
+    @property
+    def content(self) -> bytes:
+        """The bytes, padding zero."""
+        return bytes(self._bytes)
+
+    def add_uint32(self, value: int) -> None:
+        """Append an aligned 32-bit number."""
+        self.align(4)
+        self._append(struct.pack('<I', value))
+
+    def add_string(self, text: str) -> None:
+        """Append a string: its length with the closing zero, then its bytes."""
+        encoded = text.encode() + b'\0'
+        self.add_uint32(len(encoded))
+        self._append(encoded)
+
+    def add_strings(self, texts: Sequence[str]) -> None:
+        """Append a sequence of strings."""
+        self.add_uint32(len(texts))
+        for text in texts:
+            self.add_string(text)
+
+    def align(self, size: int) -> None:
+        """Pad to a multiple of `size` bytes."""
+        padding = -(self.end - ENCAPSULATION_SIZE) % size
+        self._append(bytes(padding), known=False)
+
+    def matches(self, payload: bytes) -> bool:
+        """Tell whether a payload is little-endian CDR and has these bytes at this place."""
+        if payload[:2] != LITTLE_ENDIAN or len(payload) < self.end:
+            return False
+        found = int.from_bytes(payload[self.start : self.end], 'little')
+        return found & self._mask_value == self._value
+
+    def matches_rows(self, rows: NDArray[np.uint8]) -> bool:
+        """Tell whether every row of (M, size) bytes matches."""
+        if rows.shape[1] < self.end:
+            return False
+        mask = np.frombuffer(bytes(self._mask), np.uint8)
+        found = rows[:, self.start : self.end] & mask
+        known = np.frombuffer(bytes(self._bytes), np.uint8)
+        encapsulation = np.frombuffer(LITTLE_ENDIAN, np.uint8)
+        return bool((found == known).all() and (rows[:, :2] == encapsulation).all())
+
+    def _append(self, data: bytes, *, known: bool = True) -> None:
+        self._bytes += data
+        self._mask += (b'\xff' if known else b'\x00') * len(data)
+        self._value = int.from_bytes(self._bytes, 'little')
+        self._mask_value = int.from_bytes(self._mask, 'little')

@@ -1,0 +1,65 @@
+"""Lost messages, counted from publication sequence numbers."""
+
+from collections import deque
+from collections.abc import Iterable
+
+_UNKNOWN = frozenset({0, 2**32 - 1, 2**64 - 1})
+"""Numbers that mean "not numbered": rosbag2 stores 0, a middleware without numbers gives the
+largest uint64, of which MCAP keeps 32 bits."""
+_REMEMBERED_GAPS = 256
+
+
+class SequenceGaps:
+    """Counts the numbers missing from a stream of publication sequence numbers.
+
+    Each publisher numbers its own messages 1, 2, 3... and the stream doesn't say which
+    publisher a message is from. A message continues the publisher with the highest number
+    below its own; if there is none, it is from a publisher not heard before (or restarted).
+    A number that turns up inside a gap counted earlier shows that the gap was a jump from
+    one publisher to another, as one publisher's messages stay in order: it is uncounted.
+    """
+
+    def __init__(self) -> None:
+        self._newest: list[int] = []  # last number of each publisher
+        self._current = -1  # index of the publisher heard last
+        self._gaps: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED_GAPS)
+        self._lost = 0
+
+    @property
+    def lost(self) -> int | None:
+        """Missing numbers so far; None if no message had a number."""
+        return self._lost if self._newest else None
+
+    def add(self, number: int) -> None:
+        """Take the number of the next message."""
+        if self._current >= 0 and number == self._newest[self._current] + 1:
+            self._newest[self._current] = number
+        elif number not in _UNKNOWN:
+            self._add_out_of_step(number)
+
+    def add_all(self, numbers: Iterable[int]) -> None:
+        """Take many numbers in order."""
+        for number in numbers:
+            self.add(number)
+
+    def _add_out_of_step(self, number: int) -> None:
+        below = [k for k, newest in enumerate(self._newest) if newest < number]
+        if not below:
+            self._forget_gap_around(number)
+            self._current = len(self._newest)
+            self._newest.append(number)
+            return
+        self._current = max(below, key=self._newest.__getitem__)
+        previous = self._newest[self._current]
+        if number > previous + 1:
+            self._gaps.append((previous + 1, number))
+            self._lost += number - previous - 1
+        self._newest[self._current] = number
+
+    def _forget_gap_around(self, number: int) -> None:
+        for gap in self._gaps:
+            start, stop = gap
+            if start <= number < stop:
+                self._lost -= stop - start
+                self._gaps.remove(gap)
+                return

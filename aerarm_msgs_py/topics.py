@@ -1,0 +1,76 @@
+"""Topic names and quality of service, in one place.
+
+`TOPICS` is the table of the architecture; a node asks for `JOINT_STATES` instead of
+writing a name, a type and a profile again.
+"""
+
+from types import MappingProxyType
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import InertiaStamped, PointStamped, PoseStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Float64MultiArray, String
+from trajectory_msgs.msg import JointTrajectory
+
+from aerarm_msgs_py.topic import Topic
+
+
+def _keep_last(
+    depth: int, reliability: ReliabilityPolicy, durability: DurabilityPolicy
+) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=reliability,
+        durability=durability,
+    )
+
+
+# A 1 kHz stream: a late value is worthless, only the newest counts.
+NEWEST = _keep_last(1, ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
+# What a user or planner sends once and expects to arrive.
+RELIABLE = _keep_last(10, ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
+# A state that whoever comes later must still learn.
+LATCHED = _keep_last(1, ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
+# A sensor read by someone who can use a few old values.
+SENSOR = _keep_last(5, ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
+
+JOINT_STATES = Topic('joint_states', JointState, NEWEST)
+MOTOR_STATES = Topic('motor_states', JointState, NEWEST)
+MOTOR_POWER = Topic('motor_power', Float64MultiArray, NEWEST)
+JOINT_COMMAND = Topic('joint_command', JointState, NEWEST)
+JOINT_TRAJECTORY = Topic('joint_trajectory', JointTrajectory, RELIABLE)
+SET_POINT = Topic('set_point', JointState, RELIABLE)
+TOOL_TRAJECTORY = Topic('tool_trajectory', PoseStamped, RELIABLE)
+TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
+IMU = Topic('imu', Imu, SENSOR)
+BASE_WRENCH = Topic('base_wrench', WrenchStamped, NEWEST)
+ARM_INERTIA = Topic('arm_inertia', InertiaStamped, NEWEST)
+ARM_COM = Topic('arm_com', PointStamped, NEWEST)
+ARM_MODE = Topic('arm_mode', String, LATCHED)
+RECORDER_STATUS = Topic('recorder_status', String, LATCHED)
+DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, RELIABLE)
+
+TOPICS = MappingProxyType(
+    {
+        topic.name: topic
+        for topic in (
+            JOINT_STATES,
+            MOTOR_STATES,
+            MOTOR_POWER,
+            JOINT_COMMAND,
+            JOINT_TRAJECTORY,
+            SET_POINT,
+            TOOL_TRAJECTORY,
+            TOOL_POSE,
+            IMU,
+            BASE_WRENCH,
+            ARM_INERTIA,
+            ARM_COM,
+            ARM_MODE,
+            RECORDER_STATUS,
+            DIAGNOSTICS,
+        )
+    }
+)

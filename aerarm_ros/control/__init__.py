@@ -1,0 +1,1 @@
+"""One control law a file: (state, reference, dt) -> command."""

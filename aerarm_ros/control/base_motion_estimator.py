@@ -1,0 +1,162 @@
+"""The base's motion from the drone's IMU, with a way back when the IMU fails."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base_motion import BaseMotion
+from aerarm_ros.control.frame_conversion import rotation_matrix
+from aerarm_ros.control.gains import positive
+from aerarm_ros.control.imu_sample import ImuSample
+from aerarm_ros.control.mount import Mount
+from aerarm_ros.control.rejected_input_error import RejectedInputError
+
+Array = npt.NDArray[np.float64]
+
+MODES = ('off', 'attitude', 'full')
+
+_GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
+
+
+class BaseMotionEstimator:
+    """Turns IMU samples into `BaseMotion`.
+
+    Modes: 'off' uses the configured gravity; 'attitude' turns gravity with the drone and
+    takes the base for still otherwise; 'full' also uses angular rate and specific force.
+    Angular acceleration is the filtered derivative of the rate.
+
+    While samples come the result follows them. When they stop it holds for `hold_time`, then
+    fades to the configured gravity; when they come back it fades back.
+
+    Parameters
+    ----------
+    gravity_in_base : (3,) array_like
+        Configured gravity [m/s^2], the way back.
+    mode : str
+    mount : Mount
+    hold_time : float
+        Age [s] up to which the last sample is held.
+    fade_time : float
+        [s]
+    cutoff : float
+        Of the angular acceleration's low-pass [Hz].
+
+    Attributes
+    ----------
+    rejections : int
+        Samples not used.
+    last_rejection : str
+        Why the last of them wasn't.
+
+    Raises
+    ------
+    ValueError
+        If the mode is unknown or a time isn't positive.
+    """
+
+    def __init__(
+        self,
+        gravity_in_base: npt.ArrayLike,
+        mode: str = 'full',
+        mount: Mount | None = None,
+        hold_time: float = 0.1,
+        fade_time: float = 0.5,
+        cutoff: float = 30.0,
+    ) -> None:
+        if mode not in MODES:
+            raise ValueError(f'mode = {mode!r} must be one of {", ".join(MODES)}')
+        self.mode = mode
+        self.configured = BaseMotion.still(gravity_in_base)
+        self._mount = Mount.aligned() if mount is None else mount
+        self._hold_time = positive('hold_time', hold_time)
+        self._fade_time = positive('fade_time', fade_time)
+        self._time_constant = 1.0 / (2.0 * np.pi * positive('cutoff', cutoff))
+        self._measured = self.configured
+        self._stamp = -np.inf
+        self._received = -np.inf
+        self._updated: float | None = None
+        self._weight = 0.0
+        self.rejections = 0
+        self.last_rejection = ''
+
+    def status(self, now: float) -> str:
+        """Return where the motion comes from at `now` [s], for diagnostics."""
+        if self.mode == 'off':
+            return 'configured gravity'
+        age = now - self._received
+        if age <= self._hold_time:
+            return 'IMU'
+        if np.isinf(age):
+            return 'no IMU yet: configured gravity'
+        return f'IMU silent for {age:.2f} s: configured gravity'
+
+    def reject(self, reason: str) -> None:
+        """Count a sample that could not be made."""
+        self.rejections += 1
+        self.last_rejection = reason
+
+    def offer(self, sample: ImuSample, now: float) -> None:
+        """Take a sample received at `now` [s].
+
+        Raises
+        ------
+        RejectedInputError
+            If it is older than the one before, or lacks the attitude that the mode needs.
+        """
+        if self.mode == 'off':
+            return
+        if self.mode == 'attitude' and sample.attitude is None:
+            self._refuse("IMU: it gives no attitude, which mode 'attitude' needs: use 'full'")
+        step = sample.stamp - self._stamp
+        # A stamp far in the past is a clock that was set back: start anew.
+        if -1.0 < step <= 0.0:
+            self._refuse('IMU: a sample is not newer than the one before: one publisher only')
+        continues = 0.0 < step < self._hold_time
+        self._measured = self._convert(sample, step if continues else None)
+        self._stamp, self._received = sample.stamp, now
+
+    def motion(self, now: float) -> BaseMotion:
+        """Return the base's motion at `now` [s]."""
+        if self.mode == 'off':
+            return self.configured
+        fresh = now - self._received <= self._hold_time
+        if self._updated is None:
+            self._weight = 1.0 if fresh else 0.0
+        elif self._weight != fresh:
+            change = (now - self._updated) / self._fade_time
+            self._weight = min(1.0, max(0.0, self._weight + (change if fresh else -change)))
+        self._updated = now
+        if self._weight == 1.0:
+            return self._measured
+        if self._weight == 0.0:
+            return self.configured
+        w = self._weight
+        pairs = zip(self._measured, self.configured, strict=True)
+        return BaseMotion(*(w * measured + (1.0 - w) * still for measured, still in pairs))
+
+    def _refuse(self, reason: str) -> None:
+        self.reject(reason)
+        raise RejectedInputError(reason)
+
+    def _convert(self, sample: ImuSample, step: float | None) -> BaseMotion:
+        rotation = self._mount.rotation_imu_to_base
+        if sample.attitude is None:
+            # The best guess without attitude: what is felt is gravity.
+            gravity = -(rotation @ sample.specific_force)
+        else:
+            gravity = rotation @ (rotation_matrix(sample.attitude).T @ _GRAVITY_IN_WORLD)
+        if self.mode == 'attitude':
+            return BaseMotion.still(gravity)
+        rate = rotation @ sample.angular_velocity
+        acceleration = np.zeros(3)
+        if step is not None:
+            before = self._measured
+            slope = (rate - before.angular_velocity) / step
+            share = step / (step + self._time_constant)
+            acceleration = before.angular_acceleration + share * (
+                slope - before.angular_acceleration
+            )
+        # From the IMU to the origin of the base frame: rigid-body acceleration.
+        lever = -self._mount.imu_position_in_base
+        force = rotation @ sample.specific_force
+        force = force + np.cross(acceleration, lever) + np.cross(rate, np.cross(rate, lever))
+        return BaseMotion(gravity, force, rate, acceleration)

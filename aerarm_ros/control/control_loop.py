@@ -1,0 +1,184 @@
+"""One cycle of a controller: reference, law, disturbance compensation, limits."""
+
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.base_motion import BaseMotion
+from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.gains import non_negative
+from aerarm_ros.control.joint_command import JointCommand
+from aerarm_ros.control.joint_limits import JointLimits
+from aerarm_ros.control.momentum_observer import MomentumObserver
+
+Array = npt.NDArray[np.float64]
+Reference = TypeVar('Reference')
+Produced = TypeVar('Produced', covariant=True)
+Followed = TypeVar('Followed', contravariant=True)
+
+# After a longer silence [s] the arm may have been moved by others.
+LONGEST_GAP = 0.1
+# Time [s] in which compensation comes and goes.
+_COMPENSATION_FADE = 0.5
+
+
+class ReferenceSource(Protocol[Produced]):
+    """Says what to follow at each instant."""
+
+    def take_over(self, q: Array) -> None:
+        """Start at the present posture (n,) [rad]."""
+
+    def update(self, q: Array, now: float, dt: float) -> Produced:
+        """Return the reference at `now` [s], `dt` [s] after the last."""
+        ...
+
+
+class ControlLaw(Protocol[Followed]):
+    """Turns state and reference into a command."""
+
+    def take_over(self, q: Array) -> None:
+        """Start at the present posture (n,) [rad]."""
+
+    def update(
+        self, state: ArmState, reference: Followed, dt: float, base: BaseMotion | None = None
+    ) -> JointCommand:
+        """Return the command for this cycle of `dt` [s]."""
+        ...
+
+
+class ControlLoop(Generic[Reference]):
+    """Everything a controller does between a state and its command.
+
+    Parameters
+    ----------
+    limits : JointLimits
+        Efforts are cut at `effort_max`.
+    source : ReferenceSource
+    law : ControlLaw
+        Of the references that `source` makes.
+    observer : MomentumObserver, optional
+        It must know the friction that the law compensates.
+    base : BaseMotionEstimator, optional
+        Default: the base is still under the dynamics' own gravity.
+    compensation_max : (n,) array_like
+        Largest torque [Nm] with which the observed disturbance is compensated; zero only
+        observes. A command without effort is left as it is.
+
+    Attributes
+    ----------
+    compensating : bool
+        Whether the disturbance is compensated now, up to `compensation_max`; to be switched
+        off while a person guides the arm. It comes and goes smoothly.
+    take_overs : int
+        How often control began at the arm's posture: at first, and after every gap.
+    skipped : int
+        States without a command because a number was missing or their time didn't advance.
+
+    Raises
+    ------
+    ValueError
+        If `compensation_max` is negative or has another length.
+    """
+
+    def __init__(
+        self,
+        limits: JointLimits,
+        source: ReferenceSource[Reference],
+        law: ControlLaw[Reference],
+        observer: MomentumObserver | None = None,
+        base: BaseMotionEstimator | None = None,
+        compensation_max: npt.ArrayLike = 0.0,
+    ) -> None:
+        self.limits = limits
+        self.source = source
+        self.law = law
+        self.observer = observer
+        self.base = base
+        self._compensation_max = non_negative('compensation_max', compensation_max, limits.n)
+        self.compensating = bool(np.any(self._compensation_max))
+        self._share = float(self.compensating)
+        self._last: float | None = None
+        self._unobserved: tuple[ArmState, float, BaseMotion | None] | None = None
+        self.take_overs = 0
+        self.skipped = 0
+
+    @property
+    def disturbance(self) -> Array | None:
+        """Observed disturbance (n,) [Nm], None without observer."""
+        return None if self.observer is None else self.observer.residual
+
+    def release(self) -> None:
+        """Give the arm up; the next state is taken over anew."""
+        self._last = None
+
+    def update(self, state: ArmState, now: float) -> JointCommand | None:
+        """Return the command that answers the state of `now` [s], None if there is none.
+
+        Control starts with the second state: the first only says where the arm is.
+        """
+        self.observe()
+        q, dq, _ = state
+        # A sum is NaN or infinite if one of its terms is.
+        if not np.isfinite(q.sum() + dq.sum()):
+            self.skipped += 1
+            return None
+        if self._last is None or not -LONGEST_GAP < now - self._last < LONGEST_GAP:
+            self._take_over(q, now)
+            return None
+        dt = now - self._last
+        if dt <= 0.0:
+            self.skipped += 1
+            return None
+        self._last = now
+        base = None if self.base is None else self.base.motion(now)
+        reference = self.source.update(q, now, dt)
+        command = self.law.update(state, reference, dt, base)
+        if self.observer is not None:
+            self._unobserved = (state, dt, base)
+        return self._finish(command, dt)
+
+    def observe(self) -> None:
+        """Let the observer take the newest state.
+
+        The next `update` does it otherwise. To call it once the command is sent takes the
+        observer's time out of the command's delay; the compensation is a cycle late either
+        way, which a time constant of many cycles forgives.
+        """
+        if self._unobserved is None or self.observer is None:
+            return
+        state, dt, base = self._unobserved
+        self._unobserved = None
+        if np.isfinite(state.tau.sum()):
+            self.observer.update(state, dt, base)
+
+    def _take_over(self, q: Array, now: float) -> None:
+        self._last = now
+        self.take_overs += 1
+        posture = np.array(q)
+        self.source.take_over(posture)
+        self.law.take_over(posture)
+        self._unobserved = None
+        if self.observer is not None:
+            self.observer.reset()
+
+    def _finish(self, command: JointCommand, dt: float) -> JointCommand:
+        """Compensate the disturbance and cut the effort at its limits."""
+        observer = self.observer
+        effort: Any = command.effort
+        if effort is None:
+            return command
+        if observer is not None and self._fade(dt) > 0.0:
+            largest = self._share * self._compensation_max
+            effort = effort - np.minimum(np.maximum(observer.residual, -largest), largest)
+        largest = self.limits.effort_max
+        return command._replace(effort=np.minimum(np.maximum(effort, -largest), largest))
+
+    def _fade(self, dt: float) -> float:
+        change = dt / _COMPENSATION_FADE
+        if self.compensating:
+            self._share = min(1.0, self._share + change)
+        else:
+            self._share = max(0.0, self._share - change)
+        return self._share

@@ -1,0 +1,52 @@
+"""Torque against joint friction, without chatter at rest."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.gains import non_negative, positive
+
+Array = npt.NDArray[np.float64]
+
+
+class FrictionCompensation:
+    """Thesis (2.6) with `tanh(dq / width)` for the sign.
+
+    Fed with a reference velocity it is exact and free of noise. Fed with a measured one it
+    acts, about rest, as a negative damping `fraction * fs / width`: with a fraction below one
+    the true friction is still larger at every velocity, so the joint stays passive.
+
+    Parameters
+    ----------
+    viscous : (n,) array_like
+        f_v [Nms/rad]
+    coulomb : (n,) array_like
+        f_s [Nm]
+    width : float
+        Velocity [rad/s] at which three quarters of the Coulomb friction are compensated.
+    fraction : float
+        Part of the friction that is compensated, 0 to 1.
+
+    Raises
+    ------
+    ValueError
+        If a coefficient is negative, the width isn't positive or the fraction not in 0 .. 1.
+    """
+
+    def __init__(
+        self,
+        viscous: npt.ArrayLike,
+        coulomb: npt.ArrayLike,
+        width: float = 0.03,
+        fraction: float = 1.0,
+    ) -> None:
+        n = np.size(viscous)
+        if not 0.0 <= fraction <= 1.0:
+            raise ValueError(f'fraction = {fraction} of the friction must lie in 0 .. 1')
+        self._viscous = fraction * non_negative('viscous friction', viscous, n)
+        self._coulomb = fraction * non_negative('Coulomb friction', coulomb, n)
+        self._steepness = 1.0 / positive('width', width)
+
+    def torque(self, dq: Array) -> Array:
+        """Return the torque [Nm] that keeps velocity `dq` (n,) [rad/s] against friction."""
+        torque: Array = self._viscous * dq + self._coulomb * np.tanh(self._steepness * dq)
+        return torque

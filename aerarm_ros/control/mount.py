@@ -1,0 +1,62 @@
+"""Where the arm's base sits on what carries the IMU."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.description.robot import Robot
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Mount:
+    """Pose of the IMU in the arm's base frame.
+
+    Attributes
+    ----------
+    rotation_imu_to_base : (3, 3) ndarray
+    imu_position_in_base : (3,) ndarray
+        [m]
+    """
+
+    rotation_imu_to_base: Array
+    imu_position_in_base: Array
+
+    @classmethod
+    def aligned(cls) -> 'Mount':
+        """Return the mount of an IMU whose frame is the arm's base frame."""
+        return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
+    def from_roll_pitch_yaw(cls, position: npt.ArrayLike, rpy: npt.ArrayLike) -> 'Mount':
+        """Return the mount of an IMU at `position` [m], turned by URDF angles `rpy` [rad]."""
+        (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+        rotation = np.array(
+            [
+                [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+                [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+                [-sp, cp * sr, cp * cr],
+            ]
+        )
+        return cls(rotation, np.array(position, dtype=float))
+
+    @classmethod
+    def from_robot(cls, robot: Robot, imu_frame: str) -> 'Mount':
+        """Return the mount of an IMU whose frame is a link of the URDF fixed to the base.
+
+        Raises
+        ------
+        ValueError
+            If there is no such link, or it moves with the arm.
+        """
+        model = robot.model
+        if not model.existFrame(imu_frame):
+            names = ', '.join(frame.name for frame in model.frames if frame.parentJoint == 0)
+            raise ValueError(f'the URDF has no link {imu_frame!r}; fixed to the base are: {names}')
+        frame = model.frames[model.getFrameId(imu_frame)]
+        if frame.parentJoint != 0:
+            raise ValueError(f'link {imu_frame!r} moves with the arm: it can hold no base IMU')
+        placement = frame.placement
+        return cls(np.array(placement.rotation), np.array(placement.translation))

@@ -1,0 +1,185 @@
+"""Distances of the arm to itself, to what is fixed to its base, and to the ground."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.collision_geometry import (
+    build_collision_geometry,
+    motion_bounds,
+    required_clearance,
+    touches_ground,
+)
+from aerarm_ros.excitation.excitation_error import ExcitationError
+from aerarm_ros.excitation.joint_reference import FloatArray
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Smallest distance found for one kind of pair.
+
+    `distance` [m] is what a posture of the motion reaches, `guaranteed` [m] what the whole motion
+    keeps, between the samples too. `sample` is the row of the posture.
+    """
+
+    subject: str
+    distance: float
+    guaranteed: float
+    required: float
+    sample: int
+
+
+class ClearanceChecker:
+    """Certifies that a motion keeps its distance, between the samples as well.
+
+    Parameters
+    ----------
+    robot : arm with collision shapes in its URDF.
+    self_clearance : required between links that are not neighbours, and between moving links and
+        what is fixed to the base [m].
+    ground_clearance : required between moving links and the ground [m].
+    ground_height : see `build_collision_geometry`; None without ground.
+    package_directories : see `build_collision_geometry`.
+
+    Raises
+    ------
+    ExcitationError
+        If a clearance is negative or not finite, or the shapes cannot be read.
+    """
+
+    RESOLUTION = 2e-3
+    """How far below the smallest distance found the guaranteed one may lie [m]."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        self_clearance: float = 0.02,
+        ground_clearance: float = 0.05,
+        ground_height: float | None = None,
+        package_directories: Sequence[Path] = (),
+    ) -> None:
+        required = (self_clearance, ground_clearance)
+        if not all(np.isfinite(value) and value >= 0.0 for value in required):
+            raise ExcitationError(f'clearances must not be negative, got {required} m')
+        self._model = robot.model
+        self._data = robot.model.createData()
+        self._geometry = build_collision_geometry(
+            robot, ground_height, required, package_directories
+        )
+        self._geometry_data = pin.GeometryData(self._geometry)
+        self._bounds = motion_bounds(self._model, self._geometry)
+        self._required = required_clearance(self._geometry, required)
+        ground = np.array(
+            [touches_ground(self._geometry, pair) for pair in self._geometry.collisionPairs],
+            dtype=bool,
+        )
+        self._kinds = {
+            kind: np.flatnonzero(mask)
+            for kind, mask in (('self', ~ground), ('ground', ground))
+            if mask.any()
+        }
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """The links of each checked pair of shapes; 'ground' stands for the ground."""
+        return tuple(
+            (self._link(pair.first), self._link(pair.second))
+            for pair in self._geometry.collisionPairs
+        )
+
+    @property
+    def shapes(self) -> list[pin.GeometryObject]:
+        """The collision shapes, meshes as convex hulls, and the ground if there is one."""
+        return list(self._geometry.geometryObjects)
+
+    @property
+    def required(self) -> FloatArray:
+        """Required distance of each pair [m], (pairs,)."""
+        return self._required
+
+    def distances(self, q: FloatArray) -> FloatArray:
+        """Return the distance of each pair at q (n,) [rad]: (pairs,) [m], negative if inside."""
+        pin.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)
+        return np.array([result.min_distance for result in self._geometry_data.distanceResults])
+
+    def sweep(self, positions: FloatArray, stop_below: bool = False) -> dict[str, Clearance]:
+        """Return the clearance of a motion, per kind of pair ('self', 'ground').
+
+        Branch and bound on intervals of the motion: in the middle of an interval the distances
+        are computed, and elsewhere in it they are lower by at most sum_j L_j |q_j - q_j,mid|
+        (see `motion_bounds`). An interval whose bound might undercut the smallest distance
+        found is halved, down to neighbouring samples.
+
+        Parameters
+        ----------
+        positions : (M, n) postures [rad], dense enough that between neighbours each joint moves
+            monotonically or negligibly (the control cycle).
+        stop_below : stop at the first posture that is too close; what is guaranteed is then not
+            meant to be used.
+        """
+        worst = {kind: _Worst() for kind in self._kinds}
+        intervals = deque(self._initial_intervals(len(positions)))
+        while intervals:
+            low, high = intervals.popleft()
+            middle = (low + high) // 2
+            travel = np.abs(positions[low : high + 1] - positions[middle]).max(axis=0)
+            distance = self.distances(positions[middle])
+            bound = distance - self._bounds @ travel
+            for kind, rows in self._kinds.items():
+                worst[kind].see(distance, rows, middle)
+            if stop_below and (distance < self._required).any():
+                break
+            open_kinds = [
+                kind
+                for kind, rows in self._kinds.items()
+                if bound[rows].min() < worst[kind].distance - self.RESOLUTION
+            ]
+            if open_kinds and high - low > 1:
+                intervals += [(low, middle), (middle, high)]
+            else:
+                for kind, rows in self._kinds.items():
+                    worst[kind].guaranteed = min(worst[kind].guaranteed, bound[rows].min())
+        return {kind: self._clearance(kind, found) for kind, found in worst.items()}
+
+    @staticmethod
+    def _initial_intervals(samples: int, length: int = 64) -> list[tuple[int, int]]:
+        edges = [*range(0, max(samples - 1, 1), length), samples - 1]
+        return list(zip(edges, edges[1:], strict=False)) or [(0, 0)]
+
+    def _clearance(self, kind: str, worst: _Worst) -> Clearance:
+        first, second = self.pairs[worst.pair]
+        return Clearance(
+            f'{first} to {second}',
+            worst.distance,
+            float(min(worst.guaranteed, worst.distance)),
+            float(self._required[self._kinds[kind][0]]),
+            worst.sample,
+        )
+
+    def _link(self, index: int) -> str:
+        shape = self._geometry.geometryObjects[index]
+        fixed_to_nothing = shape.parentJoint == 0 and shape.parentFrame == 0
+        return str(shape.name if fixed_to_nothing else self._model.frames[shape.parentFrame].name)
+
+
+@dataclass
+class _Worst:
+    """Smallest distance so far of one kind of pair."""
+
+    distance: float = np.inf
+    guaranteed: float = np.inf
+    pair: int = 0
+    sample: int = 0
+
+    def see(self, distance: FloatArray, rows: NDArray[np.intp], sample: int) -> None:
+        row = rows[distance[rows].argmin()]
+        if distance[row] < self.distance:
+            self.distance, self.pair, self.sample = float(distance[row]), int(row), sample

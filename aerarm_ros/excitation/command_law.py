@@ -1,0 +1,63 @@
+"""From a reference and the measured posture to a joint command."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from aerarm_ros.excitation.effort_model import EffortModel
+from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
+
+
+class JointCommand(NamedTuple):
+    """Position [rad], velocity [rad/s] and torque [Nm], each (n,) or None if unused."""
+
+    position: FloatArray | None
+    velocity: FloatArray | None
+    effort: FloatArray | None
+
+
+class CommandLaw(Protocol):
+    """What a command mode does with the reference."""
+
+    def command(self, reference: JointReference, position: FloatArray) -> JointCommand:
+        """Return the command for the measured `position` (n,) [rad]."""
+        ...
+
+
+class VelocityLaw:
+    """Kinematic control: dq_cmd = dq_d + K (q_d - q), thesis section 2.5.2 in joint space.
+
+    The boards integrate the velocity reference, so the posture drifts only by what their
+    velocity loop leaves; a small K takes that away without stiffening the loop.
+
+    Parameters
+    ----------
+    gain : K [1/s], 0 for the thesis's pure velocity commands.
+    """
+
+    def __init__(self, gain: float) -> None:
+        self._gain = gain
+
+    def command(self, reference: JointReference, position: FloatArray) -> JointCommand:
+        """Return the velocity command for the measured `position` (n,) [rad]."""
+        correction = self._gain * (reference.position - position)
+        return JointCommand(None, reference.velocity + correction, None)
+
+
+class FeedForwardLaw:
+    """Position and velocity reference with the torque the prior model expects, thesis (4.4).
+
+    Parameters
+    ----------
+    effort_model : prior inverse dynamics.
+    """
+
+    def __init__(self, effort_model: EffortModel) -> None:
+        self._effort_model = effort_model
+
+    def command(self, reference: JointReference, position: FloatArray) -> JointCommand:
+        """Return reference and feed-forward torque; the boards close the loop themselves."""
+        effort = self._effort_model.effort(*(np.atleast_2d(part) for part in reference))[0]
+        return JointCommand(reference.position, reference.velocity, effort)

@@ -1,0 +1,88 @@
+"""What is to be designed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import log
+
+import numpy as np
+
+from aerarm_ros.excitation.bounded_criterion import BoundedCriterion
+from aerarm_ros.excitation.combined_criterion import CombinedCriterion
+from aerarm_ros.excitation.condition_criterion import ConditionCriterion
+from aerarm_ros.excitation.design_criterion import DesignCriterion
+from aerarm_ros.excitation.excitation_error import ExcitationError
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.information_criterion import InformationCriterion
+from aerarm_ros.excitation.joint_reference import FloatArray
+
+THESIS, SCALED, INFORMATION, BOTH = 'thesis', 'condition', 'd_optimal', 'both'
+OBJECTIVES = {
+    BOTH: 'd_optimal, with the condition number (5.2) held below a limit',
+    INFORMATION: 'volume of the confidence ellipsoid under torque noise (D-optimality)',
+    SCALED: 'condition number of the base regressor with columns of norm one',
+    THESIS: 'condition number of the regressor without rotor columns, thesis (5.2)',
+}
+
+
+@dataclass(frozen=True, eq=False)
+class DesignSpecification:
+    """Trajectory family, objective and arm of a design.
+
+    Parameters
+    ----------
+    setup : the arm, its limits and surroundings.
+    fundamental : f0 [Hz].
+    harmonics : N.
+    objective : a key of `OBJECTIVES`.
+    condition_limit : what `both` holds the condition number (5.2) below.
+    amplitude : largest coefficient of the random trajectories that designs start from [rad].
+    noise : (n,) standard deviation of the torque measurement [Nm]; None: 1 % of the effort limit.
+    seed : of the starting points.
+
+    Raises
+    ------
+    ExcitationError
+        If a value is out of range.
+    """
+
+    setup: ExcitationSetup
+    fundamental: float = 0.1
+    harmonics: int = 5
+    objective: str = BOTH
+    condition_limit: float = 24.0
+    amplitude: float = 0.35
+    noise: FloatArray | None = field(default=None)
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if self.objective not in OBJECTIVES:
+            raise ExcitationError(
+                f'objective {self.objective!r} is none of {", ".join(OBJECTIVES)}'
+            )
+        if not self.condition_limit > 1.0:
+            raise ExcitationError(f'condition limit must exceed 1, got {self.condition_limit}')
+        if self.seed < 0:
+            raise ExcitationError(f'the seed must not be negative, got {self.seed}')
+
+    def torque_noise(self) -> FloatArray:
+        """Return the standard deviation of each joint's torque measurement [Nm], (n,)."""
+        if self.noise is not None:
+            return self.noise
+        effort = self.setup.limits.effort
+        return np.where(np.isfinite(effort), 0.01 * effort, 0.1)
+
+    def criterion(
+        self,
+        thesis: ConditionCriterion,
+        scaled: ConditionCriterion,
+        optimality: InformationCriterion,
+    ) -> DesignCriterion:
+        """Return the criterion of the objective, made of the three it is reported by."""
+        if self.objective == BOTH:
+            # Weight 2: beyond the limit, a tenth more is not worth a tenth less of deviation.
+            bounded = BoundedCriterion(thesis, log(self.condition_limit))
+            return CombinedCriterion([(1.0, optimality), (2.0, bounded)])
+        if self.objective == INFORMATION:
+            return optimality
+        return scaled if self.objective == SCALED else thesis

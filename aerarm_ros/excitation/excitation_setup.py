@@ -1,0 +1,111 @@
+"""The checks and the planner of one arm, from its description and configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.clearance_checker import ClearanceChecker
+from aerarm_ros.excitation.effort_model import EffortModel
+from aerarm_ros.excitation.excitation_config import ExcitationConfig
+from aerarm_ros.excitation.excitation_planner import ExcitationPlanner
+from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
+from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.excitation.motion_limits import MotionLimits
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitationSetup:
+    """What is needed to find, check and plan excitations of one arm.
+
+    Can be sent to another process, which builds its own checks.
+
+    Parameters
+    ----------
+    robot : the arm.
+    config : usable shares of the limits, surroundings.
+    limits : the arm's limits, whole.
+    rotor_inertia : (n,) reflected to the joints [kg m^2].
+    torque_per_ampere : (n,) joint torque per motor current [Nm/A], infinite if unknown.
+    package_directories : where `package://` meshes are looked for.
+    """
+
+    robot: Robot
+    config: ExcitationConfig
+    limits: MotionLimits
+    rotor_inertia: FloatArray
+    torque_per_ampere: FloatArray
+    package_directories: tuple[Path, ...] = ()
+
+    @classmethod
+    def of_arm(cls, robot: Robot, arm: ArmConfig, config: ExcitationConfig) -> ExcitationSetup:
+        """Return the setup of an arm whose drive train is configured."""
+        return cls(
+            robot,
+            config,
+            MotionLimits.of_arm(arm),
+            arm.column('reflected_inertia'),
+            arm.column('torque_per_ampere'),
+        )
+
+    @classmethod
+    def of_robot(
+        cls, robot: Robot, config: ExcitationConfig, package_directories: Sequence[Path] = ()
+    ) -> ExcitationSetup:
+        """Return the setup of any arm from its URDF alone: no rotor inertia, no current limit."""
+        return cls(
+            robot,
+            config,
+            MotionLimits.of_robot(robot),
+            np.zeros(robot.n),
+            np.full(robot.n, np.inf),
+            tuple(package_directories),
+        )
+
+    @cached_property
+    def usable_limits(self) -> MotionLimits:
+        """The share of the limits an excitation may use."""
+        config = self.config
+        return self.limits.scaled(config.position_share, config.velocity_share, config.effort_share)
+
+    @cached_property
+    def effort_model(self) -> EffortModel:
+        """Prior model of torque and current."""
+        return EffortModel(self.robot, self.rotor_inertia, self.torque_per_ampere)
+
+    @cached_property
+    def clearance(self) -> ClearanceChecker:
+        """Distances to keep; building it raises ExcitationError without collision shapes."""
+        return ClearanceChecker(
+            self.robot,
+            self.config.self_clearance,
+            self.config.ground_clearance,
+            self.config.ground_height,
+            self.package_directories,
+        )
+
+    @cached_property
+    def checker(self) -> FeasibilityChecker:
+        """Limits of the excitation."""
+        return FeasibilityChecker(
+            self.usable_limits, self.clearance, self.effort_model, self.config.highest_frequency
+        )
+
+    @cached_property
+    def planner(self) -> ExcitationPlanner:
+        """From any posture through an excitation and back."""
+        transfers = FeasibilityChecker(self.limits, self.clearance, self.effort_model)
+        return ExcitationPlanner(
+            self.checker, transfers, self.config.ramp_time, self.config.transfer_share
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Collision geometry and solver data cannot be sent; they are built again when needed.
+        return {field.name: getattr(self, field.name) for field in fields(self)}

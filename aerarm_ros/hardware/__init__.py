@@ -1,0 +1,1 @@
+"""Frames, boards, safety gate and the bridge cycle."""

@@ -1,0 +1,58 @@
+"""What the boards report, as arrays over the joints."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.board_link import BoardLink
+from aerarm_ros.hardware.joint_command import Array, Mask
+from aerarm_ros.model.drive_train import DriveTrain
+
+
+class ArmState:
+    """Measurements of n joints and their motors; the last good ones of each board.
+
+    Attributes
+    ----------
+    q, dq, tau
+        (n,) joint positions [rad], velocities [rad/s], torques from currents [Nm]; NaN until
+        the first good frame.
+    motor_position, motor_velocity, motor_current, motor_voltage
+        (n,) motor side [rad], [rad/s], [A], [V]. Positions count from the motors' zeros.
+    reported_position
+        (n,) motor positions as the boards count them [rad].
+    index_toggle
+        (n,) bits that flip at an encoder's index pulse.
+    fresh
+        (n,) whether the motor's board answered in the last cycle.
+    """
+
+    def __init__(self, config: ArmConfig) -> None:
+        def unknown() -> Array:
+            return np.full(config.n, np.nan)
+
+        self.q, self.dq, self.tau = unknown(), unknown(), unknown()
+        self.motor_position, self.motor_velocity = unknown(), unknown()
+        self.motor_current, self.motor_voltage = unknown(), unknown()
+        self.reported_position = unknown()
+        self.index_toggle: Mask = np.zeros(config.n, dtype=bool)
+        self.fresh: Mask = np.zeros(config.n, dtype=bool)
+        self._drive = DriveTrain(config)
+
+    def read(self, links: Sequence[BoardLink], zero: Array) -> None:
+        """Take the boards' last states; `zero` (n,) are the reported angles of motor zero."""
+        for link in links:
+            state = link.state
+            for joint, channel in link.joints:
+                self.fresh[joint] = link.fresh
+                if link.fresh:
+                    self.reported_position[joint] = state.position[channel]
+                    self.motor_velocity[joint] = state.velocity[channel]
+                    self.motor_current[joint] = state.current[channel]
+                    self.motor_voltage[joint] = state.quadrature_voltage[channel]
+                    self.index_toggle[joint] = state.index_toggle[channel]
+        np.subtract(self.reported_position, zero, out=self.motor_position)
+        self.q[:] = self._drive.motor_to_joint_position(self.motor_position)
+        self.dq[:] = self._drive.motor_to_joint_velocity(self.motor_velocity)
+        self.tau[:] = self._drive.current_to_effort(self.motor_current)

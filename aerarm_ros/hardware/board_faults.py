@@ -1,0 +1,28 @@
+"""What can be made to go wrong with an emulated board."""
+
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class BoardFaults:
+    """Lasting faults of one emulated board; all off by default.
+
+    Attributes
+    ----------
+    bit_error_rate
+        Share of frames, each way, in which one to three bits flip.
+    lost_frame_rate
+        Share of exchanges that the board misses: it reads nothing, and the line stays low.
+    dead
+        No supply: the line stays low and the motors are free.
+    deaf
+        The board sends but receives nothing, so its time-out strikes.
+    exchange_time
+        Duration of an exchange [s].
+    """
+
+    bit_error_rate: float = 0.0
+    lost_frame_rate: float = 0.0
+    dead: bool = False
+    deaf: bool = False
+    exchange_time: float = 40e-6

@@ -1,0 +1,345 @@
+"""The bridge's cycle of 1 ms, without ROS and without a clock."""
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.answer import Answer
+from aerarm_ros.hardware.arm_state import ArmState
+from aerarm_ros.hardware.board_link import make_links
+from aerarm_ros.hardware.board_mode import BoardMode
+from aerarm_ros.hardware.bridge_report import BridgeReport
+from aerarm_ros.hardware.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.command_intake import CommandIntake, Values
+from aerarm_ros.hardware.encoder_monitor import EncoderMonitor
+from aerarm_ros.hardware.frame_profile import FrameProfile, load_profile
+from aerarm_ros.hardware.homing import Homing
+from aerarm_ros.hardware.joint_command import JointCommand
+from aerarm_ros.hardware.motor_power import MotorPower
+from aerarm_ros.hardware.motor_references import MotorReferences
+from aerarm_ros.hardware.safety_gate import SafetyGate
+from aerarm_ros.hardware.transport import Transport
+
+MODES = (
+    'disconnected',
+    'idle',
+    'aligning',
+    'ready',
+    'homing',
+    'running',
+    'damping',
+    'fault',
+)
+
+_STEP_MAX = 0.005  # [s] longest time over which a reference is moved in one cycle
+
+
+class BridgeCycle:
+    """Applies joint commands to the boards and reads the joints, once a cycle.
+
+    `mode` is one of `MODES`:
+
+    - disconnected: a board does not answer.
+    - idle: the boards answer and are off.
+    - aligning: the boards turn their motors to find the rotors' directions. The arm moves.
+    - ready: the arm is held where it is; no command has come yet.
+    - homing: the motors search the encoders' index pulses.
+    - running: the last command is followed.
+    - damping: the last command is too old. The joints are damped, so the arm sinks slowly;
+      the next good command is followed again, and `enable` holds the arm where it is.
+    - fault: stopped for the reason that `faults` gives. The joints are damped where their
+      board and encoder still work, until `clear_fault`.
+
+    Requests (`enable`, `disable`, `home`, ...) act from the next update on.
+
+    Parameters
+    ----------
+    config
+        The arm.
+    transport
+        The way to the boards, open.
+    settings
+        Times and tolerances.
+    profile
+        Frames of the boards; that of the configuration if not given.
+    allowed_sources
+        Publishers that may command; anybody if empty.
+
+    Attributes
+    ----------
+    q, dq, tau
+        Joint positions [rad], velocities [rad/s], torques from measured currents [Nm].
+    motor_position, motor_velocity, motor_current, motor_power
+        Motor side [rad], [rad/s], [A], [W].
+    state, power
+        The same with more detail: `ArmState`, and `MotorPower` with energy and source.
+    intake, gate
+        Checks on commands, with their counts.
+    links
+        The boards, with their monitors.
+    mode
+        See above.
+    cycles
+        Number of updates.
+    """
+
+    def __init__(
+        self,
+        config: ArmConfig,
+        transport: Transport,
+        settings: BridgeSettings | None = None,
+        profile: FrameProfile | None = None,
+        allowed_sources: Collection[str] = (),
+    ) -> None:
+        settings = settings or BridgeSettings()
+        profile = profile or load_profile(config.profile)
+        self.state = ArmState(config)
+        self.power = MotorPower(config, profile)
+        # These are updated in place.
+        self.q, self.dq, self.tau = self.state.q, self.state.dq, self.state.tau
+        self.motor_position = self.state.motor_position
+        self.motor_velocity = self.state.motor_velocity
+        self.motor_current = self.state.motor_current
+        self.motor_power = self.power.watts
+        self.intake = CommandIntake(
+            config.joint_names,
+            settings,
+            effort_supported=profile.command.has('current'),
+            allowed_sources=allowed_sources,
+        )
+        self.gate = SafetyGate(config, settings)
+        self.links = make_links(config, profile, settings, transport)
+        self.mode = 'disconnected'
+        self.cycles = 0
+        self._config = config
+        self._transport = transport
+        self._references = MotorReferences(config, profile, settings.position_error_max)
+        self._encoders = EncoderMonitor(config, settings.stall_time)
+        self._report = BridgeReport(self.intake, self.gate, self.links)
+        self._standstill = JointCommand.standstill(config.n)
+        self._homing: Homing | None = None
+        self._enabled = False
+        self._followed = False  # a command was followed since the arm became ready
+        self._now = -np.inf
+
+    @property
+    def rejections(self) -> dict[str, int]:
+        """Number of rejected commands by reason, keys of `command_intake.REJECTIONS`."""
+        return self.intake.rejections
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Everything that is counted, by a name for diagnostics."""
+        return {'cycles': self.cycles, **self._report.counters()}
+
+    @property
+    def faults(self) -> list[str]:
+        """What is wrong, the latched stop first; rejections and limits for a second."""
+        return self._report.faults(self.mode, self._now)
+
+    def command(
+        self,
+        names: Sequence[str],
+        position: Values,
+        velocity: Values,
+        effort: Values,
+        age_of_stamp: float,
+        now: float,
+        source: str,
+    ) -> bool:
+        """Offer a joint command.
+
+        Parameters
+        ----------
+        names
+            The joints of the values below, in any order.
+        position, velocity, effort
+            One value for each name [rad], [rad/s], [Nm], NaN where unused; None or empty if
+            unused for all. What is given chooses a joint's mode, see `JointCommand`.
+        age_of_stamp
+            Age of the state that the command answers [s].
+        now
+            Time of receipt [s], on the clock of `update`.
+        source
+            Who sent it: a second publisher is rejected while the first one's command lasts.
+
+        Returns
+        -------
+        bool
+            False if the command was rejected; `rejections` counts the reason.
+        """
+        ready = self.mode in ('ready', 'running', 'damping')
+        return self.intake.offer(
+            names, position, velocity, effort, age_of_stamp, now, source, ready=ready
+        )
+
+    def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
+        """Set the boards' gains, motor side: (n,) or one for all [A/rad], [A s/rad], [A/(rad s)].
+
+        Raises ValueError, and changes nothing, if the frame cannot hold one of them.
+        """
+        self._references.set_gains(kp, kd, integral_gain)
+
+    def enable(self) -> Answer:
+        """Ask the boards to align and drive the motors. The arm moves: have it supported."""
+        if self.gate.stop:
+            return Answer(False, f'clear the fault first: {self.gate.stop}')
+        if self.mode == 'disconnected':
+            return Answer(False, 'a board does not answer: check supply, wires and SPI mode')
+        if self._enabled:
+            return self._hold()
+        if any(link.state.system_enabled for link in self.links):
+            return Answer(False, 'the boards are still switching off: try again')
+        if not self.gate.is_inside(self.q):
+            return Answer(False, f'joints at {np.round(self.q, 3)} rad are beyond their limits')
+        self._enabled = True
+        self._followed = False
+        self.intake.forget()
+        self._encoders.clear()
+        return Answer(True, 'the motors align now: the arm moves, keep it supported until ready')
+
+    def _hold(self) -> Answer:
+        """Hold a damped arm where it is; leave one that follows a command alone."""
+        if self.intake.is_fresh(self._now):
+            return Answer(True, 'already enabled, a command is followed')
+        self._followed = False
+        return Answer(True, 'already enabled: the arm is held where it is')
+
+    def disable(self) -> Answer:
+        """Ask the boards to switch the motors off. The arm falls: have it supported."""
+        self._enabled = False
+        self._homing = None
+        self.intake.forget()
+        return Answer(True, 'the motors are off')
+
+    def clear_fault(self) -> Answer:
+        """Leave the fault: hold the arm if its motors are still driven, else be idle."""
+        now = self._now
+        silent = [link.monitor.name for link in self.links if link.monitor.is_silent(now)]
+        if silent and self._enabled:
+            # Going on without it would switch off the boards that still damp the arm.
+            return Answer(False, f'{", ".join(silent)} does not answer: disable first, or mend it')
+        reasons = [link.monitor.clear(link.state, now) for link in self.links]
+        if any(reasons):
+            return Answer(False, '; '.join(filter(None, reasons)))
+        self.gate.release()
+        self._encoders.clear()
+        self.intake.forget()
+        self._followed = False
+        # Motors that lost their alignment align only when somebody says so.
+        self._enabled = self._enabled and all(link.may_be_damped(now) for link in self.links)
+        return Answer(True, 'the arm is held' if self._enabled else 'the motors are off')
+
+    def home(self) -> Answer:
+        """Search the encoders' index pulses: every joint turns by up to 8 degrees each way."""
+        if self.mode not in ('ready', 'running', 'damping'):
+            return Answer(False, f'the arm is {self.mode}, homing starts from ready')
+        state = self.state
+        self._homing = Homing(self._config, state.reported_position, state.index_toggle)
+        self.intake.forget()
+        self._followed = False
+        return Answer(True, 'the joints turn slowly until their index pulses are met')
+
+    def e_stop(self, reason: str) -> Answer:
+        """Stop, damped and latched."""
+        self.gate.trip(f'emergency stop: {reason}')
+        return Answer(True, 'the arm is damped')
+
+    def update(self, now: float) -> None:
+        """Run one cycle at the time `now` [s, monotonic]."""
+        dt = min(max(now - self._now, 0.0), _STEP_MAX)
+        self._now = now
+        self.cycles += 1
+        self._transport.advance(now)
+        running = self._choose_references(now, dt)
+        for link in self.links:
+            enable = self._enabled and not (self.gate.stop and not link.may_be_damped(now))
+            link.exchange(self._references, now, enable, running)
+        self.state.read(self.links, self._references.zero)
+        self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
+        self._watch(now)
+        self.mode = self._current_mode(now)
+
+    def shutdown(self) -> None:
+        """Send zero current and system disabled to every board, twice."""
+        self.disable()
+        self.mode = 'idle'
+        for _ in range(2):
+            for link in self.links:
+                link.switch_off()
+
+    def _choose_references(self, now: float, dt: float) -> bool:
+        """Set what the motors shall do; return whether a command is followed."""
+        references = self._references
+        if not self._enabled:
+            references.release()
+            return False
+        command = None if self.gate.stop else self._current_command(now)
+        if command is not None:
+            limited = self.gate.limit(command, self.q, self.dq, dt, now)
+            if not self.gate.stop:
+                references.track(limited, self.gate.brake, self.q, dt)
+                return self._followed
+        self.gate.restart()
+        references.damp(self._encoders.trusted)
+        return False
+
+    def _current_command(self, now: float) -> JointCommand | None:
+        """Return what to follow, None if the arm is to be damped."""
+        if not self._is_aligned:
+            return None
+        if self._homing is not None:
+            return self._home_on(self._homing)
+        if self.intake.is_fresh(now):
+            self._followed = True
+            return self.intake.command
+        return None if self._followed else self._standstill
+
+    def _home_on(self, homing: Homing) -> JointCommand:
+        homing.update(self.state.reported_position, self.state.index_toggle)
+        if homing.is_done:
+            self._homing = None
+            if homing.fault:
+                self.gate.trip(homing.fault)
+            else:
+                self._references.set_zero(homing.zero)
+                self._encoders.clear()
+                self.state.read(self.links, homing.zero)
+        return homing.command
+
+    def _watch(self, now: float) -> None:
+        """Look for faults of boards, encoders and joints."""
+        for link in self.links:
+            if link.monitor.mode is BoardMode.FAULT:
+                self.gate.trip(link.monitor.fault)
+            elif link.monitor.mode is BoardMode.DISCONNECTED:
+                self._enabled = False
+        if self._enabled and self._is_aligned:
+            state = self.state
+            text = self._encoders.check(state.motor_position, state.motor_current, state.fresh, now)
+            if text:
+                self.gate.trip(text)
+            self.gate.check_state(self.q, self.dq)
+        if self.gate.stop:
+            self._homing = None
+
+    def _current_mode(self, now: float) -> str:
+        if self.gate.stop:
+            return 'fault'
+        if any(link.monitor.mode is BoardMode.DISCONNECTED for link in self.links):
+            return 'disconnected'
+        if not self._enabled:
+            return 'idle'
+        if not self._is_aligned:
+            return 'aligning'
+        if self._homing is not None:
+            return 'homing'
+        if not self._followed:
+            return 'ready'
+        return 'running' if self.intake.is_fresh(now) else 'damping'
+
+    @property
+    def _is_aligned(self) -> bool:
+        return all(link.is_aligned for link in self.links)

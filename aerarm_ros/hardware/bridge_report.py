@@ -1,0 +1,55 @@
+"""What the bridge says about itself, for diagnostics."""
+
+from collections.abc import Sequence
+
+from aerarm_ros.hardware.board_link import BoardLink
+from aerarm_ros.hardware.board_mode import BoardMode
+from aerarm_ros.hardware.command_intake import REJECTIONS, CommandIntake
+from aerarm_ros.hardware.joint_limiter import LIMITED
+from aerarm_ros.hardware.safety_gate import SafetyGate
+
+_RECENT = 1.0  # [s] how long a rejection or a limit stays in the list of faults
+
+
+class BridgeReport:
+    """Puts faults and counts of the bridge's parts into words.
+
+    Parameters
+    ----------
+    intake, gate, links
+        The parts.
+    """
+
+    def __init__(self, intake: CommandIntake, gate: SafetyGate, links: Sequence[BoardLink]) -> None:
+        self._intake = intake
+        self._gate = gate
+        self._monitors = [link.monitor for link in links]
+
+    def faults(self, mode: str, now: float) -> list[str]:
+        """Return what is wrong, the latched stop first; rejections and limits for a second."""
+        intake, gate = self._intake, self._gate
+        texts = [gate.stop, *(monitor.fault for monitor in self._monitors)]
+        for monitor in self._monitors:
+            if monitor.mode is BoardMode.DISCONNECTED:
+                texts.append(f'{monitor.name} does not answer: check supply, wires and SPI mode')
+        if mode == 'damping':
+            texts.append(
+                f'no good command for {intake.age(now):.2f} s, the arm is damped: is the '
+                'controller running?'
+            )
+        if now - intake.last_rejection_time < _RECENT:
+            texts.append(f'a command was rejected: {REJECTIONS[intake.last_rejection]}')
+        if now - gate.last_limited_time < _RECENT:
+            texts.append(LIMITED[gate.last_limited])
+        return list(dict.fromkeys(filter(None, texts)))
+
+    def counters(self) -> dict[str, int]:
+        """Return everything that is counted, by a name for diagnostics."""
+        # Copies, because a diagnostics thread may ask while the loop counts on.
+        rejections, limited = dict(self._intake.rejections), dict(self._gate.limited)
+        counts = {'commands accepted': self._intake.accepted}
+        counts |= {f'rejected {key}': count for key, count in rejections.items()}
+        counts |= {f'limited {key}': count for key, count in limited.items()}
+        for monitor in self._monitors:
+            counts |= {f'{monitor.name} {key}': n for key, n in monitor.counters().items()}
+        return counts

@@ -1,0 +1,39 @@
+"""How frames get to the boards and back."""
+
+from typing import Protocol
+
+
+class Transport(Protocol):
+    """Full-duplex exchange of frames with a number of boards.
+
+    Once open, `exchange` never raises and takes a bounded time: a board that can't be
+    reached answers with no bytes, and `problem` says why.
+    """
+
+    def open(self) -> None:
+        """Make the bus ready; raises TransportError that says what to check."""
+        ...
+
+    def close(self) -> None:
+        """Release the bus; a closed transport may be closed again."""
+        ...
+
+    def advance(self, now: float) -> None:
+        """Hear of the cycle's time [s, monotonic]: emulated boards catch up with it."""
+        ...
+
+    def exchange(self, board: int, frame: bytes) -> bytes:
+        """Send a frame to a board and return what came back; b'' if nothing did."""
+        ...
+
+    def exchange_time(self, board: int) -> float:
+        """Duration of the last exchange with a board [s]."""
+        ...
+
+    def problem(self, board: int) -> str:
+        """Why the last exchange with a board failed, '' if it didn't."""
+        ...
+
+
+class TransportError(OSError):
+    """A bus that cannot be opened; the text says what to check."""

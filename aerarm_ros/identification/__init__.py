@@ -1,0 +1,1 @@
+"""From recorded motion to a physically consistent dynamic model."""

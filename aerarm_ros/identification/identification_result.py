@@ -1,0 +1,81 @@
+"""Everything an identification found, for files and report."""
+
+from dataclasses import dataclass
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.assessment import BagAssessment
+from aerarm_ros.identification.base_parameters import BaseParameters
+from aerarm_ros.identification.conditioning import Conditioner
+from aerarm_ros.identification.estimate import Estimate
+from aerarm_ros.identification.joint_model_selection import Comparison
+from aerarm_ros.identification.kinematics_filter import KinematicsFilter
+from aerarm_ros.identification.model_fit import ModelFit
+from aerarm_ros.identification.sample_columns import SampleColumns
+
+
+@dataclass(frozen=True)
+class FilterTrial:
+    """A way to clean the kinematics, and the torque error [%] that least squares leaves then."""
+
+    kinematics: KinematicsFilter
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """An estimate and its torque errors."""
+
+    estimate: Estimate
+    identification: list[BagAssessment]
+    validation: list[BagAssessment]
+
+
+@dataclass(frozen=True, eq=False)
+class IdentificationResult:
+    """The outcome of `identify`.
+
+    Attributes
+    ----------
+    robot : Robot
+    cad : ArmParameters
+    conditioner : Conditioner
+        Cut-off, period and harmonics.
+    filter_trials : list of FilterTrial
+    kinematics : KinematicsFilter
+        The one chosen.
+    identification, validation : list of SampleColumns
+    thesis_base, used_base : BaseParameters
+        Of links, viscous and Coulomb friction alone, and of all fitted columns.
+    fit : ModelFit
+        The regression behind the estimates.
+    comparisons : list of Comparison
+        Friction models tried.
+    solutions : dict of str to Solution
+        By solver.
+    warnings : list of str
+    """
+
+    robot: Robot
+    cad: ArmParameters
+    conditioner: Conditioner
+    filter_trials: list[FilterTrial]
+    kinematics: KinematicsFilter
+    identification: list[SampleColumns]
+    validation: list[SampleColumns]
+    thesis_base: BaseParameters
+    used_base: BaseParameters
+    fit: ModelFit
+    comparisons: list[Comparison]
+    solutions: dict[str, Solution]
+    warnings: list[str]
+
+    @property
+    def recommended(self) -> Solution:
+        """The solution to use: the physically consistent one."""
+        return self.solutions['sdp']
+
+    @property
+    def samples(self) -> int:
+        """Recorded samples that the identification bags contributed."""
+        return sum(bag.samples.recorded for bag in self.identification)

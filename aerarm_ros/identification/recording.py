@@ -1,0 +1,234 @@
+"""One recorded motion of an arm, checked."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.identification_error import IdentificationError
+from aerarm_ros.identification.stamps import sound_messages
+
+Array = npt.NDArray[np.float64]
+
+# An encoder count of a coarse drive is about 1e-4 rad: less than this is no motion.
+_SMALLEST_MOTION = 1e-3
+_FEWEST_MESSAGES = 20
+
+
+class JointStates(Protocol):
+    """Messages of one topic as arrays; fields that a message leaves empty are NaN."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Joint names, in the order of the columns."""
+
+    @property
+    def stamp(self) -> Array:
+        """(M,) header stamps [s]."""
+
+    @property
+    def position(self) -> Array:
+        """(M, n) [rad]."""
+
+    @property
+    def velocity(self) -> Array:
+        """(M, n) [rad/s]."""
+
+    @property
+    def effort(self) -> Array:
+        """(M, n) [Nm]."""
+
+
+@dataclass(frozen=True)
+class JointMapping:
+    """How the joints of a bag become those of the URDF.
+
+    Attributes
+    ----------
+    rename : mapping
+        Name in the bag to name in the URDF.
+    ignored : tuple of str
+        Joints of the bag (after renaming) that the arm doesn't have or that are locked.
+    effort_gain : mapping
+        Joint to the factor that turns its recorded effort into torque [Nm], e.g. Nm/A.
+    """
+
+    rename: Mapping[str, str]
+    ignored: tuple[str, ...] = ()
+    effort_gain: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Motion and torque of an arm's n joints, in the order of its chain.
+
+    Attributes
+    ----------
+    name : str
+        For tables and messages.
+    joint_names : tuple of str
+    time : (M,) ndarray
+        [s], strictly increasing from 0.
+    q, dq, tau : (M, n) ndarray
+        [rad], [rad/s], [Nm]. `dq` is None if the bag has no velocities.
+    dead_effort : (n,) ndarray of bool
+        Joints whose recorded torque never changes: their rows carry no information.
+    warnings : tuple of str
+        What was left out or looks odd.
+    start : float
+        Stamp of time 0 [s].
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    time: Array
+    q: Array
+    dq: Array | None
+    tau: Array
+    dead_effort: npt.NDArray[np.bool_]
+    warnings: tuple[str, ...] = ()
+    start: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        """Time from first to last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    def part(self, first: float, last: float, suffix: str) -> 'Recording':
+        """Return the samples between two shares (0..1) of the duration."""
+        low, high = (self.time[0] + share * self.duration for share in (first, last))
+        inside = (self.time >= low) & ((self.time < high) | (last >= 1.0))
+        return Recording(
+            f'{self.name}{suffix}',
+            self.joint_names,
+            self.time[inside],
+            self.q[inside],
+            None if self.dq is None else self.dq[inside],
+            self.tau[inside],
+            self.dead_effort,
+            self.warnings,
+            self.start,
+        )
+
+
+def recording_from_states(
+    name: str, states: JointStates, joint_names: Sequence[str], mapping: JointMapping
+) -> Recording:
+    """Pick an arm's joints out of recorded joint states and check what they hold.
+
+    Parameters
+    ----------
+    name : str
+        Of the bag, for messages.
+    states : JointStates
+        As read from the bag.
+    joint_names : sequence of str
+        The arm's joints, from base to tool.
+    mapping : JointMapping
+        Renaming, joints to leave out, effort gains.
+
+    Raises
+    ------
+    IdentificationError
+        If there are too few messages, a joint is missing or unknown, stamps repeat or jump,
+        position or effort is missing or NaN, or nothing moves.
+    """
+    order = np.array(_columns(name, states.names, joint_names, mapping))
+    if len(states.stamp) < _FEWEST_MESSAGES:
+        raise IdentificationError(
+            f'{name}: only {len(states.stamp)} joint states: too short to identify anything from, '
+            'record a longer motion'
+        )
+    kept, warnings = sound_messages(name, states.stamp)
+    stamp = states.stamp[kept]
+    q = _complete(name, 'position', states.position[np.ix_(kept, order)], joint_names, stamp)
+    tau = _complete(name, 'effort', states.effort[np.ix_(kept, order)], joint_names, stamp)
+    gains = mapping.effort_gain or {}
+    tau = tau * np.array([gains.get(joint, 1.0) for joint in joint_names])
+    dq = _velocity(name, states.velocity[np.ix_(kept, order)], warnings)
+    dead = _check_content(name, joint_names, q, tau, warnings)
+    names = tuple(joint_names)
+    time = stamp - stamp[0]
+    return Recording(name, names, time, q, dq, tau, dead, tuple(warnings), float(stamp[0]))
+
+
+def _columns(
+    bag: str, names: Sequence[str], joint_names: Sequence[str], mapping: JointMapping
+) -> list[int]:
+    unknown = [name for name in mapping.rename if name not in names]
+    if unknown:
+        raise IdentificationError(
+            f'{bag}: no joint {", ".join(unknown)} to rename: the bag has {", ".join(names)}'
+        )
+    renamed = [mapping.rename.get(name, name) for name in names]
+    missing = [name for name in joint_names if name not in renamed]
+    if missing:
+        raise IdentificationError(
+            f'{bag}: joints {", ".join(missing)} of the URDF are not in the bag, which has '
+            f"{', '.join(names)}: rename the bag's joints (--rename BAG=URDF), lock joints of "
+            'the URDF (--lock JOINT), or give the URDF of the recorded arm'
+        )
+    extra = [name for name in renamed if name not in (*joint_names, *mapping.ignored)]
+    if extra:
+        raise IdentificationError(
+            f'{bag}: joints {", ".join(extra)} of the bag are missing from the URDF: give the URDF '
+            'of the recorded arm, or leave these joints out (--ignore JOINT)'
+        )
+    return [renamed.index(name) for name in joint_names]
+
+
+def _complete(bag: str, field: str, values: Array, joints: Sequence[str], stamp: Array) -> Array:
+    """Return the values if every one is finite."""
+    bad = ~np.isfinite(values)
+    if not bad.any():
+        return values
+    names = ', '.join(joint for joint, column in zip(joints, bad.T, strict=True) if column.any())
+    if bad.all(axis=0).any():
+        raise IdentificationError(
+            f'{bag}: no {field} recorded of joints {names}: check what publishes the topic, or '
+            'choose another with --topic'
+        )
+    rows = np.flatnonzero(bad.any(axis=1))
+    raise IdentificationError(
+        f'{bag}: {field} of joints {names} is NaN or infinite in {len(rows)} of {len(values)} '
+        f'messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start: check the driver that '
+        'published it, or record again'
+    )
+
+
+def _velocity(bag: str, dq: Array, warnings: list[str]) -> Array | None:
+    if not np.isfinite(dq).all():
+        warnings.append(f'{bag}: velocities missing or NaN; positions are differentiated instead')
+        return None
+    if not dq.any():
+        warnings.append(f'{bag}: velocities are all zero; positions are differentiated instead')
+        return None
+    return dq
+
+
+def _check_content(
+    bag: str, joints: Sequence[str], q: Array, tau: Array, warnings: list[str]
+) -> npt.NDArray[np.bool_]:
+    still = np.ptp(q, axis=0) < _SMALLEST_MOTION
+    if still.all():
+        raise IdentificationError(
+            f'{bag}: no joint moves: record an excitation trajectory, with the drives enabled'
+        )
+    dead = np.ptp(tau, axis=0) == 0.0
+    if dead.all():
+        raise IdentificationError(
+            f'{bag}: the effort of every joint is constant: check that the drives report torque '
+            'or current'
+        )
+    for states, text in (
+        (still, 'does not move: its friction cannot be identified'),
+        (dead, 'has a constant effort: its equation is left out'),
+    ):
+        warnings += [
+            f'{bag}: joint {joint} {text}'
+            for joint, state in zip(joints, states, strict=True)
+            if state
+        ]
+    return np.asarray(dead, dtype=bool)

@@ -1,0 +1,174 @@
+"""Tables of the report."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from aerarm_ros.identification.assessment import BagAssessment
+from aerarm_ros.identification.html_text import Html, folded, number, paragraph, table
+from aerarm_ros.identification.identification_result import IdentificationResult, Solution
+from aerarm_ros.identification.summary import term_text
+from aerarm_ros.identification.truth import InertialTorqueError, Truth
+
+_RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
+
+
+def bags_of(solution: Solution) -> list[tuple[str, BagAssessment]]:
+    """Return the assessments with the part that each bag plays."""
+    return [('identification', bag) for bag in solution.identification] + [
+        ('validation', bag) for bag in solution.validation
+    ]
+
+
+def error_table(result: IdentificationResult) -> Html:
+    """Return table 5.1: errors (5.3) of every solver on every bag, filtered and raw."""
+    bags = bags_of(result.recommended)
+    headings = ['solver']
+    for role, bag in bags:
+        headings += [f'{role} {bag.bag}, filtered [%]', 'raw [%]']
+    headings += ['physically consistent', 'smallest pseudo-inertia eigenvalue', 'time [ms]']
+    rows = []
+    for name, solution in result.solutions.items():
+        row: list[object] = [name]
+        for _, bag in bags_of(solution):
+            row += [bag.filtered, bag.raw]
+        estimate = solution.estimate
+        row += [
+            Html('yes' if estimate.physically_consistent else 'no'),
+            estimate.min_pseudo_inertia_eigenvalue,
+            1e3 * estimate.seconds,
+        ]
+        rows.append(row)
+    return table(headings, rows, best=[list(result.solutions).index('sdp')])
+
+
+def joint_error_table(result: IdentificationResult) -> Html:
+    """Return the errors (5.3) of each joint alone."""
+    headings = ['bag', 'solver', 'torque', *(f'{name} [%]' for name in result.robot.joint_names)]
+    rows: list[list[object]] = []
+    for name, solution in result.solutions.items():
+        for role, bag in bags_of(solution):
+            for kind, values in (
+                ('filtered', bag.per_joint_filtered),
+                ('raw', bag.per_joint_raw),
+            ):
+                rows.append([f'{role} {bag.bag}', name, kind, *map(float, values)])
+    rows.sort(key=lambda row: str(row[0]))
+    return table(headings, rows)
+
+
+def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
+    """Return table A.1: every parameter against CAD, with standard deviation."""
+    estimate = result.recommended.estimate
+    cad, ols = (result.solutions[name].estimate.theta for name in ('cad', 'ols'))
+    units = list(_RIGID_UNITS) * result.robot.n
+    units += [term.unit.replace('^2', '²') for _, term in estimate.model.joint_columns]
+    headings = ['parameter', 'unit', 'CAD', 'ols', 'sdp', 'standard deviation', 'from data [%]']
+    if truth:
+        headings.append('true')
+        true = truth.vector(estimate.model)
+    std = estimate.std if estimate.std is not None else np.full(len(cad), np.nan)
+    known = estimate.determined if estimate.determined is not None else np.full(len(cad), np.nan)
+    rows = []
+    for i, name in enumerate(estimate.model.columns):
+        row: list[object] = [name, Html(units[i]), float(cad[i]), float(ols[i])]
+        row += [float(estimate.theta[i]), float(std[i]), Html(number(100.0 * float(known[i]), 3))]
+        if truth:
+            row.append(float(true[i]))
+        rows.append(row)
+    return table(headings, rows)
+
+
+def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
+    """Return the combinations of parameters that the data determine."""
+    base = result.used_base
+    solutions = result.solutions
+    columns = {name: base.values(solutions[name].estimate.theta) for name in ('cad', 'ols', 'sdp')}
+    std = base_deviations(result)
+    headings = ['base parameter', 'CAD', 'ols', 'sdp', 'standard deviation']
+    if truth:
+        headings += ['true', 'sdp - true, in standard deviations']
+        true = base.values(truth.vector(result.recommended.estimate.model))
+    rows = []
+    for i, expression in enumerate(base.expressions()):
+        row: list[object] = [expression, *(float(values[i]) for values in columns.values())]
+        row.append(float(std[i]))
+        if truth:
+            row += [float(true[i]), float((columns['sdp'][i] - true[i]) / max(std[i], 1e-300))]
+        rows.append(row)
+    return table(headings, rows)
+
+
+def base_deviations(result: IdentificationResult) -> np.ndarray:
+    """Return the (r,) standard deviations of the base parameters by the data alone."""
+    fit = result.fit
+    factor = fit.regression.system(fit.noise.information_weights).R[:, result.used_base.independent]
+    scale = np.linalg.norm(factor, axis=0)
+    inverse = np.linalg.pinv(factor / scale)
+    return np.asarray(np.sqrt((inverse**2).sum(axis=1)) / scale)
+
+
+def conditioning_tables(result: IdentificationResult) -> Html:
+    """Return what was found out about the motion and how it was filtered."""
+    conditioner = result.conditioner
+    facts: list[list[object]] = [
+        ['samples', Html(str(result.samples))],
+        ['period', _period(result)],
+        ['motion lies below', f'{conditioner.band:.3g} Hz'],
+        ['torque low-pass', f'{conditioner.cutoff:.3g} Hz, zero phase'],
+        ['kinematics', result.kinematics.label],
+    ]
+    for name, base in (('thesis', result.thesis_base), ('used', result.used_base)):
+        text = f'{len(base.columns)} columns, rank {base.rank}, '
+        facts.append([f'regressor, {name}', text + f'condition number {base.condition_number:.4g}'])
+    trials = [[t.kinematics.label, float(t.error)] for t in result.filter_trials]
+    chosen = [i for i, t in enumerate(result.filter_trials) if t.kinematics == result.kinematics]
+    return Html(
+        table(['conditioning', ''], facts)
+        + table(['filter of the kinematics', 'error left by least squares [%]'], trials, chosen)
+    )
+
+
+def _period(result: IdentificationResult) -> str:
+    conditioner = result.conditioner
+    if conditioner.fundamental is None:
+        return 'not periodic'
+    return f'f0 = {conditioner.fundamental:.4g} Hz, {conditioner.harmonics} harmonics'
+
+
+def friction_tables(result: IdentificationResult) -> Html:
+    """Return the friction model of each joint and what it was compared with."""
+    names = result.robot.joint_names
+    model = result.fit.model
+    chosen = table(
+        ['joint', 'terms besides the links'],
+        [[name, ', '.join(map(term_text, t))] for name, t in zip(names, model.terms, strict=True)],
+    )
+    if not result.comparisons:
+        return chosen
+    tried = [
+        [names[trial.joint], ', '.join(map(term_text, trial.terms)), float(trial.error)]
+        for trial in result.comparisons
+    ]
+    best = [i for i, trial in enumerate(result.comparisons) if trial.chosen]
+    headings = ['joint', 'terms tried', 'held-out squared error, relative']
+    return Html(
+        chosen
+        + folded(
+            'Comparison by cross-validation within the identification bags',
+            paragraph(
+                'Each fifth of the motion predicted from the other four. Emphasised: chosen at '
+                'that step.',
+                'note',
+            ),
+            table(headings, tried, best),
+        )
+    )
+
+
+def truth_table(errors: Sequence[InertialTorqueError], joints: Sequence[str]) -> Html:
+    """Return the errors of links' and rotors' torque against the true parameters."""
+    headings = ['bag', 'solver', 'inertial torque error [%]']
+    headings += [f'{joint} [%]' for joint in joints] + ['against true torque constants [%]']
+    rows = [[e.bag, e.solver, e.total, *map(float, e.per_joint), e.total_absolute] for e in errors]
+    return table(headings, rows, [i for i, e in enumerate(errors) if e.solver == 'sdp'])

@@ -1,0 +1,202 @@
+"""Zero-phase filtering, differentiation and decimation of sampled signals, thesis section 3.5."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+# The impulse response of the low-pass below has died out after this many periods of its cut-off.
+SETTLING_PERIODS = 6.0
+_BATCH = 2_000_000  # values transformed at once: bounds the working memory
+
+
+def low_pass_gain(cutoff: float, order: int = 4) -> Callable[[Array], Array]:
+    """Return the gain of a Butterworth low-pass run forwards and backwards.
+
+    Parameters
+    ----------
+    cutoff : float
+        Frequency [Hz] at which the gain is 1/2 (each of the two runs gives 1/sqrt(2)).
+    order : int
+        Of each run.
+
+    Returns
+    -------
+    callable
+        Frequencies [Hz] to gains, real: no phase shift.
+    """
+
+    def gain(frequency: Array) -> Array:
+        return np.asarray(1.0 / (1.0 + (frequency / cutoff) ** (2 * order)))
+
+    return gain
+
+
+def harmonic_gain(fundamental: float, harmonics: int) -> Callable[[Array], Array]:
+    """Return the gain of the rectangular windows of figure 3.2 at the known harmonics.
+
+    Parameters
+    ----------
+    fundamental : float
+        f0 [Hz].
+    harmonics : int
+        N: constant and f0 .. N f0 pass unchanged, nothing else does.
+
+    Returns
+    -------
+    callable
+        Frequencies [Hz] of a record of whole periods to gains of 0 or 1.
+    """
+
+    def gain(frequency: Array) -> Array:
+        order = frequency / fundamental
+        nearest = np.round(order)
+        return np.asarray(
+            (np.abs(order - nearest) < 1e-6 * (1.0 + nearest)) & (nearest <= harmonics), float
+        )
+
+    return gain
+
+
+class SpectralFilter:
+    """A filter without phase shift, applied in the frequency domain.
+
+    The signal is either periodic, then its spectrum is exact, or the straight line between its
+    ends is taken off and the rest continued by point reflection (odd extension), which keeps
+    value and slope continuous; the line passes unchanged. Decimation leaves out the bins above
+    the new Nyquist frequency, which costs nothing and cannot alias.
+
+    Parameters
+    ----------
+    count : int
+        Samples of the signals to filter.
+    dt : float
+        Sampling time [s].
+    gain : callable
+        Frequencies [Hz] to real gains, 1 for constants, such as `low_pass_gain(5.0)`.
+    decimation : int
+        Every how many samples one is kept; it must divide `count` of a periodic signal.
+    settling : float or None
+        Length of the continuation [s]; None for a periodic signal.
+
+    Raises
+    ------
+    ValueError
+        If `decimation` doesn't divide the length of a periodic signal.
+    """
+
+    def __init__(
+        self,
+        count: int,
+        dt: float,
+        gain: Callable[[Array], Array],
+        decimation: int = 1,
+        settling: float | None = None,
+    ) -> None:
+        self.count = count
+        self.dt = dt
+        self.decimation = decimation
+        self._periodic = settling is None
+        if settling is None:
+            if count % decimation:
+                raise ValueError(f'{count} periodic samples cannot be decimated by {decimation}')
+            self._left, self._length = 0, count
+        else:
+            self._left, self._length = _continuation(count, settling / dt, decimation)
+        frequency: Array = np.asarray(np.fft.rfftfreq(self._length, dt), dtype=float)
+        self._gain = gain(frequency)
+        self._omega = 2.0 * np.pi * frequency
+
+    def __call__(self, signal: npt.ArrayLike, derivative: int = 0, decimate: bool = True) -> Array:
+        """Filter along the first axis.
+
+        Parameters
+        ----------
+        signal : (count, ...) array_like
+            Uniform samples.
+        derivative : int
+            How many times to differentiate: multiplication by (j omega), section 3.5.1.
+        decimate : bool
+            False keeps the sampling rate.
+
+        Returns
+        -------
+        (ceil(count / decimation), ...) ndarray
+            In the signal's unit per second to the power of `derivative`.
+        """
+        signal = np.asarray(signal, dtype=float)
+        step = self.decimation if decimate else 1
+        columns = signal.reshape(self.count, -1)
+        result = np.empty((-(-self.count // step), columns.shape[1]))
+        gain = self._gain * (1j * self._omega) ** derivative if derivative else self._gain
+        if derivative and self._length % 2 == 0:
+            gain[-1] = 0.0  # the Nyquist bin has no sign, so no derivative
+        batch = max(1, _BATCH // self._length)
+        for first in range(0, columns.shape[1], batch):
+            part = slice(first, first + batch)
+            result[:, part] = self._filtered(columns[:, part].T, derivative, gain, step).T
+        return result.reshape(-1, *signal.shape[1:])
+
+    def _filtered(
+        self, rows: Array, derivative: int, gain: npt.NDArray[np.inexact], step: int
+    ) -> Array:
+        if self._periodic:
+            return self._apply(np.ascontiguousarray(rows), gain, step)
+        slope = (rows[:, -1:] - rows[:, :1]) / (self.count - 1)
+        line = rows[:, :1] + slope * np.arange(self.count)
+        filtered = self._apply(self._continued(rows - line), gain, step)
+        if derivative == 0:
+            filtered += line[:, ::step]
+        elif derivative == 1:
+            filtered += slope / self.dt
+        return filtered
+
+    def _apply(self, rows: Array, gain: npt.NDArray[np.inexact], step: int) -> Array:
+        spectrum = np.fft.rfft(rows, axis=1)
+        spectrum *= gain
+        length = self._length // step
+        spectrum = spectrum[:, : length // 2 + 1]
+        if step > 1 and length % 2 == 0:
+            # What was one of two conjugate bins stands alone at the new Nyquist frequency.
+            spectrum[:, -1] = spectrum[:, -1].real * 2.0
+        filtered = np.fft.irfft(spectrum, length, axis=1) / step
+        first = self._left // step
+        return np.asarray(filtered[:, first : first + -(-self.count // step)])
+
+    def _continued(self, rows: Array) -> Array:
+        left, right = self._left, self._length - self._left - self.count
+        extended = np.empty((len(rows), self._length))
+        extended[:, left : left + self.count] = rows
+        # The ends are zero by now: reflection about them changes the sign.
+        extended[:, :left] = -rows[:, left:0:-1]
+        last = self.count - 1
+        if right:
+            mirrored = rows[:, last - 1 : last - 1 - right if right < last else None : -1]
+            extended[:, left + self.count :] = -mirrored
+        return extended
+
+
+def _continuation(count: int, wanted: float, decimation: int) -> tuple[int, int]:
+    """Return samples in front of the signal and in all; both multiples of the decimation."""
+    most = count - 1
+    left = min(round(wanted), most) // decimation * decimation
+    shortest, longest = left + count + min(round(wanted), most), left + count + most
+    first = -(-shortest // decimation) * decimation
+    lengths = range(first, longest + 1, decimation)
+    for length in lengths[:2000]:
+        if _is_smooth(length):
+            return left, length
+    if len(lengths):
+        return left, lengths[0]
+    # Too few samples to reach a multiple behind the end: cut the front instead.
+    return left, (left + count + most) // decimation * decimation
+
+
+def _is_smooth(number: int) -> bool:
+    """Tell whether a number has no prime factor above 7, so that its transform is fast."""
+    for factor in (2, 3, 5, 7):
+        while number % factor == 0:
+            number //= factor
+    return number == 1

@@ -1,0 +1,102 @@
+"""The outcome of an identification as plain numbers, for summary.json."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from aerarm_ros.identification.assessment import BagAssessment
+from aerarm_ros.identification.base_parameters import BaseParameters
+from aerarm_ros.identification.identification_result import IdentificationResult, Solution
+from aerarm_ros.identification.joint_term import JointTerm
+from aerarm_ros.identification.truth import InertialTorqueError
+
+
+def summarise(
+    result: IdentificationResult,
+    seconds: Mapping[str, float],
+    truth: Sequence[InertialTorqueError] = (),
+) -> dict[str, Any]:
+    """Return the summary: torque errors in percent, times in seconds.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+    seconds : mapping
+        Stage to time [s]; their sum is added as 'total'.
+    truth : sequence of InertialTorqueError
+        Comparison with a simulated arm's true parameters, if there is one.
+    """
+    conditioner = result.conditioner
+    summary: dict[str, Any] = {
+        'robot': result.robot.model.name,
+        'joints': list(result.robot.joint_names),
+        'samples': result.samples,
+        'regressor': {
+            'thesis': _regressor(result.thesis_base),
+            'used': _regressor(result.used_base),
+        },
+        'conditioning': {
+            'cutoff': conditioner.cutoff,
+            'fundamental': conditioner.fundamental,
+            'harmonics': conditioner.harmonics,
+            'kinematics': result.kinematics.label,
+            'trials': [
+                {'kinematics': trial.kinematics.label, 'error': trial.error}
+                for trial in result.filter_trials
+            ],
+        },
+        'friction': {
+            joint: [term_text(term) for term in terms]
+            for joint, terms in zip(result.robot.joint_names, result.fit.model.terms, strict=True)
+        },
+        'seconds': {**seconds, 'total': sum(seconds.values())},
+        'solvers': {name: _solver(solution) for name, solution in result.solutions.items()},
+        'warnings': list(result.warnings),
+    }
+    if truth:
+        summary['inertial_torque_error'] = [
+            {
+                'solver': error.solver,
+                'bag': error.bag,
+                'total': error.total,
+                'per_joint': error.per_joint.tolist(),
+                'total_against_true_torque': error.total_absolute,
+            }
+            for error in truth
+        ]
+    return summary
+
+
+def term_text(term: JointTerm) -> str:
+    """Return a term in words, such as 'Coulomb friction (tanh, 0.05 rad/s)'."""
+    return f'{term.meaning} (tanh, {term.width:g} rad/s)' if term.width else term.meaning
+
+
+def _regressor(base: BaseParameters) -> dict[str, Any]:
+    condition = base.condition_number
+    return {
+        'columns': len(base.columns),
+        'rank': base.rank,
+        'condition_number': condition if math.isfinite(condition) else None,
+    }
+
+
+def _solver(solution: Solution) -> dict[str, Any]:
+    estimate = solution.estimate
+    return {
+        'identification': [_bag(assessment) for assessment in solution.identification],
+        'validation': [_bag(assessment) for assessment in solution.validation],
+        'physically_consistent': estimate.physically_consistent,
+        'min_pseudo_inertia_eigenvalue': estimate.min_pseudo_inertia_eigenvalue,
+        'seconds': estimate.seconds,
+    }
+
+
+def _bag(assessment: BagAssessment) -> dict[str, Any]:
+    return {
+        'bag': assessment.bag,
+        'filtered': assessment.filtered,
+        'raw': assessment.raw,
+        'per_joint_filtered': assessment.per_joint_filtered.tolist(),
+        'per_joint_raw': assessment.per_joint_raw.tolist(),
+    }

@@ -1,0 +1,1 @@
+"""One executable a file: parameters -> pure object -> topics."""

@@ -1,0 +1,112 @@
+"""Tells the drone what the arm does to it: wrench at the mount, mass, centre, inertia.
+
+Everything is in base_link's axes, moments about its origin. `base_wrench` is the wrench of
+the arm on the drone; `base_wrench_static` is its part due to gravity.
+"""
+
+import sys
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import InertiaStamped, PointStamped, WrenchStamped
+from numpy.typing import NDArray
+from std_msgs.msg import Header
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.topic import Topic
+from aerarm_ros.control.acceleration_estimate import AccelerationEstimate
+from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.base_reaction import BaseReaction
+from aerarm_ros.control.control_loop import LONGEST_GAP
+from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.state_node import StateNode
+
+NAME = 'base_reaction'
+BASE_FRAME = 'base_link'
+STATIC_WRENCH = Topic('base_wrench_static', WrenchStamped, topics.NEWEST)
+
+PARAMETERS = (
+    Parameter('rate', 100.0, 'how often the wrench is published', 'Hz', 1.0, 1000.0),
+    Parameter('cutoff', 20.0, 'low-pass of the joint acceleration', 'Hz', 0.1, 500.0),
+)
+
+
+class BaseReactionNode(StateNode):
+    """Joint states in, `BaseReaction` out, at a rate of its own."""
+
+    def __init__(self) -> None:
+        super().__init__(NAME, PARAMETERS)
+
+    def build(self) -> None:
+        """Make the model and the acceleration's estimate."""
+        self._reaction = BaseReaction(self.arm.robot)
+        self._acceleration = AccelerationEstimate(self.arm.config.n, self.values.cutoff)
+        # A little less than a period: states come with jitter.
+        self._period = 1.0 / self.values.rate - 0.5e-3
+        self._last = self._due = -np.inf
+
+    def connect(self) -> None:
+        """Advertise what the drone wants to know."""
+        self._wrench = self.advertise(topics.BASE_WRENCH)
+        self._static = self.advertise(STATIC_WRENCH)
+        self._inertia = self.advertise(topics.ARM_INERTIA)
+        self._com = self.advertise(topics.ARM_COM)
+
+    def answer(self, stamp_ns: int, state: ArmState) -> None:
+        """Publish the reaction if it is due."""
+        now = stamp_ns * 1e-9
+        dt, self._last = now - self._last, now
+        if not 0.0 < dt < LONGEST_GAP:
+            self._acceleration.reset()
+        ddq = self._acceleration.update(state.dq, dt)
+        if now < self._due:
+            return
+        self._due = now + self._period
+        result = self._reaction.evaluate(state.q, state.dq, ddq, self.base.motion(now))
+        seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+        header = Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=BASE_FRAME)
+        self._wrench.publish(_wrench_message(header, result.wrench))
+        self._static.publish(_wrench_message(header, result.static))
+        self._com.publish(_point_message(header, result.com))
+        self._inertia.publish(_inertia_message(header, result))
+        self.diagnostics.latency.add(time.time_ns() - stamp_ns)
+
+
+def _wrench_message(header: Header, wrench: NDArray[np.float64]) -> WrenchStamped:
+    message = WrenchStamped(header=header)
+    _fill(message.wrench.force, wrench[:3])
+    _fill(message.wrench.torque, wrench[3:])
+    return message
+
+
+def _point_message(header: Header, point: NDArray[np.float64]) -> PointStamped:
+    message = PointStamped(header=header)
+    _fill(message.point, point)
+    return message
+
+
+def _inertia_message(header: Header, result: BaseReaction.Result) -> InertiaStamped:
+    message = InertiaStamped(header=header)
+    inertia, tensor = message.inertia, result.inertia.tolist()
+    inertia.m = result.mass
+    _fill(inertia.com, result.com)
+    inertia.ixx, inertia.ixy, inertia.ixz = tensor[0]
+    inertia.iyy, inertia.iyz, inertia.izz = tensor[1][1], tensor[1][2], tensor[2][2]
+    return message
+
+
+def _fill(message: Any, vector: NDArray[np.float64]) -> None:
+    message.x, message.y, message.z = vector.tolist()
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, BaseReactionNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

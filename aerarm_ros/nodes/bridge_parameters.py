@@ -1,0 +1,69 @@
+"""Parameters of the hardware bridge."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from aerarm_ros.hardware.bridge_settings import BridgeSettings
+from aerarm_ros.nodes.parameter import Parameter
+
+_DEFAULTS = BridgeSettings()
+
+# Name: (unit, description) of the settings that the bridge cycle takes as they are.
+_SETTINGS = {
+    'command_timeout': ('s', 'age of the last accepted command at which the arm is damped'),
+    'stamp_age_max': ('s', 'largest age of the state that a command answers'),
+    'board_timeout': (
+        's',
+        'time without a valid frame after which a board switches its motors off',
+    ),
+    'bad_frames_max': ('', 'consecutive bad frames of a board that are a fault'),
+    'state_age_max': ('s', "age of a board's last good state that is a fault"),
+    'exchange_time_max': ('s', 'duration of an exchange that counts as slow'),
+    'slow_exchanges_max': ('', 'consecutive slow exchanges that are a fault'),
+    'connect_frames': ('', 'consecutive good frames after which a board counts as connected'),
+    'alignment_timeout': ('s', 'longest time a board may take to align its motors'),
+    'soft_zone': ('rad', 'distance from a position limit at which motion towards it is slowed'),
+    'position_tolerance': ('rad', 'distance beyond a position limit at which the arm is stopped'),
+    'velocity_factor': ('', 'multiple of the velocity limits at which the arm is stopped'),
+    'effort_factor': ('', 'multiple of the effort limits at which the arm is stopped'),
+    'position_error_max': ('rad', 'distance of a reference from the arm at which it is stopped'),
+    'stall_time': ('s', 'time at the current limit without motion that is a fault'),
+}
+
+BRIDGE_PARAMETERS = (
+    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+    Parameter('urdf', '', 'URDF file of the arm; the packaged arm if empty'),
+    Parameter('period', 0.001, 'time between two cycles', 's', 0.0005, 0.1),
+    Parameter('autostart', True, 'configure and activate by itself, without a lifecycle manager'),
+    Parameter(
+        'realtime_priority',
+        0,
+        'SCHED_FIFO priority of the cycle; 0 leaves it to the ordinary scheduler',
+        minimum=0,
+        maximum=98,
+    ),
+    Parameter('lock_memory', False, 'keep all memory of the process in RAM'),
+    Parameter('cpus', [], 'CPUs the process may run on; all if empty', element=int, minimum=0),
+    Parameter('freeze_gc', True, "switch Python's cyclic garbage collector off while active"),
+    Parameter(
+        'allowed_publishers',
+        [],
+        'names of the nodes that may publish joint_command; any if empty',
+    ),
+    *(
+        Parameter(
+            name,
+            getattr(_DEFAULTS, name),
+            description,
+            unit,
+            minimum=1 if isinstance(getattr(_DEFAULTS, name), int) else 0.0,
+        )
+        for name, (unit, description) in _SETTINGS.items()
+    ),
+)
+
+
+def bridge_settings(values: SimpleNamespace) -> BridgeSettings:
+    """Return the cycle's settings out of a node's parameter values."""
+    return BridgeSettings(**{name: getattr(values, name) for name in _SETTINGS})

@@ -1,0 +1,61 @@
+"""The bridge's services: a person's hand on the arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import TimeoutError as NoAnswer
+
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from aerarm_ros.hardware.answer import Answer
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+
+Action = Callable[[BridgeCycle], Answer]
+
+ACTIONS: dict[str, Action] = {
+    'enable': BridgeCycle.enable,
+    'disable': BridgeCycle.disable,
+    'clear_fault': BridgeCycle.clear_fault,
+    'home': BridgeCycle.home,
+    'e_stop': lambda cycle: cycle.e_stop('service e_stop'),
+}
+
+
+class BridgeServices:
+    """One `std_srvs/Trigger` service an action, `~/enable`, `~/disable` and so on.
+
+    Parameters
+    ----------
+    node
+        Owner of the services.
+    request
+        Runs an action in the cycle's thread; raises RuntimeError if there is no cycle.
+    """
+
+    def __init__(self, node: Node, request: Callable[[Action], Answer]) -> None:
+        self._node = node
+        self._request = request
+        for name, action in ACTIONS.items():
+            node.create_service(Trigger, f'~/{name}', self._handler(name, action))
+
+    def _handler(
+        self, name: str, action: Action
+    ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
+        def handle(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                answer = self._request(action)
+            except RuntimeError as error:
+                answer = Answer(False, str(error))
+            except NoAnswer:
+                answer = Answer(False, 'the cycle did not answer: see /diagnostics')
+            response.success, response.message = answer.accepted, answer.message
+            log = self._node.get_logger()
+            # rclpy ties a severity to the line that logs.
+            if answer.accepted:
+                log.info(f'{name}: {answer.message}')
+            else:
+                log.warning(f'{name}: {answer.message}')
+            return response
+
+        return handle

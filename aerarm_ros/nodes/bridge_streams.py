@@ -1,0 +1,86 @@
+"""The bridge's 1 kHz topics as serialized bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.float64_array_cdr import Float64ArrayCdr
+from aerarm_msgs_py.joint_sample import JointSample
+from aerarm_msgs_py.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.raw_reader import RawReader
+
+Array = NDArray[np.float64]
+
+
+class BridgeStreams:
+    """Publishes states and takes commands without building message objects.
+
+    Parameters
+    ----------
+    node
+        Owner of publishers and subscription.
+    names
+        Joint names, n of them, in the order of all arrays.
+    """
+
+    def __init__(self, node: Node, names: Sequence[str]) -> None:
+        self._names = list(names)
+        self._cdr = JointStateCdr(names)
+        self._power_cdr = Float64ArrayCdr(len(self._names))
+        self._node = node
+        self._joint_states, self._motor_states, self._motor_power = (
+            node.create_publisher(topic.type, topic.name, topic.qos)
+            for topic in (topics.JOINT_STATES, topics.MOTOR_STATES, topics.MOTOR_POWER)
+        )
+        self.commands = RawReader(node, topics.JOINT_COMMAND)
+
+    def publish(
+        self, stamp_ns: int, joints: Sequence[Array], motors: Sequence[Array], power: Array
+    ) -> None:
+        """Publish one cycle's states.
+
+        Parameters
+        ----------
+        stamp_ns
+            System time at which the frames were read [ns].
+        joints
+            Position [rad], velocity [rad/s], effort [Nm], (n,) each.
+        motors
+            Position [rad], velocity [rad/s], current [A], (n,) each.
+        power
+            (n,) Electrical power [W].
+        """
+        self._joint_states.publish(self._cdr.pack(stamp_ns, *joints))
+        self._motor_states.publish(self._cdr.pack(stamp_ns, *motors))
+        self._motor_power.publish(self._power_cdr.pack(power))
+
+    def newest_command(self) -> tuple[Sequence[str], JointSample] | None:
+        """Return names and numbers of the newest joint command, or None if there is none."""
+        message = self.commands.take_newest()
+        if message is None:
+            return None
+        sample = self._cdr.unpack(message[0])
+        if sample is not None:
+            return self._names, sample
+        return _decode(message[0])
+
+    def destroy(self) -> None:
+        """Destroy publishers and subscription."""
+        for publisher in (self._joint_states, self._motor_states, self._motor_power):
+            self._node.destroy_publisher(publisher)
+        self.commands.destroy()
+
+
+def _decode(payload: bytes) -> tuple[Sequence[str], JointSample]:
+    """Read a command of another layout (some joints, another order) by the ordinary codec."""
+    message = deserialize_message(payload, JointState)
+    stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+    fields = (np.array(x) for x in (message.position, message.velocity, message.effort))
+    return message.name, JointSample(stamp_ns, *(x if x.size else None for x in fields))

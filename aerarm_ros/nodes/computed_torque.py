@@ -1,0 +1,97 @@
+"""Follows trajectories by computed torque, thesis (2.21), on the host or on the boards."""
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from aerarm_msgs_py import topics
+from aerarm_ros.control.board_computed_torque import BoardComputedTorque
+from aerarm_ros.control.computed_torque import ComputedTorque
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.error_integral import ErrorIntegral
+from aerarm_ros.control.gains import non_negative
+from aerarm_ros.nodes.controller_node import ControllerNode
+from aerarm_ros.nodes.controller_parameters import (
+    FOLLOWER_PARAMETERS,
+    FRICTION_PARAMETERS,
+    OBSERVER_PARAMETERS,
+    one_or_each,
+)
+from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.trajectory_input import follow_trajectory, go_to_set_point
+
+NAME = 'computed_torque'
+HOST, BOARDS = 'host', 'boards'
+
+PARAMETERS = (
+    *FRICTION_PARAMETERS,
+    *OBSERVER_PARAMETERS,
+    *FOLLOWER_PARAMETERS,
+    Parameter(
+        'feedback',
+        HOST,
+        "where the error is fed back: 'host' by kp and kd (pure torque commands), 'boards' by "
+        'the gains of the bridge',
+        choices=(HOST, BOARDS),
+    ),
+    Parameter('kp', [400.0], 'proportional gains, one or one a joint', '1/s^2', 0, 1e5, live=True),
+    Parameter('kd', [40.0], 'derivative gains, one or one a joint', '1/s', 0, 1e4, live=True),
+    Parameter('ki', 0.0, 'gain of the error integral; 0 for none', '1/s^3', 0.0, 1e6),
+    Parameter('integral_max', 20.0, 'largest integral action', 'rad/s^2', 0.0, 1e4),
+)
+
+
+class ComputedTorqueNode(ControllerNode):
+    """Trajectories for `ComputedTorque` or `BoardComputedTorque`."""
+
+    def __init__(self) -> None:
+        super().__init__(NAME, PARAMETERS)
+
+    def make_loop(self) -> ControlLoop[Any]:
+        """Build the law and what surrounds it."""
+        values, arm = self.values, self.arm
+        dynamics, friction = arm.dynamics(values), arm.friction(values)
+        integral = None
+        if values.ki > 0.0:
+            n = arm.config.n
+            integral = ErrorIntegral(np.full(n, values.ki), np.full(n, values.integral_max))
+        self.law: ComputedTorque | BoardComputedTorque
+        if values.feedback == HOST:
+            kp, kd = one_or_each(values.kp), one_or_each(values.kd)
+            self.law = ComputedTorque(dynamics, kp, kd, integral, friction)
+        else:
+            self.law = BoardComputedTorque(dynamics, integral, friction)
+        self.follower = arm.follower(values)
+        observer = arm.observer(values, dynamics, friction)
+        limit = arm.compensation_max(values)
+        return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
+
+    def subscribe(self) -> None:
+        """Listen to trajectories and set points."""
+        self.listen(
+            topics.JOINT_TRAJECTORY, lambda m, now: follow_trajectory(self.follower, m, now)
+        )
+        self.listen(topics.SET_POINT, lambda m, now: go_to_set_point(self.follower, m, now))
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Change gains."""
+        if not isinstance(self.law, ComputedTorque):
+            raise ValueError("with feedback 'boards' the gains are parameters of the bridge")
+        setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
+
+    def describe(self) -> dict[str, object]:
+        """Say how the motion goes."""
+        motion = {'motion': self.follower.status, 'last motion': self.follower.outcome}
+        return {**super().describe(), **motion}
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, ComputedTorqueNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

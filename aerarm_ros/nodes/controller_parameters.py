@@ -1,0 +1,149 @@
+"""Parameters that every controller has, and the parts made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base_motion_estimator import MODES, BaseMotionEstimator
+from aerarm_ros.control.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.friction_compensation import FrictionCompensation
+from aerarm_ros.control.joint_limits import JointLimits
+from aerarm_ros.control.momentum_observer import MomentumObserver
+from aerarm_ros.control.mount import Mount
+from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.trajectory_follower import TrajectoryFollower
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.nodes.parameter import Parameter
+
+ARM_PARAMETERS = (
+    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+    Parameter('urdf', '', 'URDF of the arm, for example an identified one; the packaged if empty'),
+    Parameter(
+        'base_motion',
+        'off',
+        'what of the imu topic is used: nothing, its attitude, or attitude, rate and acceleration',
+        choices=MODES,
+    ),
+    Parameter('imu_frame', '', 'link of the URDF that is the IMU; base_link if empty'),
+    Parameter(
+        'imu_hold_time', 0.1, 'age up to which the last IMU sample is held', 's', 0.001, 10.0
+    ),
+    Parameter('imu_fade_time', 0.5, 'time in which gravity falls back', 's', 0.01, 60.0),
+    Parameter('imu_cutoff', 30.0, "low-pass of the base's angular acceleration", 'Hz', 0.1, 500.0),
+)
+
+LOOP_PARAMETERS = (
+    Parameter('state_timeout', 0.1, 'silence of joint_states that is reported', 's', 0.005, 10.0),
+    Parameter(
+        'realtime_priority',
+        0,
+        'SCHED_FIFO priority of the loop; 0 leaves it to the ordinary scheduler',
+        minimum=0,
+        maximum=98,
+    ),
+    Parameter('lock_memory', False, 'keep all memory of the process in RAM'),
+)
+
+FRICTION_PARAMETERS = (
+    Parameter('friction_fraction', 1.0, "share of the URDF's joint friction compensated", '', 0, 1),
+    Parameter('friction_width', 0.03, 'velocity of 3/4 of the friction', 'rad/s', 1e-4, 1.0),
+    Parameter('rotor_inertia', [], 'rotor inertia at the joints, J_m / k_g^2; from the '
+              'configuration if empty', 'kg m^2', 0.0, element=float),
+)  # fmt: skip
+
+OBSERVER_PARAMETERS = (
+    Parameter('observer_gain', 30.0, 'disturbance observer; 0 for none', '1/s', 0.0, 1000.0),
+    Parameter('compensation', 0.0, 'largest compensated disturbance over effort_max; 0 only '
+              'observes', '', 0.0, 1.0),
+)  # fmt: skip
+
+FOLLOWER_PARAMETERS = (
+    Parameter('interpolation', 'quintic', 'between points', choices=('cubic', 'quintic')),
+    Parameter('start_tolerance', 0.1, 'distance of a start from the reference', 'rad', 0.0, 3.0),
+    Parameter('path_tolerance', 0.3, 'error at which a motion is aborted', 'rad', 1e-3, 10.0),
+    Parameter('goal_tolerance', 0.01, 'error at which a goal is reached', 'rad', 1e-5, 1.0),
+    Parameter('goal_time', 1.0, 'time to reach the goal after the end', 's', 0.0, 60.0),
+    Parameter('stream_timeout', 0.1, 'silence after which a stream brakes', 's', 0.005, 10.0),
+)
+
+
+@dataclass(frozen=True)
+class ControlledArm:
+    """The arm as a controller knows it."""
+
+    config: ArmConfig
+    robot: Robot
+    limits: JointLimits
+
+    @classmethod
+    def from_parameters(cls, values: SimpleNamespace) -> ControlledArm:
+        """Read URDF and configuration; raises ValueError with what to check."""
+        config = load_arm_config(values.config or None)
+        robot = load_robot(
+            values.urdf or None,
+            gravity_in_base=config.gravity_in_base,
+            joint_names=config.joint_names,
+        )
+        return cls(config, robot, JointLimits.from_config(config))
+
+    def dynamics(self, values: SimpleNamespace) -> MovingBaseDynamics:
+        """Return the model with the rotors' inertia."""
+        given = values.rotor_inertia or self.config.column('reflected_inertia')
+        return MovingBaseDynamics(self.robot, given)
+
+    def friction(self, values: SimpleNamespace) -> FrictionCompensation:
+        """Return the compensation of the URDF's joint friction."""
+        viscous, coulomb = self.robot.viscous, self.robot.coulomb
+        return FrictionCompensation(
+            viscous, coulomb, values.friction_width, values.friction_fraction
+        )
+
+    def observer(
+        self,
+        values: SimpleNamespace,
+        dynamics: MovingBaseDynamics,
+        friction: FrictionCompensation | None,
+    ) -> MomentumObserver | None:
+        """Return the disturbance observer, None if its gain is zero."""
+        if values.observer_gain == 0.0:
+            return None
+        return MomentumObserver(dynamics, values.observer_gain, friction)
+
+    def compensation_max(self, values: SimpleNamespace) -> npt.NDArray[np.float64]:
+        """Return the largest compensated disturbance, (n,) [Nm]."""
+        return np.asarray(values.compensation * self.limits.effort_max)
+
+    def base(self, values: SimpleNamespace) -> BaseMotionEstimator:
+        """Return the estimator of the base's motion."""
+        mount = Mount.from_robot(self.robot, values.imu_frame) if values.imu_frame else None
+        return BaseMotionEstimator(
+            self.config.gravity_in_base,
+            values.base_motion,
+            mount,
+            values.imu_hold_time,
+            values.imu_fade_time,
+            values.imu_cutoff,
+        )
+
+    def follower(self, values: SimpleNamespace) -> TrajectoryFollower:
+        """Return the executor of trajectories and set points."""
+        tolerances = FollowerTolerances.uniform(
+            self.config.n,
+            values.start_tolerance,
+            values.path_tolerance,
+            values.goal_tolerance,
+            max(values.goal_time, 1e-3),
+            values.stream_timeout,
+        )
+        return TrajectoryFollower(self.limits, tolerances, values.interpolation)
+
+
+def one_or_each(values: Sequence[float]) -> npt.NDArray[np.float64]:
+    """Return a list parameter as an array, a list of one as the number for all joints."""
+    return np.array(values[0] if len(values) == 1 else values, dtype=float)

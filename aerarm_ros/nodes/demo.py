@@ -1,0 +1,189 @@
+"""The whole path in one command: move the emulated arm, record, identify, validate.
+
+Starts the suite's nodes as separate processes, as a user would with `ros2 run`,
+and ends with a table of torque errors and the path of a report.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import re
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from subprocess import TimeoutExpired
+
+import rclpy
+
+from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
+from aerarm_ros.nodes.node_process import NodeProcess
+
+
+class DemoError(RuntimeError):
+    """A step of the demo failed; the message says which and where its log is."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One recorded run of the arm."""
+
+    name: str
+    seed: int
+    bag: Path
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the demo; return 0 when the identified model is written."""
+    options = _parse(arguments)
+    _isolate_from_other_ros_graphs()
+    out: Path = options.out
+    if out.exists() and any(out.iterdir()):
+        print(f'demo: {out} is not empty: name another folder with --out', file=sys.stderr)
+        return 2
+    (out / 'logs').mkdir(parents=True)
+    started = time.monotonic()
+    motions = [
+        Motion('identification', options.seed, out / 'identification_bag'),
+        Motion('validation', options.seed + 1, out / 'validation_bag'),
+    ]
+    try:
+        cycles = _move_and_record(motions, out, options)
+        _identify(motions, out)
+    except (DemoError, ArmClientError, TimeoutExpired) as error:
+        print(f'demo: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print('demo: interrupted; every node was stopped', file=sys.stderr)
+        return 130
+    print(f'\nBridge    {cycles}')
+    for motion in motions:
+        print(f'Recorder  {motion.name}: {_recorder_summary(out / "logs", motion)}')
+    print(f'Report    {out / "result" / "report.html"}')
+    print(f'Time      {time.monotonic() - started:.0f} s')
+    return 0
+
+
+def _parse(arguments: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog='demo', description=__doc__.splitlines()[0])
+    parser.add_argument(
+        '--out',
+        type=Path,
+        default=Path('output') / datetime.now().strftime('demo_%Y%m%d_%H%M%S'),
+        help='folder for bags, logs and the result (default: %(default)s)',
+    )
+    parser.add_argument('--seed', type=int, default=1, help='seed of the trajectories')
+    parser.add_argument('--arm-seed', type=int, default=7, help="seed of the arm's true parameters")
+    parser.add_argument(
+        '--periods', type=int, default=2, help='periods of 10 s in each trajectory (default: 2)'
+    )
+    parser.add_argument(
+        '--priority', type=int, default=80, help='SCHED_FIFO priority of the bridge, 0 for none'
+    )
+    return parser.parse_args(arguments)
+
+
+def _isolate_from_other_ros_graphs() -> None:
+    """Keep the emulated arm off a network where a real one may be listening."""
+    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+
+
+def _move_and_record(motions: list[Motion], out: Path, options: argparse.Namespace) -> str:
+    """Drive the emulated arm through the motions; return the bridge's account of its cycles."""
+    logs = out / 'logs'
+    hardware = NodeProcess(
+        'fake_hardware',
+        parameters={
+            'seed': options.arm_seed,
+            'truth_file': out / 'truth.yaml',
+            'realtime_priority': options.priority,
+        },
+        log=logs / 'fake_hardware.log',
+    )
+    with hardware, _arm_client() as client:
+        print('Arm       emulated boards are starting', flush=True)
+        client.wait_for_mode(['idle'], timeout=20.0)
+        client.call('enable')
+        client.wait_for_mode(['ready'], timeout=20.0)
+        for motion in motions:
+            _run_motion(motion, logs, options)
+            client.call('enable')  # hold the arm, which is only damped once its commands end
+    if hardware.returncode != 0:
+        raise DemoError(f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}')
+    return _last_match(hardware.log, r'(\d+ cycles, .*)$')
+
+
+@contextmanager
+def _arm_client() -> Iterator[ArmClient]:
+    rclpy.init(args=[])
+    node = rclpy.create_node('demo')
+    try:
+        yield ArmClient(node, ['fake_hardware'])
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _run_motion(motion: Motion, logs: Path, options: argparse.Namespace) -> None:
+    with ExitStack() as stack:
+        recorder = stack.enter_context(
+            NodeProcess(
+                'recorder',
+                parameters={'bag': motion.bag},
+                log=logs / f'recorder_{motion.name}.log',
+            )
+        )
+        print(f'Motion    {motion.name} (seed {motion.seed})', flush=True)
+        excitation = stack.enter_context(
+            NodeProcess(
+                'excitation',
+                parameters={
+                    'seed': motion.seed,
+                    'periods': options.periods,
+                    'subscribers': 2,
+                    'realtime_priority': max(0, options.priority - 1),
+                },
+            )
+        )
+        if excitation.wait(timeout=60.0 + 10.0 * options.periods) != 0:
+            raise DemoError(f'excitation ended with {excitation.returncode}')
+        if recorder.returncode is not None:
+            raise DemoError(f'recorder ended early:\n{recorder.tail()}')
+    if recorder.returncode != 0:
+        raise DemoError(f'recorder ended with {recorder.returncode}:\n{recorder.tail()}')
+
+
+def _identify(motions: list[Motion], out: Path) -> None:
+    identification, validation = motions
+    arguments = ['--bag', str(identification.bag), '--validation', str(validation.bag)]
+    arguments += ['--truth', str(out / 'truth.yaml'), '--out', str(out / 'result')]
+    with NodeProcess('identifier', arguments) as identifier:
+        if identifier.wait(timeout=120.0) != 0:
+            raise DemoError(f'identifier ended with {identifier.returncode}')
+    # The promise of the demo, checked and not only printed.
+    summary = json.loads((out / 'result' / 'summary.json').read_text())
+    if not summary['solvers']['sdp']['physically_consistent']:
+        raise DemoError('the identified model is not physically consistent: see the report')
+
+
+def _recorder_summary(logs: Path, motion: Motion) -> str:
+    return _last_match(logs / f'recorder_{motion.name}.log', r'(\d+ messages.*)$')
+
+
+def _last_match(log: Path | None, pattern: str) -> str:
+    """Return the last line of a log that holds `pattern`."""
+    if log is None:
+        return 'no log'
+    found = re.findall(pattern, log.read_text(errors='replace'), flags=re.MULTILINE)
+    return found[-1] if found else f'no account found in {log}'
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,96 @@
+"""Holds the arm at set points by gravity compensation, or lets a person move it.
+
+Thesis (2.14). Set points: topic set_point; zero-gain mode: parameter hand_guiding.
+"""
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from aerarm_msgs_py import topics
+from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.friction_compensation import FrictionCompensation
+from aerarm_ros.control.gains import non_negative
+from aerarm_ros.control.gravity_compensation import GravityCompensation
+from aerarm_ros.nodes.controller_node import ControllerNode
+from aerarm_ros.nodes.controller_parameters import (
+    FOLLOWER_PARAMETERS,
+    FRICTION_PARAMETERS,
+    OBSERVER_PARAMETERS,
+    one_or_each,
+)
+from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.trajectory_input import follow_trajectory, go_to_set_point
+
+NAME = 'gravity_compensation'
+KP, KD = [60.0, 60.0, 40.0, 40.0], [5.0, 5.0, 1.0, 1.0]
+
+PARAMETERS = (
+    *FRICTION_PARAMETERS,
+    *OBSERVER_PARAMETERS,
+    *FOLLOWER_PARAMETERS,
+    Parameter('kp', KP, 'proportional gains, one or one a joint', 'Nm/rad', 0.0, 1e4, live=True),
+    Parameter('kd', KD, 'derivative gains, one or one a joint', 'Nms/rad', 0.0, 1e3, live=True),
+    Parameter('hand_guiding', False, 'gains fade to nothing: a person moves the arm', live=True),
+    Parameter('hand_friction', 0.7, 'share of friction compensated by hand', '', 0.0, 0.95),
+)
+
+
+class GravityCompensationNode(ControllerNode):
+    """Set points and trajectories for `GravityCompensation`."""
+
+    def __init__(self) -> None:
+        super().__init__(NAME, PARAMETERS)
+
+    def make_loop(self) -> ControlLoop[Any]:
+        """Build the law and what surrounds it."""
+        values, arm = self.values, self.arm
+        dynamics, friction = arm.dynamics(values), arm.friction(values)
+        # By hand the friction is compensated along a measured, noisy velocity: wider.
+        hand = FrictionCompensation(arm.robot.viscous, arm.robot.coulomb, 0.1, values.hand_friction)
+        self.follower = arm.follower(values)
+        self.law = GravityCompensation(
+            dynamics, one_or_each(values.kp), one_or_each(values.kd), friction, hand
+        )
+        self.law.hand_guiding = values.hand_guiding
+        observer = arm.observer(values, dynamics, friction)
+        limit = arm.compensation_max(values)
+        return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
+
+    def subscribe(self) -> None:
+        """Listen to set points and trajectories."""
+        self.listen(topics.SET_POINT, lambda m, now: go_to_set_point(self.follower, m, now))
+        self.listen(
+            topics.JOINT_TRAJECTORY, lambda m, now: follow_trajectory(self.follower, m, now)
+        )
+
+    def before_update(self, state: ArmState, now: float) -> None:
+        """Let the reference follow the arm while a person moves it."""
+        guided = self.law.hand_guiding
+        self.loop.compensating = not guided
+        if guided:
+            self.follower.take_over(state.q)
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Change gains or the mode."""
+        if name == 'hand_guiding':
+            self.law.hand_guiding = value
+        else:
+            setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
+
+    def describe(self) -> dict[str, object]:
+        """Say how the motion goes."""
+        mode = 'hand guiding' if self.law.hand_guiding else self.follower.status
+        motion = {'motion': mode, 'last motion': self.follower.outcome}
+        return {**super().describe(), **motion}
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, GravityCompensationNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,159 @@
+"""Identifies an arm's dynamic parameters from recorded motion.
+
+Reads JointState bags of any serial arm, needs no running ROS, and writes estimate.yaml,
+identified.urdf, summary.json and report.html.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+if TYPE_CHECKING:
+    from aerarm_ros.nodes.identifier_run import IdentifierRun
+
+_NAME = 'identifier'
+_USER_ERROR = 2
+_INTERRUPTED = 130
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports a wrong argument in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(_USER_ERROR, f'{_NAME}: {message}: see {_NAME} --help\n')
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the identifier; return 0, or 2 if the user has something to check."""
+    # Before numpy is imported: the matrices are small, and more threads only fight over them.
+    for variable in ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'):
+        os.environ.setdefault(variable, '1')
+    options = _parser().parse_args(_without_ros_arguments(arguments))
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        return _run(options)
+    except KeyboardInterrupt:
+        print(f'{_NAME}: interrupted, nothing was written', file=sys.stderr)
+        return _INTERRUPTED
+
+
+def _run(options: argparse.Namespace) -> int:
+    # Imported here, so that --help is quick and an interrupt is answered from the start.
+    import numpy as np
+
+    from aerarm_msgs_py.bag_error import BagError
+    from aerarm_ros.description.config_error import ConfigError
+    from aerarm_ros.description.description_error import DescriptionError
+    from aerarm_ros.identification.identification_error import IdentificationError
+    from aerarm_ros.nodes.identifier_run import IdentifierRun
+
+    try:
+        run: IdentifierRun = IdentifierRun(options)
+        print(run.execute())
+    except (BagError, ConfigError, DescriptionError, IdentificationError, OSError) as error:
+        return _report(error)
+    except np.linalg.LinAlgError as error:
+        return _report(f'{error}: check that masses, inertias and joint states are plausible')
+    return 0
+
+
+def _report(error: object) -> int:
+    print(f'{_NAME}: {" ".join(str(error).split())}', file=sys.stderr)
+    return _USER_ERROR
+
+
+def _interrupt(number: int, frame: Any) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+def _without_ros_arguments(arguments: Sequence[str] | None) -> list[str]:
+    """Return the arguments without those that a launch file appends for ROS."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    while '--ros-args' in given:
+        start = given.index('--ros-args')
+        end = given.index('--', start) + 1 if '--' in given[start:] else len(given)
+        del given[start:end]
+    return given
+
+
+def _optional_path(text: str) -> Path | None:
+    """Return a path, None for the empty text of an unset launch argument."""
+    return Path(text) if text else None
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog=_NAME, description=(__doc__ or '').splitlines()[0])
+    add = parser.add_argument
+    add('--bag', nargs='+', type=Path, required=True, metavar='DIR', help='bags to identify from')
+    add('--validation', nargs='+', type=Path, default=[], metavar='DIR', help='bags to predict')
+    add(
+        '--holdout',
+        type=float,
+        default=0.0,
+        metavar='SHARE',
+        help='validate on this last share of each --bag',
+    )
+    add(
+        '--urdf',
+        type=_optional_path,
+        metavar='FILE',
+        help="URDF of the arm (default: this package's)",
+    )
+    add(
+        '--config',
+        type=_optional_path,
+        metavar='FILE',
+        help='motors and gears, as config/aerarm.yaml',
+    )
+    add(
+        '--topic',
+        default='/joint_states',
+        metavar='NAME',
+        help='JointState topic (default: %(default)s)',
+    )
+    add(
+        '--out', type=Path, metavar='DIR', help='result folder (default: output/identification_...)'
+    )
+    add('--truth', type=Path, metavar='FILE', help='true parameters of a simulated arm')
+    add('--rename', nargs='+', default=[], metavar='BAG=URDF', help="joints' names")
+    add(
+        '--lock', nargs='+', default=[], metavar='JOINT', help='joints of the URDF that do not move'
+    )
+    add('--ignore', nargs='+', default=[], metavar='JOINT', help='joints of the bag to leave out')
+    add(
+        '--effort-gain',
+        nargs='+',
+        default=[],
+        metavar='JOINT=GAIN',
+        help='recorded effort to Nm, e.g. Nm/A',
+    )
+    add('--gravity', nargs=3, type=float, metavar=('X', 'Y', 'Z'), help='in the base frame [m/s^2]')
+    add('--fundamental', type=float, metavar='HZ', help='f0 of a periodic motion (default: found)')
+    add(
+        '--harmonics', type=int, metavar='N', help='harmonics of a periodic motion (default: found)'
+    )
+    add(
+        '--cutoff',
+        type=float,
+        metavar='HZ',
+        help='low-pass on torque (default: 10 times the motion)',
+    )
+    add(
+        '--friction',
+        choices=('auto', 'coulomb', 'load'),
+        default='auto',
+        help='joint model (default: %(default)s)',
+    )
+    parser.set_defaults(started=datetime.now())
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,260 @@
+"""One run of the identifier: bags in, files and a table out."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from aerarm_msgs_py.bag_reader import BagError, JointStateSeries, read_joint_states
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
+from aerarm_ros.identification.conditioning import ConditioningOptions
+from aerarm_ros.identification.equivalent_friction import equivalent_friction
+from aerarm_ros.identification.estimate_file import estimate_yaml
+from aerarm_ros.identification.identification_error import IdentificationError
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.identified_urdf import identified_urdf
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.recording import (
+    JointMapping,
+    Recording,
+    recording_from_states,
+)
+from aerarm_ros.identification.report import DesiredVelocity, ReportExtras, report_html
+from aerarm_ros.identification.result_directory import ResultDirectory
+from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.identification.summary import summarise
+from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
+
+_COMMAND = 'joint_command'
+
+
+class IdentifierRun:
+    """What the command line asks for.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed arguments of the identifier.
+
+    Raises
+    ------
+    IdentificationError, DescriptionError, ConfigError
+        If an argument, the URDF or the configuration is wrong.
+    """
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self._options = options
+        self._stopwatch = Stopwatch()
+        if not 0.0 <= options.holdout < 1.0:
+            raise IdentificationError(f'--holdout {options.holdout:g} must lie in 0 .. 1')
+        self._names = _bag_names([*options.bag, *options.validation])
+        self._config = self._load_config()
+        self._robot = self._load_robot()
+        self._mapping = JointMapping(
+            rename=dict(_pair(text, '--rename') for text in options.rename),
+            ignored=(*options.ignore, *options.lock),
+            effort_gain={
+                joint: _number(gain, '--effort-gain')
+                for joint, gain in (_pair(text, '--effort-gain') for text in options.effort_gain)
+            },
+        )
+        self._desired: dict[str, DesiredVelocity] = {}
+
+    def execute(self) -> str:
+        """Identify, write the result, and return a table for the terminal.
+
+        Raises
+        ------
+        IdentificationError, BagError
+            If a bag can't be identified from, or the result can't be written.
+        """
+        options = self._options
+        default = Path('output') / options.started.strftime('identification_%Y%m%d_%H%M%S')
+        with ResultDirectory(options.out or default) as directory:
+            identification, validation = self._read()
+            result = self._identify(identification, validation)
+            self._write(result, directory)
+        return _terminal_table(result) + f'\nReport: {directory.target / "report.html"}'
+
+    def _load_config(self) -> ArmConfig | None:
+        options = self._options
+        # Another arm's URDF says nothing about this package's motors.
+        if options.config is None and options.urdf is not None:
+            return None
+        return load_arm_config(options.config)
+
+    def _load_robot(self) -> Robot:
+        options = self._options
+        gravity = options.gravity
+        if gravity is None:
+            gravity = self._config.gravity_in_base if self._config else STANDARD_GRAVITY
+        return load_robot(options.urdf, gravity_in_base=gravity, locked=options.lock)
+
+    def _read(self) -> tuple[list[Recording], list[Recording]]:
+        with self._stopwatch.stage('reading'):
+            identification = [self._recording(path) for path in self._options.bag]
+            validation = [self._recording(path) for path in self._options.validation]
+        share = self._options.holdout
+        if share > 0.0:
+            cut = 1.0 - share
+            first, last = f' [first {100 * cut:g} %]', f' [last {100 * share:g} %]'
+            validation += [recording.part(cut, 1.0, last) for recording in identification]
+            identification = [recording.part(0.0, cut, first) for recording in identification]
+        return identification, validation
+
+    def _recording(self, path: Path) -> Recording:
+        name = self._names[path]
+        _progress(f'reading {name}')
+        with _bag_warnings() as told:
+            states = read_joint_states(path, self._options.topic)
+        for text in told:
+            print(f'identifier: {text}', file=sys.stderr)
+        recording = recording_from_states(name, states, self._robot.joint_names, self._mapping)
+        desired = self._read_desired(path, recording)
+        if desired is not None:
+            self._desired[name] = desired
+        return recording
+
+    def _read_desired(self, path: Path, recording: Recording) -> DesiredVelocity | None:
+        """Return the commanded velocities, if the bag has them for every joint."""
+        topic = f'{self._options.topic.rpartition("/")[0]}/{_COMMAND}'
+        try:
+            with _bag_warnings():
+                commands = read_joint_states(path, topic)
+        except BagError:
+            return None
+        return _desired_velocity(commands, recording, self._mapping)
+
+    def _identify(
+        self, identification: Sequence[Recording], validation: Sequence[Recording]
+    ) -> IdentificationResult:
+        options = self._options
+        _progress('identifying')
+        chosen = IdentificationOptions(
+            conditioning=ConditioningOptions(
+                fundamental=options.fundamental,
+                harmonics=options.harmonics,
+                cutoff=options.cutoff,
+            ),
+            friction=options.friction,
+        )
+        result = identify(
+            self._robot, self._config, identification, validation, chosen, self._stopwatch
+        )
+        for text in result.warnings:
+            print(f'identifier: {text}', file=sys.stderr)
+        return result
+
+    def _write(self, result: IdentificationResult, directory: ResultDirectory) -> None:
+        _progress('writing the report')
+        with self._stopwatch.stage('writing'):
+            estimate = result.recommended.estimate
+            viscous, coulomb = equivalent_friction(estimate, result.identification)
+            directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
+            urdf = identified_urdf(self._robot, estimate.inertial, viscous, coulomb)
+            for text in urdf.warnings:
+                print(f'identifier: {text}', file=sys.stderr)
+            result.warnings.extend(urdf.warnings)
+            directory.write('identified.urdf', urdf.text)
+            extras = self._extras(result)
+            directory.write('report.html', report_html(result, extras))
+        summary = summarise(result, self._stopwatch.seconds, extras.truth_errors)
+        directory.write_json('summary.json', summary)
+
+    def _extras(self, result: IdentificationResult) -> ReportExtras:
+        if self._options.truth is None:
+            return ReportExtras(self._desired)
+        truth = load_truth(self._options.truth, result.fit.model)
+        errors = inertial_torque_errors(
+            truth,
+            [solution.estimate for solution in result.solutions.values()],
+            [*result.identification, *result.validation],
+        )
+        return ReportExtras(self._desired, truth, errors)
+
+
+def _bag_names(paths: Sequence[Path]) -> dict[Path, str]:
+    """Return a short name of each bag, its path where the folder's name isn't enough."""
+    names = [path.resolve().name for path in paths]
+    return {
+        path: name if names.count(name) == 1 else str(path)
+        for path, name in zip(paths, names, strict=True)
+    }
+
+
+def _pair(text: str, option: str) -> tuple[str, str]:
+    left, equals, right = text.partition('=')
+    if not (left and equals and right):
+        raise IdentificationError(f'{option} {text}: write it as LEFT=RIGHT')
+    return left, right
+
+
+def _number(text: str, option: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float('nan')
+    if not np.isfinite(value) or value == 0.0:
+        raise IdentificationError(f'{option}: {text} must be a number other than zero')
+    return value
+
+
+def _desired_velocity(
+    commands: JointStateSeries, recording: Recording, mapping: JointMapping
+) -> DesiredVelocity | None:
+    names = [mapping.rename.get(name, name) for name in commands.names]
+    if any(joint not in names for joint in recording.joint_names):
+        return None
+    dq = commands.velocity[:, [names.index(joint) for joint in recording.joint_names]]
+    time, first = np.unique(commands.stamp - recording.start, return_index=True)
+    given = np.isfinite(dq[first]).all(axis=1)
+    if given.sum() < 2:
+        return None
+    return DesiredVelocity(time[given], dq[first][given])
+
+
+@contextlib.contextmanager
+def _bag_warnings() -> Iterator[list[str]]:
+    """Collect what reading a bag warns of, as texts."""
+    texts: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter('always')
+        yield texts
+    texts.extend(str(warning.message) for warning in caught)
+
+
+def _progress(text: str) -> None:
+    if sys.stderr.isatty():
+        print(f'identifier: {text} ...', file=sys.stderr)
+
+
+def _terminal_table(result: IdentificationResult) -> str:
+    """Return the errors of each solver on each bag as text."""
+    bags = [
+        f'{role} {bag.samples.name}'
+        for role, columns in (
+            ('identification', result.identification),
+            ('validation', result.validation),
+        )
+        for bag in columns
+    ]
+    width = max(18, *(len(bag) for bag in bags)) + 2
+    lines = [
+        'Torque error [%], filtered (raw)',
+        ' ' * 6 + ''.join(bag.rjust(width) for bag in bags),
+    ]
+    for name, solution in result.solutions.items():
+        cells = [
+            f'{bag.filtered:.2f} ({bag.raw:.2f})'.rjust(width)
+            for bag in (*solution.identification, *solution.validation)
+        ]
+        consistent = '' if solution.estimate.physically_consistent else '  not a physical arm'
+        lines.append(name.ljust(6) + ''.join(cells) + consistent)
+    return '\n'.join(lines)

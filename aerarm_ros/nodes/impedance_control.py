@@ -1,0 +1,77 @@
+"""Gives the tool a Cartesian impedance about tool_trajectory."""
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from aerarm_ros.control.cartesian_impedance import CartesianImpedance
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.gains import non_negative
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.nodes.controller_node import ControllerNode
+from aerarm_ros.nodes.controller_parameters import (
+    FRICTION_PARAMETERS,
+    OBSERVER_PARAMETERS,
+    one_or_each,
+)
+from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.target_parameters import TARGET_PARAMETERS, make_target_follower
+from aerarm_ros.nodes.tool_topics import ToolTopics
+
+NAME = 'impedance_control'
+
+PARAMETERS = (
+    *TARGET_PARAMETERS,
+    *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
+    # By measured velocity: below one, so that the arm stays passive.
+    Parameter('friction_fraction', 0.7, 'share of friction compensated', '', 0.0, 0.95),
+    *OBSERVER_PARAMETERS,
+    Parameter('stiffness', [300.0], 'one or along x, y, z', 'N/m', 0.0, 1e5, live=True),
+    Parameter('damping', [40.0], 'one or along x, y, z', 'Ns/m', 0.0, 1e4, live=True),
+    Parameter('rest_stiffness', 2.0, 'pull of the rest posture', 'Nm/rad', 0.0, 100.0),
+    Parameter('rest_damping', 0.3, 'damping of what the tool leaves free', 'Nms/rad', 0.0, 100.0),
+)
+
+
+class ImpedanceControlNode(ControllerNode):
+    """Tool targets for `CartesianImpedance`."""
+
+    def __init__(self) -> None:
+        super().__init__(NAME, PARAMETERS)
+
+    def make_loop(self) -> ControlLoop[Any]:
+        """Build the law and what surrounds it."""
+        values, arm = self.values, self.arm
+        dynamics, friction = arm.dynamics(values), arm.friction(values)
+        self.follower = make_target_follower(values, arm)
+        self.law = CartesianImpedance(
+            dynamics,
+            Kinematics(arm.robot, values.frame),
+            one_or_each(values.stiffness),
+            one_or_each(values.damping),
+            arm.config.rest_position,
+            values.rest_stiffness,
+            values.rest_damping,
+            friction,
+        )
+        observer = arm.observer(values, dynamics, friction)
+        limit = arm.compensation_max(values)
+        return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
+
+    def subscribe(self) -> None:
+        """Listen to tool targets."""
+        self.tool = ToolTopics(self, self.follower, self.values.frame)
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Change stiffness or damping."""
+        setattr(self.law, name, non_negative(name, one_or_each(value), 3))
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, ImpedanceControlNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,75 @@
+"""Moves the tool along tool_trajectory by joint velocities, thesis 2.5.2 and 2.5.3."""
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from aerarm_ros.control.cartesian_motion_control import CartesianMotionControl
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.damped_inverse import DampedInverse
+from aerarm_ros.control.joint_motion_control import JointMotionControl
+from aerarm_ros.control.velocity_resolution import VelocityResolution
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.nodes.controller_node import ControllerNode
+from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.target_parameters import TARGET_PARAMETERS, make_target_follower
+from aerarm_ros.nodes.tool_topics import ToolTopics
+
+NAME = 'kinematic_control'
+JOINT, CARTESIAN = 'joint', 'cartesian'
+
+PARAMETERS = (
+    *TARGET_PARAMETERS,
+    Parameter('scheme', CARTESIAN, 'where the error is fed back', choices=(JOINT, CARTESIAN)),
+    Parameter('gain', 8.0, 'K: errors decay as exp(-K t)', '1/s', 0.0, 100.0),
+    Parameter('singular_threshold', 0.03, 'singular value that is damped', 'm/rad', 1e-4, 1.0),
+    Parameter('singular_damping', 0.02, 'damping at the singularity', 'm/rad', 1e-4, 1.0),
+    Parameter('rest_gain', 0.5, 'pull of the rest posture', '1/s', 0.0, 20.0),
+    Parameter('limit_gain', 5.0, 'speed toward a limit over distance from it', '1/s', 0.1, 100.0),
+    Parameter('limit_margin', 0.02, 'distance kept from limits', 'rad', 0.0, 1.0),
+)
+
+
+class KinematicControlNode(ControllerNode):
+    """Tool targets for `CartesianMotionControl` or `JointMotionControl`."""
+
+    def __init__(self) -> None:
+        super().__init__(NAME, PARAMETERS)
+
+    def make_loop(self) -> ControlLoop[Any]:
+        """Build the law and its reference."""
+        values, arm = self.values, self.arm
+        self.follower = make_target_follower(values, arm)
+        self.resolution = VelocityResolution(
+            Kinematics(arm.robot, values.frame),
+            arm.limits,
+            arm.config.rest_position,
+            DampedInverse(values.singular_threshold, values.singular_damping),
+            values.rest_gain,
+            values.limit_gain,
+            values.limit_margin,
+        )
+        scheme = CartesianMotionControl if values.scheme == CARTESIAN else JointMotionControl
+        return ControlLoop(arm.limits, self.follower, scheme(self.resolution, values.gain))
+
+    def subscribe(self) -> None:
+        """Listen to tool targets."""
+        self.tool = ToolTopics(self, self.follower, self.values.frame)
+
+    def describe(self) -> dict[str, object]:
+        """Say how near a singularity or a limit the arm is."""
+        return {
+            **super().describe(),
+            'least singular value [m/rad]': round(self.resolution.least_singular_value, 4),
+            'slowdown': round(self.resolution.slowdown, 3),
+        }
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, KinematicControlNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""Turns PX4's own topics into sensor_msgs/Imu, where px4_msgs is installed.
+
+PX4's uXRCE-DDS bridge publishes forward-right-down, north-east-down; `imu` is
+forward-left-up, east-north-up. With MAVROS this node isn't needed: remap its imu/data.
+"""
+
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import Any
+
+import rclpy
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Imu
+
+from aerarm_msgs_py import topics
+from aerarm_ros.control.frame_conversion import attitude_ned_frd_to_enu_flu, frd_to_flu
+from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.parameters import ParameterTable
+
+NAME = 'px4_imu'
+PARAMETERS = ParameterTable(
+    Parameter('sensor_topic', '/fmu/out/sensor_combined', 'px4_msgs/SensorCombined'),
+    Parameter('attitude_topic', '/fmu/out/vehicle_attitude', 'px4_msgs/VehicleAttitude'),
+)
+
+
+class Px4Imu:
+    """Publishes `imu` for every SensorCombined, with the newest attitude.
+
+    Raises
+    ------
+    ValueError
+        If px4_msgs isn't installed.
+    """
+
+    def __init__(self) -> None:
+        if find_spec('px4_msgs') is None:
+            raise ValueError(
+                'px4_msgs is not installed: build it in the workspace and source it, or use '
+                'MAVROS and remap its imu/data to imu'
+            )
+        from px4_msgs.msg import SensorCombined, VehicleAttitude
+
+        self.status = 0
+        self._node = rclpy.create_node(NAME)
+        values = PARAMETERS.declare(self._node)
+        self._attitude: list[float] | None = None
+        self._imu = self._node.create_publisher(Imu, topics.IMU.name, topics.IMU.qos)
+        for kind, topic, act in (
+            (SensorCombined, values.sensor_topic, self._on_sensor),
+            (VehicleAttitude, values.attitude_topic, self._on_attitude),
+        ):
+            self._node.create_subscription(kind, topic, act, qos_profile_sensor_data)
+
+    def run(self) -> None:
+        """Convert until the ROS context is shut down."""
+        rclpy.spin(self._node)
+
+    def close(self) -> None:
+        """Destroy the node."""
+        self._node.destroy_node()
+
+    def _on_attitude(self, message: Any) -> None:
+        w, x, y, z = (float(value) for value in message.q)
+        self._attitude = [x, y, z, w]
+
+    def _on_sensor(self, message: Any) -> None:
+        stamp = self._node.get_clock().now().to_msg()
+        self._imu.publish(
+            to_imu(stamp, self._attitude, message.gyro_rad, message.accelerometer_m_s2)
+        )
+
+
+def to_imu(
+    stamp: Any,
+    attitude: Sequence[float] | None,
+    angular_velocity: Sequence[float],
+    specific_force: Sequence[float],
+) -> Imu:
+    """Return the message of a PX4 sample.
+
+    Parameters
+    ----------
+    stamp
+        builtin_interfaces/Time
+    attitude
+        (4,) quaternion (x, y, z, w), forward-right-down in north-east-down; None if unknown.
+    angular_velocity, specific_force
+        (3,) forward-right-down [rad/s], [m/s^2].
+    """
+    message = Imu()
+    message.header.stamp = stamp
+    if attitude is None:
+        message.orientation_covariance[0] = -1.0
+    else:
+        q = message.orientation
+        q.x, q.y, q.z, q.w = attitude_ned_frd_to_enu_flu(attitude).tolist()
+    w, f = message.angular_velocity, message.linear_acceleration
+    w.x, w.y, w.z = frd_to_flu(angular_velocity).tolist()
+    f.x, f.y, f.z = frd_to_flu(specific_force).tolist()
+    return message
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, Px4Imu, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,179 @@
+"""Records the suite's topics into an MCAP bag, as raw bytes at full rate.
+
+Usage: ros2 run aerarm_ros recorder --ros-args -p bag:=DIRECTORY
+"""
+
+import json
+import sys
+import time
+from collections.abc import Sequence
+from datetime import datetime
+
+import rclpy
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from aerarm_msgs_py.bag_error import BagError
+from aerarm_msgs_py.bag_writer import BagWriter
+from aerarm_msgs_py.mcap_writer import COMPRESSIONS
+from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_msgs_py.recorded_message import RecordedMessage
+from aerarm_msgs_py.topics import RECORDER_STATUS
+from aerarm_ros.nodes.background_executor import BackgroundExecutor
+from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.nodes.recorded_topics import SUITE_TOPICS, as_recorded, find_topics, for_recording
+from aerarm_ros.nodes.stop_signals import StopSignals
+
+NAME = 'recorder'
+PARAMETERS = ParameterTable(
+    Parameter('bag', '', 'directory of the bag, must not exist; recording_DATE_TIME if empty'),
+    Parameter(
+        'topics',
+        SUITE_TOPICS,
+        "what to record: names of the suite's topics, or NAME=TYPE for any other",
+    ),
+    Parameter('compression', 'zstd', 'compression of the bag', choices=tuple(COMPRESSIONS)),
+    Parameter(
+        'depth',
+        4000,
+        'messages of a topic that may wait for the recorder',
+        minimum=10,
+        maximum=100_000,
+    ),
+)
+
+# Messages are taken in batches: at 1 kHz and four topics, waking up for each would cost
+# ten times the processor time. Their time of reception is taken by the middleware.
+_BATCH = 5e-3  # [s]
+_WAIT = 0.1  # [s]
+_STATUS_PERIOD = 0.1  # [s]
+
+
+class Recorder:
+    """Subscriptions, a bag, and a loop that moves messages from one to the other.
+
+    The latched topic `recorder_status` tells others when it is worth starting: a JSON object
+    with `state` (recording, stored, failed), `bag`, and `matched`, the topics whose publisher
+    has been found.
+
+    Attributes
+    ----------
+    status
+        Exit status after `run`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter isn't allowed or the bag can't be made.
+    """
+
+    def __init__(self) -> None:
+        self.status = 0
+        self._node = Node(NAME)
+        values = PARAMETERS.declare(self._node)
+        topics = find_topics(values.topics)
+        self._names = [self._node.resolve_topic_name(topic.name) for topic in topics]
+        self._directory = values.bag or f'recording_{datetime.now():%Y%m%d_%H%M%S}'
+        self._writer = BagWriter(
+            self._directory,
+            [as_recorded(topic, name) for topic, name in zip(topics, self._names, strict=True)],
+            values.compression,
+        )
+        self._reader = RawReader(
+            self._node, *(for_recording(topic, values.depth) for topic in topics)
+        )
+        self._status_publisher = self._node.create_publisher(
+            String, RECORDER_STATUS.name, RECORDER_STATUS.qos
+        )
+        self._matched: list[str] = []
+        self._status_due = 0.0
+        self._stopped = False
+
+    def run(self) -> None:
+        """Record until SIGINT, SIGTERM or a shutdown, then complete the bag."""
+        self._node.get_logger().info(f'recording {len(self._names)} topics into {self._directory}')
+        self._publish_status('recording')
+        with BackgroundExecutor(self._node), StopSignals(self._on_stop):
+            try:
+                self._record()
+                self._writer.close()
+            except BagError as error:
+                self.status = 1
+                self._publish_status('failed')
+                self._node.get_logger().fatal(str(error))
+                return
+            self._publish_status('stored')
+            self._log_counts()
+
+    def close(self) -> None:
+        """Complete the bag if that didn't happen yet, and destroy the node."""
+        try:
+            self._writer.close()
+        except BagError as error:
+            self.status = 1
+            print(f'{NAME}: {error}', file=sys.stderr)
+        self._reader.destroy()
+        self._node.destroy_node()
+
+    def _record(self) -> None:
+        while not self._stopped and rclpy.ok():
+            if self._reader.wait(_WAIT):
+                time.sleep(_BATCH)
+            self._take_all()
+            if time.monotonic() > self._status_due:
+                self._status_due = time.monotonic() + _STATUS_PERIOD
+                self._update_matched()
+        if rclpy.ok():
+            self._take_all()
+
+    def _take_all(self) -> None:
+        """Move all waiting messages into the bag."""
+        take, write = self._reader.take, self._writer.write
+        for index in range(len(self._names)):
+            while (message := take(index)) is not None:
+                payload, info = message
+                received = info['received_timestamp'] or time.time_ns()
+                write(
+                    RecordedMessage(
+                        index,
+                        payload,
+                        received,
+                        info['source_timestamp'] or received,
+                        info['publication_sequence_number'],
+                    )
+                )
+
+    def _update_matched(self) -> None:
+        matched = [name for k, name in enumerate(self._names) if self._reader.publishers(k)]
+        if matched != self._matched:
+            self._matched = matched
+            self._publish_status('recording')
+            self._node.get_logger().info(f'publishers found: {", ".join(matched) or "none"}')
+
+    def _publish_status(self, state: str) -> None:
+        content = {'state': state, 'bag': str(self._directory), 'matched': self._matched}
+        self._status_publisher.publish(String(data=json.dumps(content)))
+
+    def _log_counts(self) -> None:
+        log = self._node.get_logger().info
+        counts = [self._reader.count(k) for k in range(len(self._names))]
+        losses = [self._reader.lost(k) for k in range(len(self._names))]
+        for name, count, lost in zip(self._names, counts, losses, strict=True):
+            if count:
+                log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost')
+        total = sum(lost or 0 for lost in losses)
+        log(f'{self._directory}: {sum(counts)} messages, {total} lost')
+
+    def _on_stop(self) -> None:
+        self._stopped = True
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node and return its exit status."""
+    return run_node(NAME, Recorder, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,119 @@
+"""What a node that answers joint states tells on /diagnostics, once a second."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_ros.nodes.state_stream import StateStream
+from aerarm_ros.realtime.timing_statistics import TimingStatistics
+
+# A rejection is a warning for this long [s].
+_REMEMBERED = 5.0
+
+
+class StateDiagnostics:
+    """Publishes one status; the loop's thread only adds numbers.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and timer.
+    warning
+        Returns what the node itself finds wrong, '' if nothing.
+    values
+        Returns what the node itself has to say, by name.
+
+    Attributes
+    ----------
+    latency
+        Time from a state's stamp to the answer.
+    rejections, last_rejection
+        Inputs not used, and why the last one wasn't.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        warning: Callable[[], str],
+        values: Callable[[], Mapping[str, object]],
+    ) -> None:
+        self._node = node
+        self._warning = warning
+        self._values = values
+        self._stream: StateStream | None = None
+        self._received = 0
+        self._rejected_at = -np.inf
+        self.latency = TimingStatistics()
+        self.rejections = 0
+        self.last_rejection = ''
+        self._publisher = node.create_publisher(
+            DiagnosticArray, topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.qos
+        )
+        node.create_timer(1.0, self.publish)
+
+    def watch(self, stream: StateStream) -> None:
+        """Report on the stream from now on."""
+        self._stream = stream
+
+    def add_rejection(self, reason: str) -> None:
+        """Count an input that isn't used."""
+        self.rejections += 1
+        self.last_rejection = reason
+        self._rejected_at = time.monotonic()
+
+    def account(self) -> str:
+        """Return one line for the log's end."""
+        latency = self.latency.summary()
+        return (
+            f'{latency.count} states answered, {self._lost()} lost, {self.rejections} inputs '
+            f'rejected; answer p50 {latency.p50 * 1e6:.0f} us, p99 {latency.p99 * 1e6:.0f} us '
+            'after the stamp'
+        )
+
+    def publish(self) -> None:
+        """Publish the status."""
+        message = DiagnosticArray()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        problem = self._problem()
+        message.status = [
+            DiagnosticStatus(
+                level=DiagnosticStatus.WARN if problem else DiagnosticStatus.OK,
+                name=f'{self._node.get_fully_qualified_name()}: {self._node.get_name()}',
+                message=problem or 'in order',
+                hardware_id='aerarm',
+                values=[KeyValue(key=key, value=str(x)) for key, x in self._all_values().items()],
+            )
+        ]
+        self._publisher.publish(message)
+
+    def _problem(self) -> str:
+        received = self._stream.received if self._stream else 0
+        is_silent, self._received = received == self._received, received
+        if is_silent:
+            return 'no joint states: is the bridge running?'
+        if time.monotonic() - self._rejected_at < _REMEMBERED:
+            return f'rejected: {self.last_rejection}'
+        return self._warning()
+
+    def _all_values(self) -> dict[str, object]:
+        latency = self.latency.summary()
+        return {
+            'states answered': latency.count,
+            'states lost': self._lost(),
+            'rejected inputs': self.rejections,
+            'last rejection': self.last_rejection,
+            'answer p50 [us]': round(latency.p50 * 1e6),
+            'answer p99 [us]': round(latency.p99 * 1e6),
+            'answer max [us]': round(latency.maximum * 1e6),
+            **self._values(),
+        }
+
+    def _lost(self) -> object:
+        lost = None if self._stream is None else self._stream.lost
+        return 'not counted' if lost is None else lost

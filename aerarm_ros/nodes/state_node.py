@@ -1,0 +1,173 @@
+"""A node whose loop answers joint states."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import rclpy
+
+from aerarm_msgs_py.topic import Topic
+from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.rejected_input_error import RejectedInputError
+from aerarm_ros.nodes.background_executor import BackgroundExecutor
+from aerarm_ros.nodes.controller_parameters import ARM_PARAMETERS, LOOP_PARAMETERS, ControlledArm
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.nodes.state_diagnostics import StateDiagnostics
+from aerarm_ros.nodes.state_stream import StateStream
+from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.realtime.scheduling import freeze_garbage_collector, lock_memory, set_fifo
+
+
+class StateNode:
+    """Calls `answer` for every joint state, with the base's motion kept up to date.
+
+    The loop runs in the thread that calls `run`; topics, parameters and diagnostics are
+    served by an executor in another one. What arrives there is put into a queue and acted
+    upon between two states, so that the pure objects belong to the loop's thread alone.
+
+    Parameters
+    ----------
+    name
+        Node name.
+    parameters
+        Parameters beside those of every such node.
+
+    Attributes
+    ----------
+    node, values, arm, base
+        The ROS node, its parameters, the arm and the motion of its base.
+    state
+        The newest state, None before the first.
+    status
+        Exit status after `run`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter or a file can't be used.
+    """
+
+    def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
+        self.status = 0
+        self.state: ArmState | None = None
+        self._requests: deque[Callable[[float], None]] = deque()
+        self._stopping = False
+        self.node = rclpy.create_node(name)
+        table = ParameterTable(*ARM_PARAMETERS, *LOOP_PARAMETERS, *parameters)
+        self.values = table.declare(self.node, self._on_parameter)
+        self.arm = ControlledArm.from_parameters(self.values)
+        self.base = self.arm.base(self.values)
+        self.build()
+        self.diagnostics = StateDiagnostics(self.node, self.warning, self.describe)
+        self._stream = StateStream(self.node, self.arm.config.joint_names, self.reject)
+        self.diagnostics.watch(self._stream)
+        self.connect()
+
+    # What a derived node changes.
+
+    def build(self) -> None:
+        """Make the pure objects; raises ValueError with what to check."""
+
+    def connect(self) -> None:
+        """Make publishers and subscriptions."""
+
+    def answer(self, stamp_ns: int, state: ArmState) -> None:
+        """Act on a state, and add to `diagnostics.latency` if that is an answer."""
+        raise NotImplementedError
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Take a changed live parameter, in the loop's thread; may raise ValueError."""
+
+    def warning(self) -> str:
+        """Return what diagnostics should warn of, '' if nothing."""
+        source = self.base.status(time.time_ns() * 1e-9)
+        return source if self.base.mode != 'off' and source != 'IMU' else ''
+
+    def describe(self) -> dict[str, object]:
+        """Return what diagnostics should tell."""
+        return {'base motion': self.base.status(time.time_ns() * 1e-9)}
+
+    # For derived nodes.
+
+    def listen(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
+        """Subscribe; `act(message, now)` is called in the loop's thread.
+
+        What it rejects (RejectedInputError) is reported and changes nothing.
+        """
+
+        def store(message: Any) -> None:
+            self._requests.append(lambda now: act(message, now))
+
+        self.node.create_subscription(topic.type, topic.name, store, topic.qos)
+
+    def advertise(self, topic: Topic) -> Any:
+        """Return a publisher of the topic."""
+        return self.node.create_publisher(topic.type, topic.name, topic.qos)
+
+    def reject(self, reason: str) -> None:
+        """Report an input that isn't used."""
+        self.diagnostics.add_rejection(reason)
+        self.node.get_logger().warning(f'rejected: {reason}', throttle_duration_sec=1.0)
+
+    # The loop.
+
+    def run(self) -> None:
+        """Answer states until SIGINT, SIGTERM or a shutdown."""
+        with StopSignals(self._on_stop), BackgroundExecutor(self.node):
+            self._prepare_thread()
+            while not self._stopping and rclpy.ok():
+                if self._stream.wait(self.values.state_timeout):
+                    self._take()
+        print(f'{self.node.get_name()}: {self.diagnostics.account()}', flush=True)
+
+    def close(self) -> None:
+        """Destroy the node."""
+        self._stream.destroy()
+        self.node.destroy_node()
+
+    def _prepare_thread(self) -> None:
+        """Ask for what real time needs; a refusal is a warning, the node works without."""
+        values = self.values
+        warnings = [
+            set_fifo(values.realtime_priority) if values.realtime_priority else None,
+            lock_memory() if values.lock_memory else None,
+            freeze_garbage_collector(),
+        ]
+        for warning in filter(None, warnings):
+            self.node.get_logger().warning(warning)
+
+    def _take(self) -> None:
+        newest = self._stream.newest_state()
+        if newest is not None:
+            stamp_ns, self.state = newest
+            while self._requests:
+                self._try(self._requests.popleft(), stamp_ns)
+            self.answer(stamp_ns, self.state)
+        # After the answer, which need not wait for it.
+        for sample in self._stream.imu_samples():
+            # Its age is counted from its arrival: a drone's clock need not be ours.
+            self._try(lambda now, sample=sample: self.base.offer(sample, now), time.time_ns())
+
+    def _try(self, action: Callable[[float], None], now_ns: int) -> None:
+        try:
+            action(now_ns * 1e-9)
+        except RejectedInputError as error:
+            self.reject(str(error))
+
+    # Callbacks.
+
+    def _on_parameter(self, name: str, value: Any) -> None:
+        def change(_: float) -> None:
+            try:
+                self.on_parameter(name, value)
+            except ValueError as error:
+                raise RejectedInputError(f'parameter {name}: {error}') from None
+
+        self._requests.append(change)
+
+    def _on_stop(self) -> None:
+        self._stopping = True

@@ -1,0 +1,76 @@
+"""The newest joint state now and then, for nodes that serve people."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.joint_state_decoder import JointStateDecoder
+from aerarm_msgs_py.raw_reader import RawReader
+
+_COUNT_PERIOD = 1.0  # [s]
+
+
+class StateSampler:
+    """Takes what is newest on joint_states and leaves the rest, at no cost per message.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscription.
+    names
+        Joints wanted, n of them, in the order of the numbers returned.
+
+    Attributes
+    ----------
+    missing
+        Wanted joints that no message has had so far.
+    """
+
+    def __init__(self, node: Node, names: Sequence[str]) -> None:
+        self.missing: list[str] = []
+        self._names = list(names)
+        self._reader = RawReader(node, topics.JOINT_STATES)
+        self._decoder = JointStateDecoder()
+        self._counted = (time.monotonic(), 0)
+        self._frequency = 0.0
+
+    def newest(self) -> NDArray[np.float64] | None:
+        """Return position, velocity, effort (3, n) [rad, rad/s, Nm], or None if nothing new came.
+
+        Velocity and effort are NaN where the message leaves them empty.
+        """
+        message = self._reader.take_newest()
+        if message is None:
+            return None
+        _, values = self._decoder.decode([message[0]])
+        known = self._decoder.names
+        self.missing = [name for name in self._names if name not in known]
+        if self.missing:
+            return None
+        state = values[0][:, [known.index(name) for name in self._names]]
+        return state if np.all(np.isfinite(state[0])) else None
+
+    def frequency(self, now: float) -> float:
+        """Return the publisher's rate [Hz] over the last second, from its own numbering.
+
+        Parameters
+        ----------
+        now
+            Monotonic time [s].
+        """
+        since, before = self._counted
+        if now - since > _COUNT_PERIOD:
+            total = self._reader.count() + (self._reader.lost() or 0)
+            self._frequency = (total - before) / (now - since)
+            self._counted = (now, total)
+        return self._frequency
+
+    def destroy(self) -> None:
+        """Destroy the subscription."""
+        self._reader.destroy()

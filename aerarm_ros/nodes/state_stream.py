@@ -1,0 +1,108 @@
+"""Joint states and IMU samples for a loop that takes them itself, as serialized bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Imu
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.joint_sample import JointSample
+from aerarm_msgs_py.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.joint_state_conversion import decode_joint_state, in_order
+from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.imu_sample import ImuSample
+from aerarm_ros.control.rejected_input_error import RejectedInputError
+
+_STATES, _IMU = 0, 1
+
+
+class StateStream:
+    """Waits for joint states and IMU samples.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscriptions.
+    names
+        Joint names, n of them, in the order of all arrays.
+    reject
+        Called with the reason why a message is not used.
+    """
+
+    def __init__(self, node: Node, names: Sequence[str], reject: Callable[[str], None]) -> None:
+        self._names = tuple(names)
+        self._cdr = JointStateCdr(self._names)
+        self._reject = reject
+        self._reader = RawReader(node, topics.JOINT_STATES, topics.IMU)
+        self._no_effort = np.full(len(self._names), np.nan)
+
+    @property
+    def received(self) -> int:
+        """States taken."""
+        return self._reader.count(_STATES)
+
+    @property
+    def lost(self) -> int | None:
+        """States missed, None where the middleware does not number them."""
+        return self._reader.lost(_STATES)
+
+    def wait(self, timeout: float) -> bool:
+        """Wait up to `timeout` [s] for a message; ends early, with False, on a stop signal."""
+        return self._reader.wait(timeout)
+
+    def newest_state(self) -> tuple[int, ArmState] | None:
+        """Return stamp [ns] and state of the newest message, None if there is none."""
+        message = self._reader.take_newest(_STATES)
+        if message is None:
+            return None
+        sample = self._cdr.unpack(message[0]) or self._decode(message[0])
+        if sample is None:
+            return None
+        q, dq, tau = sample.position, sample.velocity, sample.effort
+        if q is None or dq is None:
+            self._reject('joint_states has no position or no velocity: check what publishes it')
+            return None
+        return sample.stamp_ns, ArmState(q, dq, self._no_effort if tau is None else tau)
+
+    def imu_samples(self) -> Iterator[ImuSample]:
+        """Yield the IMU samples that wait; faulty ones are rejected."""
+        while (message := self._reader.take(_IMU)) is not None:
+            try:
+                yield to_imu_sample(deserialize_message(message[0], Imu))
+            except RejectedInputError as error:
+                self._reject(str(error))
+
+    def destroy(self) -> None:
+        """Destroy the subscriptions."""
+        self._reader.destroy()
+
+    def _decode(self, payload: bytes) -> JointSample | None:
+        """Read a state of another layout, joints by name."""
+        try:
+            names, sample = decode_joint_state(payload)
+            return in_order(names, sample, self._names)
+        except ValueError as error:
+            self._reject(f'joint_states: {error}')
+            return None
+
+
+def to_imu_sample(message: Imu) -> ImuSample:
+    """Return a checked sample of a message; raises RejectedInputError."""
+    q, w, f = message.orientation, message.angular_velocity, message.linear_acceleration
+    # sensor_msgs/Imu: a negative first covariance says that there is no such measurement.
+    absent = (message.angular_velocity_covariance, message.linear_acceleration_covariance)
+    if any(covariance[0] < 0.0 for covariance in absent):
+        raise RejectedInputError('IMU: it gives no angular velocity or no acceleration')
+    has_attitude = message.orientation_covariance[0] >= 0.0
+    stamp = message.header.stamp
+    return ImuSample(
+        stamp.sec + 1e-9 * stamp.nanosec,
+        np.array([q.x, q.y, q.z, q.w]) if has_attitude else None,
+        np.array([w.x, w.y, w.z]),
+        np.array([f.x, f.y, f.z]),
+    )

@@ -1,0 +1,110 @@
+"""Publishes the path of the tool as nav_msgs/Path, for RViz and Foxglove.
+
+Usage: ros2 run aerarm_ros tool_path
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from numpy.typing import NDArray
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.topic import Topic
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.nodes.background_executor import BackgroundExecutor
+from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.nodes.state_sampler import StateSampler
+from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+
+NAME = 'tool_path'
+BASE_FRAME = 'base_link'
+# Sent whole each time, so whoever comes later sees all of it.
+TOOL_PATH = Topic('tool_path', Path, topics.RELIABLE)
+
+PARAMETERS = ParameterTable(
+    Parameter('frame', 'tool0', 'frame whose path it is'),
+    Parameter('rate', 10.0, 'how often the path is sent', 'Hz', 0.1, 50.0),
+    Parameter('length', 500, 'points kept', '', 2, 10000),
+    Parameter('distance', 0.002, 'distance after which a new point is added', 'm', 1e-4, 1.0),
+    Parameter('urdf', '', 'URDF of the arm; the packaged one if empty'),
+    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+)
+
+
+class ToolPath:
+    """Samples the joint states and keeps the last points of the tool.
+
+    Attributes
+    ----------
+    status
+        Exit status after `run`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter or a file cannot be used.
+    """
+
+    def __init__(self) -> None:
+        self.status = 0
+        self._node = rclpy.create_node(NAME)
+        values = PARAMETERS.declare(self._node)
+        arm = load_arm_config(values.config or None)
+        robot = load_robot(values.urdf or None, joint_names=arm.joint_names)
+        self._kinematics = Kinematics(robot, values.frame)
+        self._distance = values.distance
+        self._points: deque[NDArray[np.float64]] = deque(maxlen=values.length)
+        self._publisher = self._node.create_publisher(TOOL_PATH.type, TOOL_PATH.name, TOOL_PATH.qos)
+        self._states = StateSampler(self._node, robot.joint_names)
+        self._loop = PeriodicLoop(1.0 / values.rate)
+
+    def run(self) -> None:
+        """Publish until stopped."""
+        with BackgroundExecutor(self._node), StopSignals(self._loop.stop):
+            self._loop.run(self._update)
+
+    def close(self) -> None:
+        """Destroy the node."""
+        self._states.destroy()
+        self._node.destroy_node()
+
+    def _update(self, now_ns: int, index: int) -> None:
+        state = self._states.newest()
+        if state is None:
+            return
+        point = self._kinematics.position(state[0]).copy()
+        if not self._points or np.linalg.norm(point - self._points[-1]) > self._distance:
+            self._points.append(point)
+            self._publisher.publish(self._message())
+
+    def _message(self) -> Path:
+        path = Path()
+        path.header.frame_id = BASE_FRAME
+        path.header.stamp = self._node.get_clock().now().to_msg()
+        for point in self._points:
+            pose = PoseStamped(header=path.header)
+            p = pose.pose.position
+            p.x, p.y, p.z = point.tolist()
+            path.poses.append(pose)
+        return path
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, ToolPath, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,176 @@
+"""Shows the running arm in a browser: 3-D, joint plots, jitter, mode and emergency stop.
+
+Usage: ros2 run aerarm_ros view, then open the address it prints.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import redirect_stdout
+from io import StringIO
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.nodes.background_executor import BackgroundExecutor
+from aerarm_ros.nodes.emergency_stop import EmergencyStop
+from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.nodes.state_sampler import StateSampler
+from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.nodes.view_diagnostics import ViewDiagnostics, ViewStatus
+from aerarm_ros.nodes.view_history import ViewHistory
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+
+NAME = 'view'
+LOOPBACK = ('127.0.0.1', 'localhost', '::1')
+# The scene moves at every cycle, text and plots are sent at every third.
+TEXT_EVERY = 3
+
+PARAMETERS = ParameterTable(
+    Parameter('host', LOOPBACK[0], 'address to serve the page at; others than this machine '
+              'reach it only if it is another one, and may then stop the arm'),
+    Parameter('port', 8080, 'first TCP port to try', '', 1, 65535),
+    Parameter('bridges', ['hardware_bridge', 'fake_hardware'],
+              'node names of the bridges whose e_stop service the button calls'),
+    Parameter('rate', 30.0, 'pictures a second', 'Hz', 1.0, 100.0),
+    Parameter('history', 10.0, 'time the plots show', 's', 1.0, 120.0),
+    Parameter('tool', 'tool0', 'frame whose path is drawn; the last of the URDF if empty'),
+    Parameter('urdf', '', 'URDF of the arm; the packaged one if empty'),
+    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+)  # fmt: skip
+
+
+class ViewError(ValueError):
+    """The page cannot be served; the message says what to do."""
+
+
+class View:
+    """Reads the arm's topics as often as a person can see, and shows them.
+
+    Attributes
+    ----------
+    status
+        Exit status after `run`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter or a file cannot be used, or viser is not installed.
+    """
+
+    def __init__(self) -> None:
+        self.status = 0
+        self._node = rclpy.create_node(NAME)
+        self._values = values = PARAMETERS.declare(self._node)
+        arm = load_arm_config(values.config or None)
+        robot = load_robot(
+            values.urdf or None,
+            gravity_in_base=arm.gravity_in_base,
+            joint_names=arm.joint_names,
+        )
+        self._names = list(robot.joint_names)
+        self._mode = ''
+        self._diagnostics = ViewDiagnostics()
+        self._history = ViewHistory(robot.n, values.history, values.rate)
+        self._heard = -np.inf
+        self._stop = EmergencyStop(self._node, values.bridges)
+        self._states = StateSampler(self._node, self._names)
+        self._subscribe()
+        self._loop = PeriodicLoop(1.0 / values.rate)
+        self._serve(robot)
+
+    def run(self) -> None:
+        """Show until stopped."""
+        address = f'http://{self._server.get_host()}:{self._server.get_port()}'
+        self._node.get_logger().info(f'the arm is shown at {address}')
+        if self._values.host not in LOOPBACK:
+            self._node.get_logger().warning(
+                'the page is open to the network: whoever reaches it can stop the arm'
+            )
+        with BackgroundExecutor(self._node), StopSignals(self._loop.stop):
+            self._loop.run(self._update)
+
+    def close(self) -> None:
+        """Close the page and destroy the node."""
+        with redirect_stdout(StringIO()):
+            self._server.stop()
+        self._states.destroy()
+        self._node.destroy_node()
+
+    def _serve(self, robot: object) -> None:
+        try:
+            import viser
+
+            from aerarm_ros.nodes.view_panel import ViewPanel
+            from aerarm_ros.nodes.view_scene import ViewScene
+        except ImportError as error:
+            raise ViewError(f"{error}: install it with pip install 'aerarm_ros[view]'") from None
+        # A browser's spare connections are no errors, and the address is said below.
+        logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
+        with redirect_stdout(StringIO()):
+            self._server = viser.ViserServer(self._values.host, self._values.port, verbose=False)
+        self._scene = ViewScene(self._server, robot, self._values.tool)
+        self._panel = ViewPanel(self._server, self._names, self._values.history, self._stop.press)
+
+    def _subscribe(self) -> None:
+        for topic, callback in (
+            (topics.ARM_MODE, self._on_mode),
+            (topics.DIAGNOSTICS, self._on_diagnostics),
+        ):
+            self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
+
+    def _update(self, now_ns: int, index: int) -> None:
+        now = now_ns * 1e-9
+        state = self._states.newest()
+        if state is not None:
+            self._heard = now
+            self._history.add(now, state)
+            self._scene.update(state[0])
+        # A page nobody looks at costs nothing.
+        if index % TEXT_EVERY == 0 and self._server.get_clients():
+            self._scene.update_path()
+            self._panel.show_motion(*self._history.window(now))
+            self._panel.show_mode(self._mode, self._describe_states(now))
+            self._panel.show_diagnostics(
+                self._diagnostics.timing_html(now), self._diagnostics.status_html(now)
+            )
+
+    def _describe_states(self, now: float) -> str:
+        if self._states.missing:
+            return (
+                f'joint_states lacks {", ".join(self._states.missing)}: another arm? (config, urdf)'
+            )
+        if not np.isfinite(self._heard):
+            return 'no joint_states in this ROS domain: start a bridge, check ROS_DOMAIN_ID'
+        if now - self._heard > 1.0:
+            return f'the last joint_states came {now - self._heard:.0f} s ago'
+        return f'joint_states at {self._states.frequency(now):.0f} Hz'
+
+    def _on_mode(self, message: String) -> None:
+        self._mode = message.data
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        now = time.monotonic()
+        for status in message.status:
+            values = {item.key: item.value for item in status.values}
+            level = int.from_bytes(status.level, 'little')
+            self._diagnostics.add(status.name, ViewStatus(level, status.message, values, now))
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, View, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""Diagnostics as tables for people."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+
+LEVELS = ('OK', 'WARN', 'ERROR', 'STALE')
+_COLORS = ('#2b8a3e', '#b06000', '#c92a2a', '#868e96')
+_STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
+_TIMING_KEY = re.compile(rf'(.+) ({"|".join(map(re.escape, _STATISTICS))}) \[us\]')
+_CELL = 'style="padding:1px 6px;text-align:right"'
+
+
+@dataclass(frozen=True)
+class ViewStatus:
+    """One DiagnosticStatus as it arrived.
+
+    Attributes
+    ----------
+    level
+        0 OK, 1 WARN, 2 ERROR, 3 STALE.
+    message
+        What the publisher says.
+    values
+        Key to value.
+    received
+        Monotonic time of arrival [s].
+    """
+
+    level: int
+    message: str
+    values: Mapping[str, str] = field(default_factory=dict)
+    received: float = 0.0
+
+
+class ViewDiagnostics:
+    """Newest status of every name, and how long ago it came.
+
+    Parameters
+    ----------
+    stale_after
+        Age at which a status is shown as stale [s]; publishers send once a second.
+    """
+
+    def __init__(self, stale_after: float = 3.0) -> None:
+        self._stale_after = stale_after
+        self._statuses: dict[str, ViewStatus] = {}
+
+    def add(self, name: str, status: ViewStatus) -> None:
+        """Store a status; it replaces the one of the same name."""
+        self._statuses[name] = status
+
+    def timing_html(self, now: float) -> str:
+        """Return a table of the quantiles [us] in all statuses, '' if none has any."""
+        tables = [
+            f'<b>{escape(name)}</b> {_badge(self._level(status, now))}{_timing_table(rows)}'
+            f'<div>{escape(_counts(status.values))}</div>'
+            for name, status in sorted(self._copy())
+            if (rows := timing_rows(status.values))
+        ]
+        return ''.join(tables)
+
+    def status_html(self, now: float) -> str:
+        """Return one line for every status."""
+        lines = [
+            f'<div>{_badge(self._level(status, now))} <b>{escape(name)}</b> '
+            f'{escape(status.message)}</div>'
+            for name, status in sorted(self._copy())
+        ]
+        return ''.join(lines) or '<i>nothing on /diagnostics yet</i>'
+
+    def _level(self, status: ViewStatus, now: float) -> int:
+        return 3 if now - status.received > self._stale_after else status.level
+
+    def _copy(self) -> list[tuple[str, ViewStatus]]:
+        # The thread that serves subscriptions may add a name meanwhile.
+        return list(self._statuses.items())
+
+
+def timing_rows(values: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Return quantity -> statistic -> microseconds out of keys like 'period p99 [us]'."""
+    rows: dict[str, dict[str, str]] = {}
+    for key, value in values.items():
+        match = _TIMING_KEY.fullmatch(key)
+        if match:
+            rows.setdefault(match[1], {})[match[2]] = value
+    return rows
+
+
+def _timing_table(rows: Mapping[str, Mapping[str, str]]) -> str:
+    head = _row('th', 'us', _STATISTICS)
+    body = ''.join(
+        _row('td', name, [row.get(statistic, '') for statistic in _STATISTICS])
+        for name, row in rows.items()
+    )
+    return f'<table style="border-collapse:collapse;font-size:0.85em">{head}{body}</table>'
+
+
+def _row(tag: str, name: str, cells: Sequence[str]) -> str:
+    numbers = ''.join(f'<{tag} {_CELL}>{escape(cell)}</{tag}>' for cell in cells)
+    return f'<tr><td>{escape(name)}</td>{numbers}</tr>'
+
+
+def _counts(values: Mapping[str, str]) -> str:
+    return ', '.join(f'{k}: {v}' for k, v in values.items() if not _TIMING_KEY.fullmatch(k))
+
+
+def _badge(level: int) -> str:
+    return f'<b style="color:{_COLORS[level]}">{LEVELS[level]}</b>'

@@ -1,0 +1,130 @@
+"""The arm in three dimensions, as its URDF draws it."""
+
+from __future__ import annotations
+
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import viser
+from numpy.typing import NDArray
+
+from aerarm_ros.description.robot import Robot
+
+Array = NDArray[np.float64]
+
+_GRID_SIZE = 2.0  # [m]
+_TRAIL_COLOR = (30, 120, 230)
+_TRAIL_STEP = 2e-3  # [m] the tool's path gets a new point after this distance
+_TRAIL_POINTS = 400
+
+
+class ViewScene:
+    """Links as moving shapes, a grid at the base, and the path of the tool.
+
+    Parameters
+    ----------
+    server
+        Where the scene is shown. Its up direction is against gravity, so a hanging arm hangs.
+    robot
+        The arm, with visual shapes in its URDF; collision shapes are drawn where it has none.
+    tool
+        Frame whose path is drawn; the last one of the model if empty.
+
+    Raises
+    ------
+    ValueError
+        If there is no such frame.
+    """
+
+    def __init__(self, server: viser.ViserServer, robot: Robot, tool: str = '') -> None:
+        self._model = robot.model
+        self._data = robot.model.createData()
+        if tool and not robot.model.existFrame(tool):
+            known = ', '.join(frame.name for frame in robot.model.frames)
+            raise ValueError(f'the URDF has no frame {tool!r}: it has {known}')
+        self._tool = robot.model.getFrameId(tool) if tool else robot.model.nframes - 1
+        self._scene = server.scene
+        self._prepare(server, robot)
+        self._joints = [
+            self._scene.add_frame(f'/arm/{name}', show_axes=False) for name in robot.model.names
+        ]
+        for shape in _shapes(robot):
+            self._add(shape)
+        self._path: deque[Array] = deque(maxlen=_TRAIL_POINTS)
+        self._trail = self._scene.add_line_segments(
+            '/tool_path', np.zeros((1, 2, 3)), _TRAIL_COLOR, line_width=2.0
+        )
+        self.update(np.clip(np.zeros(robot.n), robot.position_min, robot.position_max))
+
+    def update(self, q: Array) -> None:
+        """Move the links to joint angles q (n,) [rad]."""
+        pin.forwardKinematics(self._model, self._data, q)
+        for handle, placement in zip(self._joints, self._data.oMi, strict=True):
+            handle.position, handle.wxyz = placement.translation, _wxyz(placement.rotation)
+        tool = pin.updateFramePlacement(self._model, self._data, self._tool).translation
+        if not self._path or np.linalg.norm(tool - self._path[-1]) > _TRAIL_STEP:
+            self._path.append(tool.copy())
+
+    def update_path(self) -> None:
+        """Draw the path of the tool as far as it is known."""
+        points = np.array(self._path)
+        if len(points) > 1:
+            self._trail.points = np.stack([points[:-1], points[1:]], axis=1)
+
+    def clear_path(self) -> None:
+        """Forget where the tool was."""
+        self._path.clear()
+        self._trail.points = np.zeros((1, 2, 3))
+
+    def _prepare(self, server: viser.ViserServer, robot: Robot) -> None:
+        gravity = np.array(robot.gravity_in_base)
+        up = -gravity / np.linalg.norm(gravity) if np.any(gravity) else np.array([0.0, 0.0, 1.0])
+        self._scene.set_up_direction(tuple(up))
+        self._scene.add_grid('/grid', _GRID_SIZE, _GRID_SIZE, cell_size=0.1, section_size=0.5)
+        self._scene.add_frame('/base', axes_length=0.12, axes_radius=0.003)
+        server.initial_camera.look_at = tuple(0.35 * up)
+        server.initial_camera.position = tuple(np.array([0.8, -0.9, 0.0]) + 0.7 * up)
+
+    def _add(self, shape: pin.GeometryObject) -> None:
+        """Draw one shape, fixed to its joint."""
+        solid, scene = shape.geometry, self._scene
+        name = f'/arm/{self._model.names[shape.parentJoint]}/{shape.name}'
+        placed: dict[str, Any] = {
+            'wxyz': _wxyz(shape.placement.rotation),
+            'position': shape.placement.translation,
+            'color': tuple(round(255 * x) for x in shape.meshColor[:3]),
+        }
+        if isinstance(solid, pin.hppfcl.Box):
+            scene.add_box(name, dimensions=tuple(2 * solid.halfSide), **placed)
+        elif isinstance(solid, pin.hppfcl.Cylinder):
+            scene.add_cylinder(name, radius=solid.radius, height=2 * solid.halfLength, **placed)
+        elif isinstance(solid, pin.hppfcl.Sphere):
+            scene.add_icosphere(name, radius=solid.radius, **placed)
+        elif isinstance(solid, pin.hppfcl.BVHModelBase):
+            triangles = [list(solid.tri_indices(k)) for k in range(solid.num_tris)]
+            vertices = np.array(solid.vertices()) * shape.meshScale
+            scene.add_mesh_simple(name, vertices, np.array(triangles), side='double', **placed)
+
+
+def _shapes(robot: Robot) -> list[pin.GeometryObject]:
+    """Return the visual shapes, else the collision shapes; none where their meshes are missing."""
+    folders = [] if robot.path is None else [str(x) for x in Path(robot.path).resolve().parents]
+    for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION):
+        try:
+            found = pin.buildGeomFromUrdfString(
+                robot.model, robot.urdf_text, kind, package_dirs=folders
+            )
+        except (ValueError, RuntimeError):
+            continue
+        if len(found.geometryObjects):
+            return list(found.geometryObjects)
+    return []
+
+
+def _wxyz(rotation: Array) -> Array:
+    """Return a rotation matrix as a quaternion, real part first."""
+    x, y, z, w = pin.Quaternion(rotation).coeffs()
+    return np.array([w, x, y, z])

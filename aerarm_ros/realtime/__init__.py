@@ -1,0 +1,1 @@
+"""Periodic loop, scheduling, memory locking, timing statistics."""

@@ -1,0 +1,106 @@
+"""What a loop asks of the operating system, each with advice when it is refused.
+
+Every function returns None when it worked, otherwise a warning for the user: a robot on a
+desk should run without these rights, and say what that costs.
+"""
+
+import ctypes
+import gc
+import os
+import resource
+import threading
+from collections.abc import Collection
+from contextlib import suppress
+
+_MCL_CURRENT = 1
+_MCL_FUTURE = 2
+_LIMITS_FILE = '/etc/security/limits.d/realtime.conf'
+
+
+def set_fifo(priority: int) -> str | None:
+    """Run this process under SCHED_FIFO, ahead of all ordinary ones.
+
+    The calling thread gets `priority`, every other thread that exists by now the one below
+    (threads started later inherit from theirs). Raising the caller alone is not enough: the
+    middleware's threads deliver its messages, and whichever thread holds the interpreter's
+    or a writer's lock must not be kept waiting by an ordinary process.
+
+    Parameters
+    ----------
+    priority
+        2 to 99; keep below the kernel's interrupt threads (50) unless they were raised.
+
+    Raises
+    ------
+    ValueError
+        If the priority is out of range.
+    """
+    if not 2 <= priority <= 99:
+        raise ValueError(f'a SCHED_FIFO priority lies between 2 and 99, not {priority}')
+    caller = threading.get_native_id()
+    try:
+        os.sched_setscheduler(caller, os.SCHED_FIFO, os.sched_param(priority))
+        for thread in _threads():
+            if thread != caller:
+                with suppress(ProcessLookupError):
+                    os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority - 1))
+    except OSError as error:
+        return (
+            f'SCHED_FIFO priority {priority} was refused ({error.strerror}): the loop competes '
+            f'with every other process. Put the line "@realtime - rtprio 98" into {_LIMITS_FILE}, '
+            'add the user to the group realtime and log in again; in a container add '
+            '--cap-add=SYS_NICE.'
+        )
+    return None
+
+
+def lock_memory() -> str | None:
+    """Keep all memory of the process, present and future, in RAM."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+    advice = (
+        f'a page fault can delay a cycle. Put the line "@realtime - memlock unlimited" into '
+        f'{_LIMITS_FILE}, add the user to the group realtime and log in again; in a container '
+        'add --ulimit memlock=-1.'
+    )
+    if limit != resource.RLIM_INFINITY and os.geteuid() != 0:
+        # The call might succeed now and make a later allocation fail: worse than not locking.
+        return f'memory was not locked (the limit is {limit} bytes): {advice}'
+    if ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:
+        return f'memory was not locked ({os.strerror(ctypes.get_errno())}): {advice}'
+    return None
+
+
+def set_affinity(cpus: Collection[int]) -> str | None:
+    """Keep all threads of this process, present and future, on the given CPUs."""
+    before = os.sched_getaffinity(0)
+    _try_affinity(cpus)
+    if set(cpus) == os.sched_getaffinity(0):
+        return None
+    _try_affinity(before)
+    return (
+        f'CPUs {sorted(cpus)} were refused, this process stays on {sorted(before)}: check the CPU '
+        'numbers, the isolcpus boot option and the cpuset of the container.'
+    )
+
+
+def freeze_garbage_collector() -> str | None:
+    """Collect once, then switch Python's cyclic collector off.
+
+    Its pauses grow with the number of objects and come at any time. Reference counting
+    goes on, so a loop that makes no reference cycles doesn't grow.
+    """
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return None
+
+
+def _try_affinity(cpus: Collection[int]) -> None:
+    for thread in _threads():
+        with suppress(OSError, ValueError, OverflowError):
+            os.sched_setaffinity(thread, cpus)
+
+
+def _threads() -> list[int]:
+    """Return the threads of this process; one may end before it is dealt with."""
+    return [int(name) for name in os.listdir('/proc/self/task')]

@@ -1,0 +1,1 @@
+"""The physics engine behind the emulated boards."""

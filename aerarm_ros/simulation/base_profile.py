@@ -1,0 +1,88 @@
+"""A motion that a drone makes under the arm, as a function of time."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class BaseState(NamedTuple):
+    """Pose and motion of the base.
+
+    Attributes
+    ----------
+    position, velocity, acceleration : (3,) ndarray
+        Of the base's origin in the world [m], [m/s], [m/s^2].
+    quaternion : (4,) ndarray
+        (w, x, y, z), base to world.
+    angular_velocity, angular_acceleration : (3,) ndarray
+        In base axes [rad/s], [rad/s^2].
+    """
+
+    position: Array
+    quaternion: Array
+    velocity: Array
+    angular_velocity: Array
+    acceleration: Array
+    angular_acceleration: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BaseProfile:
+    """A turn by a constant and an oscillating angle, beside an oscillating shift.
+
+    The turn is about one axis, so that angular velocity and acceleration are those of the
+    angle; everything that oscillates grows smoothly from rest within `ramp`.
+
+    Attributes
+    ----------
+    axis : (3,) ndarray
+        Of the turn, a unit vector.
+    tilt, swing : float
+        Constant and oscillating part of the angle [rad].
+    shift : (3,) ndarray
+        Amplitude of the oscillating position [m].
+    frequency, shift_frequency : float
+        [Hz]
+    ramp : float
+        [s]
+    """
+
+    axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    tilt: float = 0.0
+    swing: float = 0.0
+    shift: Array = field(default_factory=lambda: np.zeros(3))
+    frequency: float = 0.5
+    shift_frequency: float = 0.7
+    ramp: float = 2.0
+
+    def evaluate(self, time: float) -> BaseState:
+        """Return the base's state at `time` [s], at rest before zero."""
+        angle, rate, spin = self._oscillation(time, self.frequency)
+        offset, speed, surge = self._oscillation(time, self.shift_frequency)
+        half = 0.5 * (self.tilt + self.swing * angle)
+        return BaseState(
+            self.shift * offset,
+            np.concatenate([[np.cos(half)], np.sin(half) * self.axis]),
+            self.shift * speed,
+            self.swing * rate * self.axis,
+            self.shift * surge,
+            self.swing * spin * self.axis,
+        )
+
+    def _oscillation(self, time: float, frequency: float) -> tuple[float, float, float]:
+        """Return a sine that grows to amplitude 1, and its two derivatives."""
+        x = min(max(time / self.ramp, 0.0), 1.0)
+        grown = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+        growth = 30.0 * x**2 * (1.0 - x) ** 2 / self.ramp
+        bend = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / self.ramp**2
+        w = 2.0 * np.pi * frequency
+        s, c = np.sin(w * time), np.cos(w * time)
+        return (
+            grown * s,
+            growth * s + grown * w * c,
+            bend * s + 2.0 * growth * w * c - grown * w**2 * s,
+        )

@@ -1,0 +1,141 @@
+"""Time of one update of each control law, beside Pinocchio's bare calls."""
+
+from collections.abc import Callable
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.base_motion import BaseMotion
+from aerarm_ros.control.base_reaction import BaseReaction
+from aerarm_ros.control.board_computed_torque import BoardComputedTorque
+from aerarm_ros.control.cartesian_impedance import CartesianImpedance
+from aerarm_ros.control.cartesian_motion_control import CartesianMotionControl
+from aerarm_ros.control.computed_torque import ComputedTorque
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.damped_inverse import DampedInverse
+from aerarm_ros.control.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.friction_compensation import FrictionCompensation
+from aerarm_ros.control.gravity_compensation import GravityCompensation
+from aerarm_ros.control.joint_limits import JointLimits
+from aerarm_ros.control.joint_motion_control import JointMotionControl
+from aerarm_ros.control.joint_reference import JointReference
+from aerarm_ros.control.momentum_observer import MomentumObserver
+from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.task_reference import TaskReference
+from aerarm_ros.control.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.velocity_resolution import VelocityResolution
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.kinematics import Kinematics
+
+UPDATES = 5000
+CYCLE = 1e-3
+Q, DQ, DDQ = np.random.default_rng(0).uniform(-0.5, 0.5, (3, 4)) + [[0.0, 1.2, 0.0, 0.5]] * 3
+BUDGET = 30.0  # [us] a control update with RNEA
+
+
+def measure(call: Callable[[], Any]) -> tuple[float, float]:
+    """Return median and 99 % quantile of a call's duration [us]."""
+    for _ in range(200):
+        call()
+    times = np.empty(UPDATES)
+    for index in range(UPDATES):
+        start = perf_counter_ns()
+        call()
+        times[index] = perf_counter_ns() - start
+    p50, p99 = np.percentile(times, [50, 99]) * 1e-3
+    return float(p50), float(p99)
+
+
+def bare_calls() -> dict[str, Callable[[], Any]]:
+    model = load_robot().model
+    data = model.createData()
+    frame = model.getFrameId('tool0')
+    aligned = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    return {
+        'rnea': lambda: pin.rnea(model, data, Q, DQ, DDQ),
+        'crba': lambda: pin.crba(model, data, Q),
+        'computeCoriolisMatrix': lambda: pin.computeCoriolisMatrix(model, data, Q, DQ),
+        'computeFrameJacobian': lambda: pin.computeFrameJacobian(model, data, Q, frame, aligned),
+    }
+
+
+def laws() -> dict[str, Callable[[], Any]]:
+    config, robot = load_arm_config(), load_robot()
+    dynamics = MovingBaseDynamics(robot, config.column('reflected_inertia'))
+    friction = FrictionCompensation(robot.viscous, robot.coulomb)
+    limits, kinematics = JointLimits.from_config(config), Kinematics(robot)
+    resolution = VelocityResolution(kinematics, limits, config.rest_position, DampedInverse())
+    state = ArmState(Q, DQ, dynamics.inverse(Q, DQ, DDQ))
+    joints = JointReference(Q + 0.01, DQ, DDQ)
+    task = TaskReference(kinematics.position(Q) + 0.01, np.zeros(3), np.zeros(3))
+    base = BaseMotion(np.array([0.0, 0.0, -9.81]), np.array([1.0, 2.0, 9.0]), DQ[:3], DDQ[:3])
+    gravity = GravityCompensation(dynamics, 60.0, 3.0, friction)
+    torque = ComputedTorque(dynamics, 400.0, 40.0, friction=friction)
+    boards = BoardComputedTorque(dynamics, friction=friction)
+    impedance = CartesianImpedance(dynamics, kinematics, 300.0, 40.0, config.rest_position)
+    observer = MomentumObserver(dynamics, 30.0, friction)
+    joint_motion = JointMotionControl(resolution, 8.0)
+    joint_motion.take_over(Q)
+    cartesian_motion = CartesianMotionControl(resolution, 8.0)
+    reaction = BaseReaction(robot)
+    return {
+        'gravity compensation (2.14)': lambda: gravity.update(state, joints, CYCLE),
+        'computed torque (2.21)': lambda: torque.update(state, joints, CYCLE),
+        'computed torque, moving base': lambda: torque.update(state, joints, CYCLE, base),
+        'computed torque, on boards': lambda: boards.update(state, joints, CYCLE),
+        'Cartesian impedance': lambda: impedance.update(state, task, CYCLE),
+        'momentum observer': lambda: observer.update(state, CYCLE),
+        'kinematic, joint (2.5.2)': lambda: joint_motion.update(state, task, CYCLE),
+        'kinematic, Cartesian (2.5.3)': lambda: cartesian_motion.update(state, task, CYCLE),
+        'base reaction': lambda: reaction.evaluate(Q, DQ, DDQ, base),
+    }
+
+
+def whole_loops() -> dict[str, Callable[[], Any]]:
+    """Return updates of a node's whole loop: trajectory, law, limits, and the observer."""
+    config, robot = load_arm_config(), load_robot()
+    limits = JointLimits.from_config(config)
+    calls = {}
+    for name, gain in (('loop: trajectory, computed torque', 0.0), ('  and observer', 30.0)):
+        dynamics = MovingBaseDynamics(robot, config.column('reflected_inertia'))
+        friction = FrictionCompensation(robot.viscous, robot.coulomb)
+        law = ComputedTorque(dynamics, 400.0, 40.0, friction=friction)
+        follower = TrajectoryFollower(limits, FollowerTolerances.uniform(4, path=10.0))
+        observer = MomentumObserver(dynamics, gain, friction) if gain else None
+        loop = ControlLoop(limits, follower, law, observer, compensation_max=gain / 30.0)
+        calls[name] = _endless_motion(loop, follower)
+    return calls
+
+
+def _endless_motion(
+    loop: ControlLoop[JointReference], follower: TrajectoryFollower
+) -> Callable[[], Any]:
+    state = ArmState(Q, DQ, np.zeros(4))
+    now = 0.0
+
+    def update() -> None:
+        nonlocal now
+        if follower.status == 'holding':
+            goal = Q + 0.5 if follower.reference.q[0] < Q[0] + 0.2 else Q
+            follower.go_to(np.clip(goal, loop.limits.position_min, loop.limits.position_max), now)
+        now += CYCLE
+        loop.update(state, now)
+
+    return update
+
+
+def main() -> None:
+    print(f'{"one update, n = 4":36} {"p50 [us]":>9} {"p99 [us]":>9}')
+    for calls in (bare_calls(), laws(), whole_loops()):
+        for name, call in calls.items():
+            p50, p99 = measure(call)
+            print(f'{name:36} {p50:9.1f} {p99:9.1f}')
+    print(f'Budget of a control update with RNEA: {BUDGET:g} us.')
+
+
+if __name__ == '__main__':
+    main()

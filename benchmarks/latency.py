@@ -1,0 +1,238 @@
+"""State-to-command latency and CPU: raw bytes against a plain rclpy pair, in the same run.
+
+Two processes each time, 1 kHz, real DDS. The first publishes joint states; the second
+computes the torques (RNEA) and publishes a joint command. Latency is the time from the
+state's stamp, taken just before it is published, to the finished torque.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from aerarm_msgs_py.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_msgs_py.topics import JOINT_COMMAND, JOINT_STATES
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.nodes.node_process import ros_environment
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.realtime.scheduling import freeze_garbage_collector, lock_memory, set_fifo
+from aerarm_ros.realtime.timing_statistics import TimingStatistics
+
+PERIOD = 1e-3
+SILENCE = 1.0  # [s] without a state after which a controller ends
+NAMES = ['joint1', 'joint2', 'joint3', 'joint4']
+NANOSECONDS = 1_000_000_000
+
+
+class CpuMeter:
+    """Share of a core that this process uses from the first call of `tick` to the last."""
+
+    def __init__(self) -> None:
+        self._first: tuple[float, float] | None = None
+
+    def tick(self) -> None:
+        """Note the time; call it once a cycle."""
+        self._last = (time.process_time(), time.monotonic())
+        self._first = self._first or self._last
+
+    @property
+    def share(self) -> float:
+        """Processor time over time passed."""
+        used, passed = np.subtract(self._last, self._first or self._last)
+        return float(used / passed) if passed else 0.0
+
+
+def raw_bridge(node: Node, cycles: int) -> dict[str, float]:
+    """Publish packed states on absolute deadlines, and take the newest command."""
+    publisher = node.create_publisher(JOINT_STATES.type, JOINT_STATES.name, JOINT_STATES.qos)
+    commands = RawReader(node, JOINT_COMMAND)
+    cdr, loop, meter = JointStateCdr(NAMES), PeriodicLoop(PERIOD), CpuMeter()
+    state, answered = np.full(4, 0.1), 0
+
+    def cycle(now_ns: int, index: int) -> None:
+        nonlocal answered
+        command = commands.take_newest()
+        answered += command is not None and cdr.unpack(command[0]) is not None
+        publisher.publish(cdr.pack(time.monotonic_ns(), state, state, state))
+        meter.tick()
+        if loop.cycles >= cycles:
+            loop.stop()
+
+    wait_until(lambda: publisher.get_subscription_count() and commands.publishers())
+    loop.run(cycle)
+    return {'cpu': meter.share, 'answered': answered / loop.cycles}
+
+
+def raw_controller(node: Node, cycles: int) -> dict[str, float]:
+    """Wait for the state alone, and answer with a packed command."""
+    publisher = node.create_publisher(JOINT_COMMAND.type, JOINT_COMMAND.name, JOINT_COMMAND.qos)
+    states = RawReader(node, JOINT_STATES)
+    cdr, meter, latency = JointStateCdr(NAMES), CpuMeter(), TimingStatistics()
+    dynamics = Dynamics(load_robot())
+    wait_until(lambda: states.wait(0.1))
+    while states.wait(SILENCE):
+        message = states.take_newest()
+        sample = cdr.unpack(message[0]) if message else None
+        if sample is None:
+            continue
+        effort = dynamics.inverse(sample.position, sample.velocity, np.zeros(4))
+        latency.add(time.monotonic_ns() - sample.stamp_ns)
+        publisher.publish(cdr.pack(sample.stamp_ns, effort=effort))
+        meter.tick()
+    return {'cpu': meter.share, **latency_of(latency)}
+
+
+def plain_bridge(node: Node, cycles: int) -> dict[str, float]:
+    """Publish message objects from a timer, and receive commands in a callback."""
+    publisher = node.create_publisher(JOINT_STATES.type, JOINT_STATES.name, JOINT_STATES.qos)
+    meter, sent, answered = CpuMeter(), 0, 0
+
+    def on_command(message: JointState) -> None:
+        nonlocal answered
+        answered += len(message.effort) == len(NAMES)
+
+    def on_timer() -> None:
+        nonlocal sent
+        sent += 1
+        message = JointState(name=NAMES, position=[0.1] * 4, velocity=[0.1] * 4, effort=[0.1] * 4)
+        set_stamp(message, time.monotonic_ns())
+        publisher.publish(message)
+        meter.tick()
+
+    commands = node.create_subscription(
+        JointState, JOINT_COMMAND.name, on_command, JOINT_COMMAND.qos
+    )
+    wait_until(lambda: publisher.get_subscription_count() and commands.get_publisher_count())
+    node.create_timer(PERIOD, on_timer)
+    spin(node, lambda: sent < cycles)
+    return {'cpu': meter.share, 'answered': answered / sent}
+
+
+def plain_controller(node: Node, cycles: int) -> dict[str, float]:
+    """Answer message objects in a callback."""
+    publisher = node.create_publisher(JOINT_COMMAND.type, JOINT_COMMAND.name, JOINT_COMMAND.qos)
+    meter, latency = CpuMeter(), TimingStatistics()
+    dynamics = Dynamics(load_robot())
+    heard = time.monotonic() + 20.0
+
+    def on_state(state: JointState) -> None:
+        nonlocal heard
+        q, dq = np.array(state.position), np.array(state.velocity)
+        effort = dynamics.inverse(q, dq, np.zeros(4))
+        stamp = state.header.stamp
+        latency.add(time.monotonic_ns() - stamp.sec * NANOSECONDS - stamp.nanosec)
+        command = JointState(name=NAMES, effort=effort.tolist())
+        command.header.stamp = stamp
+        publisher.publish(command)
+        meter.tick()
+        heard = time.monotonic()
+
+    node.create_subscription(JointState, JOINT_STATES.name, on_state, JOINT_STATES.qos)
+    spin(node, lambda: time.monotonic() < heard + SILENCE)
+    return {'cpu': meter.share, **latency_of(latency)}
+
+
+ROLES = {
+    'raw bytes': (raw_bridge, raw_controller),
+    'plain rclpy': (plain_bridge, plain_controller),
+}
+
+
+def spin(node: Node, going_on: Callable[[], bool]) -> None:
+    """Spin as `rclpy.spin` does, while a condition holds."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while going_on():
+        executor.spin_once(timeout_sec=SILENCE)
+
+
+def wait_until(condition: Callable[[], object]) -> None:
+    end = time.monotonic() + 20.0
+    while not condition():
+        if time.monotonic() > end:
+            raise TimeoutError('the other process was not found: check ROS_DOMAIN_ID')
+        time.sleep(0.01)
+
+
+def set_stamp(message: JointState, stamp_ns: int) -> None:
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, NANOSECONDS)
+
+
+def latency_of(statistics: TimingStatistics) -> dict[str, float]:
+    summary = statistics.summary()
+    return {'p50': summary.p50, 'p99': summary.p99, 'p999': summary.p999}
+
+
+def run_role(pair: str, part: int, cycles: int) -> None:
+    """Be one process of a pair, and print its figures."""
+    rclpy.init(args=[])
+    node = rclpy.create_node(f'part_{part}')
+    for warning in (set_fifo(80 - 10 * part), lock_memory(), freeze_garbage_collector()):
+        if warning:
+            print(warning, file=sys.stderr)
+    print(json.dumps(ROLES[pair][part](node, cycles)))
+
+
+def run_pair(pair: str, cycles: int) -> tuple[dict[str, float], dict[str, float]]:
+    """Run both processes of a pair; return the figures of bridge and controller."""
+    isolation = {
+        'ROS_DOMAIN_ID': str(1 + os.getpid() % 100),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        'OPENBLAS_NUM_THREADS': '1',
+    }
+    command = [sys.executable, __file__, '--cycles', str(cycles), '--pair', pair, '--part']
+    processes = [
+        subprocess.Popen(
+            [*command, str(part)], env=ros_environment(isolation), stdout=subprocess.PIPE, text=True
+        )
+        for part in (0, 1)
+    ]
+    outputs = [process.communicate()[0] for process in processes]
+    if any(process.returncode for process in processes):
+        raise SystemExit(f'latency: a process of the pair "{pair}" failed')
+    bridge, controller = (json.loads(output) for output in outputs)
+    return bridge, controller
+
+
+def report(pairs: dict[str, tuple[dict[str, float], dict[str, float]]]) -> None:
+    rows = [
+        (f'latency {name}', 'us', 1e6, [controller[name] for _, controller in pairs.values()])
+        for name in ('p50', 'p99', 'p999')
+    ]
+    rows.append(('CPU of the bridge', '%', 100.0, [b['cpu'] for b, _ in pairs.values()]))
+    rows.append(('CPU of the controller', '%', 100.0, [c['cpu'] for _, c in pairs.values()]))
+    rows.append(('cycles with a command', '%', 100.0, [b['answered'] for b, _ in pairs.values()]))
+    print(f'{"":26}' + ''.join(f'{name:>13}' for name in pairs) + f'{"ratio":>8}')
+    for label, unit, scale, values in rows:
+        cells = ''.join(f'{scale * value:13.1f}' for value in values)
+        print(f'{label + " [" + unit + "]":26}{cells}{values[0] / values[1]:8.2f}')
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--seconds', type=float, default=10.0, help='length of each run')
+    parser.add_argument('--cycles', type=int, help=argparse.SUPPRESS)
+    parser.add_argument('--pair', choices=ROLES, help=argparse.SUPPRESS)
+    parser.add_argument('--part', type=int, help=argparse.SUPPRESS)
+    options, _ = parser.parse_known_args()
+    if options.pair:
+        run_role(options.pair, options.part, options.cycles)
+        return
+    cycles = round(options.seconds / PERIOD)
+    report({pair: run_pair(pair, cycles) for pair in ROLES})
+    print('Goals: latency p50 at most half, CPU of the bridge at most a quarter.')
+
+
+if __name__ == '__main__':
+    main()

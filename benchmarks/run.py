@@ -1,0 +1,39 @@
+"""Run every benchmark of this folder, one after the other, and say which machine it was."""
+
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+
+
+def machine() -> str:
+    """One line about the machine the figures below were taken on."""
+    model = next(
+        (
+            line.split(':')[1].strip()
+            for line in Path('/proc/cpuinfo').read_text().splitlines()
+            if line.startswith(('model name', 'Model'))
+        ),
+        platform.machine(),
+    )
+    load = os.getloadavg()[0]
+    system = f'Linux {platform.release()}, Python {platform.python_version()}'
+    return f'{model}, {os.cpu_count()} cores, {system}, load {load:.1f}'
+
+
+def main() -> int:
+    print(f'Machine: {machine()}')
+    failed = 0
+    for script in sorted(HERE.glob('*.py')):
+        if script.name == Path(__file__).name:
+            continue
+        print(f'\n== {script.stem} ==', flush=True)
+        failed += subprocess.run([sys.executable, str(script), *sys.argv[1:]]).returncode != 0
+    return 1 if failed else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

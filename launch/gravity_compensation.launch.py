@@ -1,0 +1,21 @@
+"""Holds the arm at set points by gravity compensation, thesis (2.14).
+
+ros2 launch aerarm_ros gravity_compensation.launch.py enable:=true view:=true
+Takes the arguments of bringup.launch.py.
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return what `ros2 launch` starts."""
+    bringup = PathJoinSubstitution([FindPackageShare('aerarm_ros'), 'launch', 'bringup.launch.py'])
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument('controller', default_value='gravity_compensation'),
+            IncludeLaunchDescription(bringup),
+        ]
+    )

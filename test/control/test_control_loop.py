@@ -1,0 +1,141 @@
+"""Taking over, gaps, missing numbers, compensation and limits around a law."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.computed_torque import ComputedTorque
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.friction_compensation import FrictionCompensation
+from aerarm_ros.control.gravity_compensation import GravityCompensation
+from aerarm_ros.control.imu_sample import ImuSample
+from aerarm_ros.control.joint_command import JointCommand
+from aerarm_ros.control.momentum_observer import MomentumObserver
+from aerarm_ros.control.trajectory_follower import TrajectoryFollower
+
+CYCLE = 1e-3
+POSTURE = np.array([0.2, 1.0, -0.3, 0.5])
+REST = ArmState(POSTURE, np.zeros(4), np.zeros(4))
+
+
+@pytest.fixture
+def follower(limits) -> TrajectoryFollower:
+    return TrajectoryFollower(limits, FollowerTolerances.uniform(4, path=2.0))
+
+
+@pytest.fixture
+def loop(limits, follower, dynamics) -> ControlLoop:
+    return ControlLoop(limits, follower, ComputedTorque(dynamics, 100.0, 20.0))
+
+
+def test_takes_over_at_the_posture_it_finds(loop, dynamics) -> None:
+    assert loop.update(REST, 5.0) is None
+    command = loop.update(REST, 5.0 + CYCLE)
+    np.testing.assert_allclose(command.effort, dynamics.fixed.gravity(POSTURE), atol=1e-9)
+
+
+def test_takes_over_anew_after_a_gap_and_when_released(loop) -> None:
+    for now in (0.0, 0.001, 0.5, 0.501):
+        loop.update(REST, now)
+    assert loop.take_overs == 2
+    moved = REST._replace(q=POSTURE + 0.3)
+    loop.release()
+    loop.update(moved, 0.502)
+    loop.update(moved, 0.503)
+    np.testing.assert_allclose(loop.source.reference.q, POSTURE + 0.3)
+
+
+def test_a_state_with_nan_or_an_old_stamp_gets_no_command(loop) -> None:
+    loop.update(REST, 0.0)
+    assert loop.update(REST._replace(dq=np.array([0.0, np.nan, 0.0, 0.0])), 0.001) is None
+    assert loop.update(REST, 0.001) is not None
+    assert loop.update(REST, 0.001) is None
+    assert loop.update(REST, 0.0005) is None
+    assert loop.skipped == 3
+
+
+def test_effort_is_cut_at_its_limits(loop, limits) -> None:
+    loop.update(REST, 0.0)
+    loop.update(REST, CYCLE)
+    far = REST._replace(q=POSTURE + 1.5)
+    command = loop.update(far, 2 * CYCLE)
+    assert np.all(np.abs(command.effort) <= limits.effort_max)
+    assert np.any(np.abs(command.effort) == limits.effort_max)
+
+
+def test_a_law_without_effort_passes_unchanged(limits, follower) -> None:
+    class Velocity:
+        def take_over(self, q):
+            pass
+
+        def update(self, state, reference, dt, base=None):
+            return JointCommand(velocity=reference.dq)
+
+    loop = ControlLoop(limits, follower, Velocity(), compensation_max=1.0)
+    loop.update(REST, 0.0)
+    assert loop.update(REST, CYCLE).effort is None
+
+
+def test_compensation_takes_away_the_error_of_a_constant_force(
+    limits, dynamics, frictionless_bench
+) -> None:
+    errors = []
+    for compensation in (0.0, 2.0):
+        follower = TrajectoryFollower(limits, FollowerTolerances.uniform(4))
+        loop = ControlLoop(
+            limits,
+            follower,
+            ComputedTorque(dynamics, 100.0, 20.0),
+            MomentumObserver(dynamics, 40.0),
+            compensation_max=compensation,
+        )
+        arm = frictionless_bench(POSTURE)
+        hold = JointCommand(effort=dynamics.fixed.gravity(POSTURE))
+        force = np.array([0.3, 0.4, 0.1, 0.1])
+        run = arm.run(lambda s, now: loop.update(s, now) or hold, 1.0, disturbance=force)  # noqa: B023
+        errors.append(np.abs(run.q[-1] - POSTURE))
+        np.testing.assert_allclose(loop.disturbance, force, atol=0.01)
+    assert np.all(errors[1] < 0.02 * errors[0])
+
+
+def test_settles_within_5_mrad_of_any_set_point(limits, dynamics, bench, config, postures) -> None:
+    """With the drives' friction, standing and hanging, in the plant's exact gravity."""
+    viscous, coulomb = config.column('viscous'), config.column('coulomb')
+    friction = FrictionCompensation(viscous, coulomb)
+    for index, goal in enumerate(postures[:6]):
+        gravity = np.array([0.0, 0.0, -9.81 if index % 2 else 9.81])
+        follower = TrajectoryFollower(limits, FollowerTolerances.uniform(4, path=1.0))
+        loop = ControlLoop(
+            limits,
+            follower,
+            GravityCompensation(dynamics, [60, 60, 40, 40], [5, 5, 1, 1], friction),
+            MomentumObserver(dynamics, 10.0, friction),
+            BaseMotionEstimator(gravity, 'off'),
+            compensation_max=1.0,
+        )
+        arm = bench(postures[index + 1])
+        arm.plant.gravity_in_base = gravity
+
+        def controller(state, now):
+            if now == 2 * CYCLE:
+                follower.go_to(goal, now)  # noqa: B023
+            return loop.update(state, now) or JointCommand(effort=state.tau)  # noqa: B023
+
+        run = arm.run(controller, 4.0)
+        assert np.abs(run.q[-1] - goal).max() < 5e-3
+        assert np.abs(run.dq[-1]).max() < 1e-2
+
+
+def test_an_imu_makes_the_law_aware_of_tilt(limits, follower, dynamics) -> None:
+    estimator = BaseMotionEstimator([0.0, 0.0, -9.81], 'full')
+    law = ComputedTorque(dynamics, 100.0, 20.0)
+    loop = ControlLoop(limits, follower, law, base=estimator)
+    force = np.array([4.0, 2.0, 8.0])
+    estimator.offer(ImuSample(0.0, None, np.zeros(3), force), 0.0)
+    loop.update(REST, 0.0)
+    effort = loop.update(REST, CYCLE).effort
+    expected = dynamics.gravity(POSTURE, estimator.motion(0.0))
+    np.testing.assert_allclose(effort, expected, atol=1e-9)
+    assert np.abs(effort - dynamics.fixed.gravity(POSTURE)).max() > 0.3

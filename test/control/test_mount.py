@@ -1,0 +1,35 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from aerarm_ros.control.mount import Mount
+from aerarm_ros.description.robot import load_robot
+
+IMU_LINK = """
+  <joint name="imu_fixed" type="fixed">
+    <parent link="base_link"/><child link="imu_link"/>
+    <origin xyz="0.02 0 -0.1" rpy="3.14159265358979 0 0.5"/>
+  </joint>
+  <link name="imu_link"/>
+</robot>"""
+
+
+def test_reads_the_urdf(robot) -> None:
+    drone = load_robot(robot.urdf_text.replace('</robot>', IMU_LINK))
+    mount = Mount.from_robot(drone, 'imu_link')
+    expected = Mount.from_roll_pitch_yaw([0.02, 0.0, -0.1], [np.pi, 0.0, 0.5])
+    np.testing.assert_allclose(mount.rotation_imu_to_base, expected.rotation_imu_to_base, atol=1e-9)
+    np.testing.assert_allclose(mount.imu_position_in_base, expected.imu_position_in_base)
+
+
+def test_angles_are_those_of_urdf() -> None:
+    rpy = [0.3, -0.8, 1.9]
+    mount = Mount.from_roll_pitch_yaw(np.zeros(3), rpy)
+    expected = Rotation.from_euler('xyz', rpy).as_matrix()
+    np.testing.assert_allclose(mount.rotation_imu_to_base, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(('link', 'message'), [('imu', 'no link'), ('link2', 'moves')])
+def test_a_link_that_cannot_hold_the_imu_is_refused(robot, link, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        Mount.from_robot(robot, link)

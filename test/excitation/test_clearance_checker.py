@@ -1,0 +1,95 @@
+"""Distances against geometry done by hand, and the certificate against a dense sweep."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.excitation.clearance_checker import ClearanceChecker
+from aerarm_ros.excitation.excitation_error import ExcitationError
+from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
+
+UPRIGHT = np.array([0.0, np.pi / 2, 0.0, 0.0])
+# Height of joint 2, urdf/aerarm.urdf.
+SHOULDER = 0.167
+
+
+def ground_distance(checker: ClearanceChecker, q: np.ndarray) -> float:
+    rows = [i for i, pair in enumerate(checker.pairs) if 'ground' in pair]
+    return float(checker.distances(q)[rows].min())
+
+
+def test_ground_distance_of_the_arm_stretched_out(clearance: ClearanceChecker) -> None:
+    # Motor 4 reaches lowest; motor 2 does too, but its distance never changes.
+    lowest_radius = 0.032
+    assert ground_distance(clearance, np.zeros(4)) == pytest.approx(
+        SHOULDER + 0.01 - lowest_radius, abs=1e-6
+    )
+
+
+def test_ground_distance_when_joint_2_swings_below_the_horizon(
+    clearance: ClearanceChecker,
+) -> None:
+    down = clearance.distances(np.array([0.0, -0.3, 0.0, 0.0]))
+    level = clearance.distances(np.zeros(4))
+    row = next(i for i, pair in reversed(list(enumerate(clearance.pairs))) if 'ground' in pair)
+    # The tool's tip lies 0.75 m out: it sinks by that times the sine (and its radius tilts).
+    assert level[row] - down[row] == pytest.approx(0.75 * np.sin(0.3), abs=2e-3)
+
+
+def test_neighbours_are_not_pairs(clearance: ClearanceChecker) -> None:
+    neighbours = {('base_link', 'link1'), ('link1', 'link2'), ('link2', 'link3')}
+    assert not neighbours & set(clearance.pairs)
+    assert ('link2', 'link4') in clearance.pairs
+
+
+def test_the_certificate_encloses_a_dense_sweep(
+    clearance: ClearanceChecker, trajectory: FourierTrajectory
+) -> None:
+    positions = trajectory.position(np.arange(0.0, trajectory.period, 1e-3))
+    found = clearance.sweep(positions)
+    dense = np.array([clearance.distances(q) for q in positions[::2]])
+    for kind, rows in clearance._kinds.items():
+        true = dense[:, rows].min()
+        assert found[kind].guaranteed <= true <= found[kind].distance + 1e-5
+        assert found[kind].guaranteed > true - ClearanceChecker.RESOLUTION - 1e-5
+
+
+def test_distance_never_changes_faster_than_the_bound(clearance: ClearanceChecker) -> None:
+    generator = np.random.default_rng(5)
+    for _ in range(200):
+        a = generator.uniform(-2.0, 2.0, 4)
+        b = a + generator.uniform(-0.2, 0.2, 4)
+        change = np.abs(clearance.distances(a) - clearance.distances(b))
+        assert (change <= clearance._bounds @ np.abs(a - b) + 1e-6).all()
+
+
+def test_ground_is_below_along_gravity() -> None:
+    hanging = load_robot(gravity_in_base=(0.0, 0.0, 9.81))
+    checker = ClearanceChecker(hanging, ground_height=-1.5)
+    # Hanging, 'up' is the base's -z: the arm stretched towards +z points at the ground.
+    assert ground_distance(checker, UPRIGHT) == pytest.approx(1.5 - SHOULDER - 0.75, abs=1e-3)
+
+
+def test_shapes_on_the_base_are_obstacles(robot: Robot) -> None:
+    leg = (
+        '<collision name="landing_gear"><origin xyz="0.3 0 0.4"/>'
+        '<geometry><box size="0.02 0.02 0.3"/></geometry></collision>'
+    )
+    base = '<link name="base_link">'
+    text = robot.urdf_text.replace(base, base + leg)
+    checker = ClearanceChecker(load_robot(text))
+    without = ClearanceChecker(robot)
+    into_the_leg = np.array([0.0, np.arctan2(0.25, 0.3), 0.0, 0.0])
+    assert checker.distances(into_the_leg).min() < 0.0 < without.distances(into_the_leg).min()
+
+
+def test_a_urdf_without_shapes_is_refused(robot: Robot) -> None:
+    bare = robot.urdf_text.replace('collision', 'ignored')
+    with pytest.raises(ExcitationError, match='no <collision> shape'):
+        ClearanceChecker(load_robot(bare))
+
+
+@pytest.mark.parametrize('value', [-0.01, float('nan')])
+def test_clearance_must_not_be_negative(robot: Robot, value: float) -> None:
+    with pytest.raises(ExcitationError, match='clearances must not be negative'):
+        ClearanceChecker(robot, self_clearance=value)

@@ -1,0 +1,125 @@
+"""A bridge on emulated boards, with time in the test's hands."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.hardware.alignment_timing import AlignmentTiming
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.emulation import make_emulated_transport
+from aerarm_ros.hardware.fault_injection import inject
+
+QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
+PERIOD = 1e-3
+
+Reference = Callable[[float], tuple[Sequence[float] | None, ...]]
+
+
+class Rig:
+    """Emulated boards and a bridge, run cycle by cycle."""
+
+    def __init__(
+        self,
+        config: ArmConfig,
+        robot: Robot,
+        *,
+        seed: int | None = None,
+        settings: BridgeSettings | None = None,
+        allowed_sources: Sequence[str] = (),
+        **emulation: object,
+    ) -> None:
+        self.config = config
+        self.robot = robot
+        self.boards = make_emulated_transport(
+            config,
+            robot,
+            seed,
+            alignment=QUICK,
+            **emulation,  # type: ignore[arg-type]
+        )
+        self.bridge = BridgeCycle(config, self.boards, settings, allowed_sources=allowed_sources)
+        self.now = 100.0
+
+    @property
+    def plant(self):
+        return self.boards.plant
+
+    def cycle(self) -> None:
+        self.now += PERIOD
+        self.bridge.update(self.now)
+
+    def run(self, seconds: float, reference: Reference | None = None) -> np.ndarray:
+        """Run, commanding position, velocity, effort = reference(time); return q of each cycle."""
+        history = []
+        for _ in range(round(seconds / PERIOD)):
+            if reference is not None:
+                self.send(*reference(self.now))
+            self.cycle()
+            history.append(self.bridge.q.copy())
+        return np.array(history)
+
+    def send(self, position=None, velocity=None, effort=None, source='test', age=PERIOD) -> bool:
+        return self.bridge.command(
+            self.config.joint_names, position, velocity, effort, age, self.now, source
+        )
+
+    def enable(self) -> None:
+        """Enable the arm; its motors align, which takes 0.6 s."""
+        self.run(0.02)
+        answer = self.bridge.enable()
+        assert answer.accepted, answer.message
+
+    def bring_up(self, aligned: bool = True) -> 'Rig':
+        """Enable the arm and let it carry its own weight at rest.
+
+        Unless the alignment is what a test is about, the motors are declared aligned.
+        """
+        self.enable()
+        if aligned:
+            for board in self.boards.boards:
+                for motor in board.motors:
+                    motor.ready = True
+            self.run(0.02)
+            self.plant.support = 0.0
+            self.run(0.15)
+        else:
+            self.run(1.3)
+        assert self.bridge.mode == 'ready', self.bridge.faults
+        assert self.plant.support == 0.0
+        return self
+
+    def inject(self, fault: str, board: int = 0, motor: int = 0, value: float | None = None):
+        inject(self.boards, fault, board, motor, value)
+
+    @property
+    def speed(self) -> float:
+        """Largest true joint speed [rad/s]."""
+        return float(np.abs(self.plant.velocity).max())
+
+
+@pytest.fixture(scope='session')
+def config() -> ArmConfig:
+    return load_arm_config()
+
+
+@pytest.fixture(scope='session')
+def robot() -> Robot:
+    return load_robot()
+
+
+@pytest.fixture
+def make_rig(config: ArmConfig, robot: Robot) -> Callable[..., Rig]:
+    def make(**options: object) -> Rig:
+        return Rig(options.pop('config', config), robot, **options)
+
+    return make
+
+
+@pytest.fixture
+def rig(make_rig: Callable[..., Rig]) -> Rig:
+    """An arm as drawn, ready at its rest position."""
+    return make_rig().bring_up()

@@ -1,0 +1,188 @@
+"""Every fault that can be injected, at rest and in motion: what the bridge does about it."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.hardware.fault_injection import FAULTS, FaultInjectionError, inject
+
+MOVING = [0.8, 0.0, 0.8, 0.8]
+
+# Fault, board, motor, value; what the first text of the list of faults must say.
+STOPPING = [
+    ('dead_board', 0, 0, None, 'board0: .* frames in a row were bad'),
+    ('dead_board', 1, 0, None, 'board1: .* frames in a row were bad'),
+    ('bit_errors', 1, 0, 1.0, 'board1: .* frames in a row were bad'),
+    ('lost_frames', 0, 0, 1.0, 'board0: .* frames in a row were bad'),
+    ('encoder_jump', 0, 0, None, 'encoder of joint1 jumped by 3.1'),
+    ('encoder_jump', 1, 1, -2.0, 'encoder of joint4 jumped by (2.0|1.9)'),
+    ('over_temperature', 0, 0, None, r'board0: error 3 \(critical temperature\): let the board'),
+    ('driver_error', 1, 0, None, r'board1: error 7 \(driver fault\): check the supply'),
+    ('board_timeout', 1, 0, None, r'board1: error 2 \(SPI receive time-out\)'),
+    ('slow_bus', 0, 0, None, 'board0: exchanges take 2.00 ms'),
+]
+
+
+def run(rig, seconds, moving):
+    rig.run(seconds, (lambda now: (None, MOVING, None)) if moving else None)
+
+
+@pytest.mark.parametrize('moving', [False, True], ids=['at rest', 'in motion'])
+@pytest.mark.parametrize(('fault', 'board', 'motor', 'value', 'text'), STOPPING)
+def test_faults_that_stop_the_arm(rig, fault, board, motor, value, text, moving):
+    run(rig, 0.3, moving)
+    rig.inject(fault, board, motor, value)
+    run(rig, 0.1, moving)
+    assert rig.bridge.mode == 'fault'
+    assert re.search(text, rig.bridge.faults[0]), rig.bridge.faults
+    first = rig.bridge.faults[0]
+    run(rig, 1.0, moving)
+    assert rig.bridge.faults[0] == first
+    assert rig.speed < 0.05
+    assert np.abs(rig.plant.position - rig.config.rest_position).max() < 1.0
+
+
+@pytest.mark.parametrize(('board', 'motor', 'joint'), [(0, 0, 'joint1'), (1, 1, 'joint4')])
+def test_a_stuck_encoder_in_motion_stops_the_arm(rig, board, motor, joint):
+    run(rig, 0.3, moving=True)
+    rig.inject('stuck_encoder', board, motor)
+    run(rig, 0.3, moving=True)
+    assert rig.bridge.mode == 'fault'
+    assert f'{joint} does not move although its current changed' in rig.bridge.faults[0]
+    # Its motor gets no current at all: damping needs an encoder.
+    number = rig.config.joint_names.index(joint)
+    assert abs(rig.boards.boards[board].motors[motor].target_current) == 0.0
+    assert rig.bridge._references.kd[number] == 0.0
+    rig.run(1.0)
+    assert rig.speed < 0.05
+
+
+def test_a_stuck_encoder_at_rest_is_found_when_the_joint_shall_move(rig):
+    rig.inject('stuck_encoder', 0, 0)
+    rig.run(0.3)
+    assert rig.bridge.mode == 'ready'
+    run(rig, 0.3, moving=True)
+    assert rig.bridge.mode == 'fault'
+    assert 'joint1 does not move' in rig.bridge.faults[0]
+    rig.run(1.0)
+    assert rig.speed < 0.05
+
+
+@pytest.mark.parametrize('fault', ['bit_errors', 'lost_frames'])
+@pytest.mark.parametrize('moving', [False, True], ids=['at rest', 'in motion'])
+def test_some_bad_frames_are_counted_and_the_arm_goes_on(rig, fault, moving):
+    run(rig, 0.2, moving)
+    rig.inject(fault, 1, value=0.1)
+    run(rig, 1.0, moving)
+    assert rig.bridge.mode == ('running' if moving else 'ready')
+    bad = rig.bridge.counters['board1 bad frames']
+    lost = rig.bridge.counters['board1 lost commands']
+    assert 50 < bad < 200
+    assert 50 < lost < 250
+    assert rig.bridge.counters['board0 bad frames'] == 0
+    if moving:
+        assert rig.plant.velocity[2:] == pytest.approx(MOVING[2:], abs=0.1)
+
+
+def test_the_last_good_state_stays_while_frames_are_bad(rig):
+    run(rig, 0.2, moving=True)
+    before = rig.bridge.q.copy()
+    rig.inject('lost_frames', 1, value=1.0)
+    rig.send(velocity=MOVING)
+    rig.cycle()
+    assert rig.bridge.q[2:].tolist() == before[2:].tolist()
+    assert rig.bridge.q[0] != before[0]
+
+
+def test_a_board_error_is_cleared_by_a_power_cycle_and_a_new_alignment(rig):
+    rig.inject('driver_error', 1)
+    rig.run(0.05)
+    answer = rig.bridge.clear_fault()
+    assert not answer.accepted
+    assert 'power-cycle' in answer.message
+    rig.inject('power_cycle', 1)
+    rig.run(0.05)
+    # The restarted board stays off although the bridge was enabled: no move without a request.
+    assert not rig.boards.boards[1].system_enabled
+    assert rig.bridge.clear_fault().accepted
+    rig.boards.carry()
+    rig.run(0.05)
+    assert rig.bridge.mode == 'idle'
+    rig.bring_up()
+
+
+def test_a_board_of_the_other_kind_drops_its_error_when_disabled(config, make_rig):
+    rig = make_rig(config=replace(config, profile='udriver_v2')).bring_up()
+    rig.inject('driver_error', 1)
+    rig.run(0.05)
+    assert rig.bridge.mode == 'fault'
+    assert 'error 7' in rig.bridge.faults[0]
+    assert rig.boards.boards[1].error == 0  # the bridge has disabled it
+    assert rig.bridge.clear_fault().accepted
+    rig.boards.carry()
+    rig.bring_up()
+
+
+def test_while_a_board_is_silent_the_others_go_on_damping(rig):
+    rig.inject('dead_board', 1)
+    rig.run(0.1)
+    answer = rig.bridge.clear_fault()
+    assert not answer.accepted
+    assert 'board1 does not answer: disable first' in answer.message
+    rig.run(0.1)
+    assert rig.boards.boards[0].system_enabled
+    rig.bridge.disable()
+    assert rig.bridge.clear_fault().accepted
+    rig.run(0.05)
+    assert rig.bridge.mode == 'disconnected'
+    assert not rig.boards.boards[0].system_enabled
+
+
+def test_a_transient_bus_fault_is_cleared_to_a_held_arm(rig):
+    rig.inject('lost_frames', 0, value=1.0)
+    rig.run(0.015)
+    rig.inject('lost_frames', 0, value=0.0)
+    rig.run(0.05)
+    assert rig.bridge.mode == 'fault'
+    assert rig.bridge.clear_fault().accepted
+    rig.run(0.05)
+    assert rig.bridge.mode == 'ready'
+
+
+def test_a_board_lost_while_off_is_not_a_fault_but_cannot_be_enabled(make_rig):
+    rig = make_rig()
+    rig.run(0.02)
+    rig.inject('dead_board', 1)
+    rig.run(0.05)
+    assert rig.bridge.mode == 'disconnected'
+    assert 'board1 does not answer' in rig.bridge.faults[0]
+    assert not rig.bridge.enable().accepted
+    rig.inject('power_cycle', 1)
+    rig.run(0.05)
+    assert rig.bridge.mode == 'idle'
+
+
+def test_a_slow_exchange_now_and_then_is_only_counted(rig):
+    for _ in range(20):
+        rig.inject('slow_bus', 1)
+        rig.cycle()
+        rig.inject('slow_bus', 1, value=50e-6)
+        rig.run(0.005)
+    assert rig.bridge.mode == 'ready'
+    assert rig.bridge.counters['board1 slow exchanges'] == 20
+
+
+def test_unknown_faults_and_places_are_refused(rig):
+    with pytest.raises(FaultInjectionError, match='bit_errors'):
+        inject(rig.boards, 'gremlins')
+    with pytest.raises(FaultInjectionError, match='boards 0 to 1'):
+        inject(rig.boards, 'dead_board', board=2)
+    with pytest.raises(FaultInjectionError, match='motors 0 and 1'):
+        inject(rig.boards, 'stuck_encoder', motor=2)
+
+
+def test_every_fault_says_what_it_means():
+    assert {fault for fault, *_ in STOPPING} | {'stuck_encoder', 'power_cycle'} == set(FAULTS)
+    assert all(meaning for meaning, _, _ in FAULTS.values())

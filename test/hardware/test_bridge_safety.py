@@ -1,0 +1,145 @@
+"""Limits, stops and switching off, through the whole path."""
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def near_limit(make_rig, config):
+    """An arm whose last joint is a quarter radian from its upper limit."""
+    return make_rig(position=[0.0, np.pi / 2, 0.0, config.joints[3].position_max - 0.25]).bring_up()
+
+
+def test_limits_hold_the_arm_inside(near_limit):
+    rig, highest = near_limit, near_limit.config.column('position_max')
+    rig.run(1.0, lambda now: (None, [0.0, 0.0, 0.0, 1.2], None))
+    assert rig.plant.position[3] < highest[3] + 0.01
+    assert rig.plant.position[3] > highest[3] - 0.1
+    assert rig.bridge.mode == 'running'
+    assert rig.bridge.counters['limited soft_zone'] > 100
+    assert any('near it' in text for text in rig.bridge.faults)
+
+
+def test_torque_control_into_a_limit_is_braked(near_limit):
+    rig = near_limit
+    nan = np.nan
+    still, push = [0.0, 0.0, 0.0, nan], [nan, nan, nan, 0.4]
+    rig.run(0.7, lambda now: (None, still, push))
+    assert rig.plant.position[3] < rig.config.joints[3].position_max + 0.05
+    assert rig.bridge.mode == 'running', rig.bridge.faults
+    assert rig.bridge.counters['limited soft_zone'] > 0
+
+
+@pytest.mark.parametrize(
+    ('command', 'hint'),
+    [
+        (([0.9, 1.5708, 0.0, 0.0], None, None), 'too far for one step'),
+        ((None, [0.0, 0.0, 7.0, 0.0], None), 'velocity of 7.00'),
+        ((None, None, [0.0, 0.0, 0.0, 30.0]), 'effort of 30.00'),
+    ],
+)
+def test_a_violation_stops_the_arm_for_good(rig, command, hint):
+    rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.5, 0.5], None))
+    rig.run(0.01, lambda now: command)
+    assert rig.bridge.mode == 'fault'
+    assert hint in rig.bridge.faults[0]
+    rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.5, 0.5], None))
+    assert rig.bridge.mode == 'fault'
+    assert rig.speed < 0.01
+    assert rig.bridge.rejections['not_ready'] > 200
+    assert rig.bridge.clear_fault().accepted
+    rig.run(0.2, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
+    assert rig.bridge.mode == 'running'
+    assert rig.plant.velocity[0] > 0.3
+
+
+def test_effort_is_limited_by_the_boards_too(rig):
+    # A reference held far away would take the spring beyond the limit: the saturation stops it.
+    rig.run(0.01, lambda now: (rig.bridge.q + [0.0, 0.0, 0.0, 0.45], None, None))
+    saturation = rig.config.joints[3].effort_max / rig.config.joints[3].torque_per_ampere
+    command = rig.bridge.links[1]._command
+    assert command.current_saturation[1] == pytest.approx(saturation)
+    assert np.abs(rig.bridge.motor_current[3]) < saturation + 0.2
+
+
+def test_emergency_stop_is_latched_and_damped(rig):
+    rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.5, 0.5], None))
+    rig.bridge.e_stop('the button')
+    rig.run(0.3)
+    assert rig.bridge.mode == 'fault'
+    assert rig.bridge.faults[0] == 'emergency stop: the button'
+    assert rig.speed < 0.01
+    assert not rig.bridge.enable().accepted
+    assert rig.bridge.clear_fault().accepted
+    rig.run(0.1)
+    assert rig.bridge.mode == 'ready'
+
+
+def test_emergency_stop_ends_an_alignment(make_rig):
+    rig = make_rig()
+    rig.enable()
+    rig.run(0.1)
+    rig.bridge.e_stop('somebody shouted')
+    rig.run(0.8)
+    assert rig.bridge.mode == 'fault'
+    assert not any(board.system_enabled for board in rig.boards.boards)
+    assert rig.bridge.clear_fault().accepted
+    rig.run(0.1)
+    assert rig.bridge.mode == 'idle'
+
+
+def test_shutdown_sends_zero_current_and_disabled_twice(rig):
+    rig.run(0.1, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
+    counts = [link._command.index for link in rig.bridge.links]
+    rig.bridge.shutdown()
+    assert [link._command.index for link in rig.bridge.links] == [n + 2 for n in counts]
+    assert rig.bridge.mode == 'idle'
+    assert not any(board.system_enabled for board in rig.boards.boards)
+
+
+def test_shutdown_survives_a_lost_frame(rig):
+    answers = []
+    board = rig.boards.boards[0]
+    genuine = board.exchange
+
+    def first_one_lost(frame):
+        answers.append(frame)
+        return bytes(34) if len(answers) == 1 else genuine(frame)
+
+    board.exchange = first_one_lost
+    rig.bridge.shutdown()
+    assert not board.system_enabled
+
+
+def test_enabling_outside_the_limits_is_refused(make_rig):
+    rig = make_rig(position=[0.0, 3.73, 0.0, 0.0])
+    rig.run(0.02)
+    answer = rig.bridge.enable()
+    assert not answer.accepted
+    assert 'beyond their limits' in answer.message
+
+
+def test_enabling_waits_until_the_boards_are_off(rig):
+    rig.bridge.disable()
+    assert 'still switching off' in rig.bridge.enable().message
+    rig.run(0.01)
+    assert rig.bridge.enable().accepted
+
+
+def test_enabling_before_the_boards_answer_is_refused(make_rig):
+    assert 'does not answer' in make_rig().bridge.enable().message
+
+
+def test_boards_always_get_a_time_out_and_a_saturation(make_rig):
+    rig = make_rig()
+    frames = []
+    for board in rig.boards.boards:
+        genuine = board.exchange
+        board.exchange = lambda frame, genuine=genuine: frames.append(frame) or genuine(frame)
+    rig.bring_up()
+    rig.run(0.1, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
+    rig.bridge.e_stop('test')
+    rig.run(0.05)
+    rig.bridge.shutdown()
+    assert len(frames) > 500
+    assert all(frame[1] == 20 and frame[26] and frame[27] for frame in frames)

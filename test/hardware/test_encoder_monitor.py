@@ -1,0 +1,75 @@
+import numpy as np
+import pytest
+
+from aerarm_ros.hardware.encoder_monitor import EncoderMonitor
+
+FRESH = np.ones(4, dtype=bool)
+NONE = np.zeros(4)
+
+
+@pytest.fixture
+def monitor(config):
+    monitor = EncoderMonitor(config, stall_time=0.05)
+    monitor.check(NONE, NONE, FRESH, 0.0)
+    return monitor
+
+
+def ramp(monitor, slope, current, start=0.0, cycles=200):
+    """Turn all motors at a speed [rad/s] while currents change; return the first complaint."""
+    for cycle in range(1, cycles + 1):
+        time = start + cycle * 1e-3
+        position = np.full(4, slope * cycle * 1e-3)
+        text = monitor.check(position, np.asarray(current(cycle * 1e-3)), FRESH, time)
+        if text:
+            return text
+    return ''
+
+
+def test_motion_at_the_velocity_limit_is_fine(monitor, config):
+    assert ramp(monitor, 5.0 / config.joints[0].gear.ratio, lambda t: NONE) == ''
+
+
+@pytest.mark.parametrize('angle', [np.pi, -np.pi, 0.5])
+def test_a_jump_is_seen_and_its_joint_named(monitor, angle):
+    jumped = NONE.copy()
+    jumped[2] = angle
+    assert 'encoder of joint3 jumped' in monitor.check(jumped, NONE, FRESH, 1e-3)
+    assert monitor.trusted.tolist() == [True, True, False, True]
+    monitor.clear()
+    assert monitor.trusted.all()
+    assert monitor.check(jumped + 5.0, NONE, FRESH, 2e-3) == ''
+
+
+def test_after_bad_frames_the_change_may_be_larger(monitor):
+    moved = np.array([100.0, 0, 0, 0]) * 0.01
+    for cycle in range(1, 10):
+        assert monitor.check(NONE, NONE, np.array([False, False, True, True]), cycle * 1e-3) == ''
+    assert monitor.check(moved, NONE, FRESH, 0.010) == ''
+
+
+def test_standstill_while_the_torque_turns_round_is_stiction(monitor, config):
+    friction = config.column('coulomb') / config.column('torque_per_ampere')
+
+    def current(t):
+        return 1.4 * friction * np.cos(20.0 * t)
+
+    assert ramp(monitor, 0.0, current, cycles=1000) == ''
+
+
+def test_standstill_under_a_constant_load_is_no_fault(monitor):
+    ramp(monitor, 1.0, lambda t: np.full(4, 8.0))
+    for cycle in range(1000):
+        assert monitor.check(np.full(4, 0.2), np.full(4, 8.0), FRESH, 0.2 + cycle * 1e-3) == ''
+
+
+def test_standstill_while_the_torque_grows_beyond_friction_is_a_fault(monitor):
+    text = ramp(monitor, 0.0, lambda t: [0.0, 20.0 * t, 0.0, 0.0])
+    assert 'joint2 does not move' in text
+    assert 'stuck encoder' in text
+    assert monitor.trusted.tolist() == [True, False, True, True]
+
+
+def test_a_short_standstill_is_borne(monitor):
+    for cycle in range(1, 400):
+        position = np.full(4, 0.002 * (cycle // 40))  # a count every 40 ms
+        assert monitor.check(position, np.full(4, 0.3 * cycle), FRESH, cycle * 1e-3) == ''

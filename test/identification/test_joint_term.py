@@ -1,0 +1,43 @@
+"""Torque that a joint's own motion causes."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.identification.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
+from aerarm_ros.model.friction import smooth_viscous_coulomb, viscous_coulomb
+
+DQ = np.linspace(-1.0, 1.0, 41)
+DDQ = np.cos(DQ)
+
+
+def test_thesis_terms_are_friction_2_6() -> None:
+    viscous, coulomb = (term.basis(DQ, DDQ, None) for term in THESIS_TERMS)
+    assert np.allclose(0.2 * viscous + 0.3 * coulomb, viscous_coulomb(DQ, 0.2, 0.3))
+
+
+def test_a_width_makes_the_step_smooth() -> None:
+    smooth = JointTerm(TermKind.COULOMB, 0.05).basis(DQ, DDQ, None)
+    assert np.allclose(0.3 * smooth, smooth_viscous_coulomb(DQ, 0.0, 0.3, 0.05))
+
+
+def test_load_scales_dry_friction_and_is_required() -> None:
+    load = np.abs(np.sin(3 * DQ))
+    assert np.allclose(JointTerm(TermKind.LOAD).basis(DQ, DDQ, load), load * np.sign(DQ))
+    with pytest.raises(ValueError, match='needs the load'):
+        JointTerm(TermKind.LOAD).basis(DQ, DDQ, None)
+
+
+def test_rotor_and_offset() -> None:
+    assert np.array_equal(ROTOR.basis(DQ, DDQ, None), DDQ)
+    assert np.array_equal(JointTerm(TermKind.OFFSET).basis(DQ, DDQ, None), np.ones(41))
+
+
+@pytest.mark.parametrize('kind', list(TermKind))
+def test_friction_dissipates(kind: TermKind) -> None:
+    """Friction opposes motion: power dq * tau is never negative."""
+    term = JointTerm(kind, 0.1)
+    if kind not in (TermKind.ROTOR, TermKind.OFFSET):
+        assert np.all(DQ * term.basis(DQ, DDQ, np.ones(41)) >= 0.0)
+    assert term.nonnegative == (kind is not TermKind.OFFSET)
+    assert term.unit
+    assert term.meaning

@@ -1,0 +1,89 @@
+"""A controller and a user in one: drives a bridge process from a test over real DDS."""
+
+import time
+from collections.abc import Callable
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
+
+from aerarm_msgs_py import topics
+
+JOINTS = ['joint1', 'joint2', 'joint3', 'joint4']
+
+
+class BridgeClient:
+    """Listens to all of a bridge's topics; answers every state while `answer` is set."""
+
+    def __init__(self, node: Node, bridge: str = 'fake_hardware') -> None:
+        self._node, self._bridge = node, bridge
+        self.states: list[JointState] = []
+        self.motors: list[JointState] = []
+        self.powers: list[Float64MultiArray] = []
+        self.modes: list[str] = []
+        self.diagnostics: dict[str, dict[str, str]] = {}
+        self.messages: dict[str, str] = {}
+        self.diagnosed = 0.0  # stamp of the newest diagnostics [s]
+        self.answer: Callable[[JointState], JointState] | None = None
+        self.commands = self._publisher()
+        for topic, store in (
+            (topics.JOINT_STATES, self._on_state),
+            (topics.MOTOR_STATES, self.motors.append),
+            (topics.MOTOR_POWER, self.powers.append),
+            (topics.ARM_MODE, lambda message: self.modes.append(message.data)),
+            (topics.DIAGNOSTICS, self._on_diagnostics),
+        ):
+            node.create_subscription(topic.type, topic.name, store, topic.qos)
+
+    def call(self, service: str) -> Trigger.Response:
+        client = self._node.create_client(Trigger, f'{self._bridge}/{service}')
+        assert client.wait_for_service(20.0), service
+        future = client.call_async(Trigger.Request())
+        rclpy.spin_until_future_complete(self._node, future, timeout_sec=10.0)
+        answer = future.result()
+        assert answer is not None, service
+        return answer
+
+    def spin(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            rclpy.spin_once(self._node, timeout_sec=0.01)
+
+    def wait_for(self, condition: Callable[[], bool], timeout: float = 30.0) -> None:
+        end = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < end, (self.modes, self.messages)
+            rclpy.spin_once(self._node, timeout_sec=0.05)
+
+    def wait_for_mode(self, mode: str) -> None:
+        self.wait_for(lambda: bool(self.modes) and self.modes[-1] == mode)
+
+    def make_ready(self) -> None:
+        self.wait_for_mode('idle')
+        assert self.call('enable').success
+        self.wait_for_mode('ready')
+
+    def _publisher(self) -> rclpy.publisher.Publisher:
+        topic = topics.JOINT_COMMAND
+        return self._node.create_publisher(topic.type, topic.name, topic.qos)
+
+    def _on_state(self, state: JointState) -> None:
+        self.states.append(state)
+        if self.answer is not None:
+            self.commands.publish(self.answer(state))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.diagnosed = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        for status in message.status:
+            part = status.name.rsplit(' ', 1)[-1]
+            self.diagnostics[part] = {item.key: item.value for item in status.values}
+            self.messages[part] = status.message
+
+
+def velocity_command(state: JointState, velocity: list[float]) -> JointState:
+    command = JointState(name=JOINTS, velocity=velocity)
+    command.header.stamp = state.header.stamp
+    return command

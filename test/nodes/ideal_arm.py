@@ -1,0 +1,104 @@
+"""An arm that follows velocity commands exactly, as a process, with faults on request.
+
+Stands in for the bridge where a test needs an arm that gets stuck, falls silent or faults.
+"""
+
+import argparse
+import sys
+import time
+
+import numpy as np
+import rclpy
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+
+NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
+PERIOD = 1e-3
+
+
+class IdealArm:
+    def __init__(self, options: argparse.Namespace) -> None:
+        self.node = rclpy.create_node('ideal_arm')
+        state, mode = topics.JOINT_STATES, topics.ARM_MODE
+        names = NAMES[::-1] if options.reversed else NAMES
+        self.states = self.node.create_publisher(state.type, state.name, state.qos)
+        self.modes = self.node.create_publisher(mode.type, mode.name, mode.qos)
+        self.commands = RawReader(self.node, topics.JOINT_COMMAND)
+        self.codec = JointStateCdr(names)
+        self.command_codec = JointStateCdr(NAMES)
+        self.order = [NAMES.index(name) for name in names]
+        self.options = options
+        self.q = np.array(options.start)
+        self.dq = np.zeros(4)
+        self.answered: list[int] = []
+        self.commanded: list[np.ndarray] = []
+        self.sent: set[int] = set()
+        self.moved_for = 0.0
+        self.time_ns = time.time_ns()
+        self.trace: list[np.ndarray] = []
+        self.set_mode(options.mode)
+
+    def set_mode(self, mode: str) -> None:
+        self.modes.publish(String(data=mode))
+
+    def cycle(self, *_: object) -> None:
+        message = self.commands.take_newest()
+        if message is not None:
+            command = self.command_codec.unpack(message[0])
+            assert command is not None
+            assert command.effort is None or self.options.full
+            self.dq = np.array(command.velocity)
+            self.answered.append(command.stamp_ns)
+            self.commanded.append(self.dq)
+        stamp = time.time_ns()
+        step, self.time_ns = (stamp - self.time_ns) * 1e-9, stamp
+        if self.answered:
+            self.moved_for += step
+        if self.moved_for < self.options.stuck_after:
+            self.q = self.q + step * self.dq
+        if self.moved_for >= self.options.fault_after:
+            self.set_mode('fault')
+            self.options.fault_after = np.inf
+        if self.moved_for < self.options.silent_after:
+            self.sent.add(stamp)
+            self.states.publish(
+                self.codec.pack(stamp, self.q[self.order], self.dq[self.order], np.zeros(4))
+            )
+        self.trace.append(np.concatenate([[stamp * 1e-9], self.q, self.dq]))
+
+    def save(self) -> None:
+        foreign = sum(stamp not in self.sent for stamp in self.answered)
+        np.savez(
+            self.options.out,
+            trace=np.array(self.trace),
+            answered=np.array(self.answered, dtype=np.int64) * 1e-9,
+            commanded=np.array(self.commanded).reshape(-1, 4),
+            foreign=foreign,
+        )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument('--out', required=True)
+    parser.add_argument('--mode', default='ready')
+    parser.add_argument('--start', type=float, nargs=4, default=[0.1, 1.4, -0.1, 0.2])
+    parser.add_argument('--reversed', action='store_true')
+    parser.add_argument('--full', action='store_true')
+    for fault in ('stuck', 'silent', 'fault'):
+        parser.add_argument(f'--{fault}-after', type=float, default=np.inf)
+    rclpy.init()
+    arm = IdealArm(parser.parse_args())
+    loop = PeriodicLoop(PERIOD)
+    with StopSignals(loop.stop):
+        loop.run(arm.cycle)
+    arm.save()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

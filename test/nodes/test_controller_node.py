@@ -1,0 +1,240 @@
+"""The controllers as processes on the emulated arm, over real DDS."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import InertiaStamped, PoseStamped, WrenchStamped
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import Imu, JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from aerarm_msgs_py import topics
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.nodes.node_process import NodeProcess
+
+NAMES = ['joint1', 'joint2', 'joint3', 'joint4']
+LIMIT = 20.0  # [s] longest wait for anything
+
+
+class Bench:
+    """The emulated arm, enabled, and a node that hears what it says."""
+
+    def __init__(self, folder: Path, node: Node) -> None:
+        self.folder = folder
+        self.node = node
+        self.mode = ''
+        self.q = np.full(4, np.nan)
+        self.dq = np.full(4, np.nan)
+        self.heard: dict[str, object] = {}
+        self.problems: list[str] = []
+        self.listen(topics.ARM_MODE, lambda m: setattr(self, 'mode', m.data))
+        self.listen(topics.JOINT_STATES, self._on_state)
+        self.listen(topics.DIAGNOSTICS, self._on_diagnostics)
+        log = folder / 'fake_hardware.log'
+        arm = {'seed': -1, 'realtime_priority': 80}
+        self.hardware = NodeProcess('fake_hardware', (), arm, None, log)
+
+    def start(self) -> None:
+        self.wait(lambda: self.mode == 'idle', 'the bridge')
+        client = self.node.create_client(Trigger, 'fake_hardware/enable')
+        assert client.wait_for_service(LIMIT)
+        client.call_async(Trigger.Request())
+        self.wait(lambda: self.mode == 'ready', 'the alignment')
+
+    def listen(self, topic: topics.Topic, act: Callable) -> None:
+        self.node.create_subscription(topic.type, topic.name, act, topic.qos)
+
+    def keep(self, topic: topics.Topic) -> None:
+        self.listen(topic, lambda m: self.heard.__setitem__(topic.name, m))
+
+    def publisher(self, topic: topics.Topic):
+        publisher = self.node.create_publisher(topic.type, topic.name, topic.qos)
+        self.wait(lambda: publisher.get_subscription_count() > 0, topic.name)
+        return publisher
+
+    def controller(self, name: str, **parameters: object) -> NodeProcess:
+        parameters = {'realtime_priority': 70, **parameters}
+        return NodeProcess(name, (), parameters, None, self.folder / f'{name}.log')
+
+    def wait(self, condition: Callable[[], bool], what: str, again: Callable | None = None) -> None:
+        """Wait; call `again` at first and every 4 s, as a user would after a hiccup."""
+        deadline = time.monotonic() + LIMIT
+        repeat = 0.0
+        while not condition():
+            if again is not None and time.monotonic() > repeat:
+                repeat = time.monotonic() + 4.0
+                again()
+            rclpy.spin_once(self.node, timeout_sec=0.05)
+            assert time.monotonic() < deadline, f'waited for {what}: {self.mode} {self.q}'
+            assert self.hardware.returncode is None, self.hardware.tail()
+
+    def wait_for_posture(self, q: list[float], tolerance: float, again: Callable) -> None:
+        self.wait(
+            lambda: np.abs(self.q - q).max() < tolerance and np.abs(self.dq).max() < 0.05,
+            f'{q}',
+            again,
+        )
+
+    def set_parameter(self, name: str, parameter: str, value: object) -> None:
+        client = self.node.create_client(SetParameters, f'{name}/set_parameters')
+        assert client.wait_for_service(LIMIT)
+        request = SetParameters.Request(
+            parameters=[Parameter(parameter, value=value).to_parameter_msg()]
+        )
+        future = client.call_async(request)
+        rclpy.spin_until_future_complete(self.node, future, timeout_sec=LIMIT)
+        assert future.result().results[0].successful
+
+    def _on_state(self, message: JointState) -> None:
+        self.q, self.dq = np.array(message.position), np.array(message.velocity)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.problems += [status.message for status in message.status]
+
+
+@pytest.fixture
+def bench(tmp_path: Path, ros_node: Node) -> Iterator[Bench]:
+    bench = Bench(tmp_path, ros_node)
+    with bench.hardware:
+        bench.start()
+        yield bench
+
+
+def trajectory(q: list[float], seconds: float, names: list[str] = NAMES) -> JointTrajectory:
+    whole, part = divmod(seconds, 1.0)
+    time_from_start = Duration(sec=int(whole), nanosec=int(part * 1e9))
+    point = JointTrajectoryPoint(positions=q, time_from_start=time_from_start)
+    return JointTrajectory(joint_names=names, points=[point])
+
+
+def test_gravity_compensation_goes_to_set_points_and_lets_go(bench: Bench) -> None:
+    with bench.controller('gravity_compensation') as process:
+        set_points = bench.publisher(topics.SET_POINT)
+        bench.wait(lambda: bench.mode == 'running', 'commands')
+        goal = [0.4, 1.2, -0.3, 0.5]
+        set_point = JointState(name=NAMES[::-1], position=goal[::-1])
+        bench.wait_for_posture(goal, 0.005, lambda: set_points.publish(set_point))
+        set_points.publish(JointState(name=NAMES, position=[0.0, 9.0, 0.0, 0.0]))
+        bench.wait(lambda: any('joint2 at 9 rad' in p for p in bench.problems), 'a rejection')
+        # Guided by hand, and by nobody's hand here, it stays about where it is.
+        bench.set_parameter('gravity_compensation', 'hand_guiding', True)
+        end = time.monotonic() + 1.5
+        bench.wait(lambda: time.monotonic() > end, 'the fading of the gains')
+        assert np.abs(bench.q - goal).max() < 0.05
+        assert bench.mode == 'running'
+        process.stop()
+    assert process.returncode == 0
+
+
+@pytest.mark.parametrize('feedback', ['host', 'boards'])
+def test_computed_torque_executes_a_trajectory(bench: Bench, feedback: str) -> None:
+    with bench.controller('computed_torque', feedback=feedback, compensation=0.2):
+        trajectories = bench.publisher(topics.JOINT_TRAJECTORY)
+        bench.wait(lambda: bench.mode == 'running', 'commands')
+        goal = [-0.3, 1.5, 0.4, -0.4] if feedback == 'host' else [0.2, 1.7, 0.0, 0.3]
+        motion = trajectory(goal, 1.5)
+        bench.wait_for_posture(goal, 0.02, lambda: trajectories.publish(motion))
+        trajectories.publish(trajectory(goal, 1.0, ['joint1', 'joint2', 'joint3', 'elbow']))
+        bench.wait(lambda: any('elbow' in p for p in bench.problems), 'a rejection')
+        assert np.abs(bench.q - goal).max() < 0.02
+
+
+@pytest.mark.parametrize('name', ['kinematic_control', 'impedance_control'])
+def test_the_tool_reaches_a_target(bench: Bench, name: str) -> None:
+    kinematics = Kinematics(load_robot())
+    bench.keep(topics.TOOL_POSE)
+    with bench.controller(name):
+        targets = bench.publisher(topics.TOOL_TRAJECTORY)
+        bench.wait(lambda: bench.mode == 'running', 'commands')
+        goal = kinematics.position(np.array([0.3, 1.1, 0.3, 0.9]))
+        message = PoseStamped()
+        message.header.frame_id = 'base_link'
+        p = message.pose.position
+        p.x, p.y, p.z = goal.tolist()
+        # Impedance: the spring of 300 N/m against what friction is left.
+        tolerance = 0.005 if name == 'kinematic_control' else 0.02
+        bench.wait(
+            lambda: np.linalg.norm(kinematics.position(bench.q) - goal) < tolerance,
+            f'{goal}',
+            lambda: targets.publish(message),
+        )
+        bench.wait(lambda: topics.TOOL_POSE.name in bench.heard, 'the tool pose')
+        pose = bench.heard[topics.TOOL_POSE.name].pose.position
+        assert np.linalg.norm([pose.x - p.x, pose.y - p.y, pose.z - p.z]) < 0.1
+        message.header.frame_id = 'map'
+        targets.publish(message)
+        bench.wait(lambda: any('base_link' in p for p in bench.problems), 'a rejection')
+
+
+def test_base_reaction_knows_the_weight_and_follows_the_imu(bench: Bench) -> None:
+    for topic in (topics.BASE_WRENCH, topics.ARM_INERTIA):
+        bench.keep(topic)
+    weight = load_robot().inertial_parameters[:, 0].sum() * 9.81
+
+    def force() -> np.ndarray:
+        message = bench.heard.get(topics.BASE_WRENCH.name)
+        if not isinstance(message, WrenchStamped):
+            return np.full(3, np.nan)
+        f = message.wrench.force
+        return np.array([f.x, f.y, f.z])
+
+    with (
+        bench.controller('gravity_compensation'),
+        bench.controller('base_reaction', base_motion='full'),
+    ):
+        bench.wait(lambda: bench.mode == 'running', 'commands')
+        bench.wait(lambda: np.abs(force() - [0.0, 0.0, -weight]).max() < 0.3, 'the weight')
+        bench.wait(lambda: topics.ARM_INERTIA.name in bench.heard, 'the inertia')
+        inertia = bench.heard[topics.ARM_INERTIA.name]
+        assert isinstance(inertia, InertiaStamped)
+        assert inertia.inertia.m == pytest.approx(weight / 9.81)
+        bench.wait(lambda: any('no IMU yet' in p for p in bench.problems), 'a warning')
+        imus = bench.publisher(topics.IMU)
+        tilted = Imu()
+        tilted.orientation_covariance[0] = -1.0
+        tilted.linear_acceleration.x, tilted.linear_acceleration.z = 4.0, 9.0
+
+        def publish_and_check(condition: Callable[[], bool]) -> bool:
+            tilted.header.stamp = bench.node.get_clock().now().to_msg()
+            imus.publish(tilted)
+            return condition()
+
+        felt = np.array([-4.0, 0.0, -9.0]) * weight / 9.81
+        bench.wait(
+            lambda: publish_and_check(lambda: np.abs(force() - felt).max() < 0.3), 'the tilt'
+        )
+        # A faulty IMU: said so, and gravity falls back to the configured direction.
+        tilted.angular_velocity.x = float('nan')
+        bench.wait(
+            lambda: publish_and_check(lambda: any('NaN' in p for p in bench.problems)),
+            'a rejection',
+        )
+        bench.wait(lambda: np.abs(force() - [0.0, 0.0, -weight]).max() < 0.3, 'the fall-back')
+
+
+def test_an_arm_that_is_off_gets_no_commands(bench: Bench) -> None:
+    with bench.controller('computed_torque'):
+        bench.wait(lambda: bench.mode == 'running', 'commands')
+        client = bench.node.create_client(Trigger, 'fake_hardware/disable')
+        client.call_async(Trigger.Request())
+        bench.wait(lambda: bench.mode == 'idle', 'the motors to go off')
+        bench.problems.clear()
+        bench.wait(lambda: any("'idle'" in p for p in bench.problems), 'a warning')
+
+
+def test_a_wrong_parameter_is_one_clear_line(bench: Bench) -> None:
+    process = bench.controller('computed_torque', kp=[1.0, 2.0])
+    with process:
+        assert process.wait(LIMIT) == 1
+    assert process.tail().count('\n') <= 1
+    assert 'kp has 2 values, 4 are needed' in process.tail()

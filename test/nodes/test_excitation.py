@@ -1,0 +1,192 @@
+"""The excitation node as a process against an arm as a process, over real DDS."""
+
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.resources import resource
+from aerarm_ros.excitation.excitation_config import load_excitation_config
+from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.trajectory_file import TrajectoryFile
+from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
+
+START = np.array([0.1, 1.4, -0.1, 0.2])
+NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
+QUICK = {
+    'fundamental': 0.5,
+    'harmonics': 2,
+    'amplitude': 0.2,
+    'periods': 1,
+    'wait_timeout': 30,
+    'state_timeout': 2.0,  # a machine that tests share may pause
+}
+
+
+@pytest.fixture
+def environment(ros_domain: dict[str, str]) -> dict[str, str]:
+    return ros_domain
+
+
+@contextmanager
+def ideal_arm(tmp_path: Path, environment: dict[str, str], *options: str) -> Iterator[dict]:
+    """Run the arm; what it saw is in the dictionary once the context is left."""
+    out = tmp_path / 'arm.npz'
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            str(Path(__file__).with_name('ideal_arm.py')),
+            '--out',
+            str(out),
+            *options,
+        ],
+        env=ros_environment(environment),
+    )
+    seen: dict = {}
+    try:
+        yield seen
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(10.0)
+    seen.update(np.load(out))
+
+
+def quick(tmp_path: Path, **parameters: object) -> dict[str, object]:
+    """Return parameters of a run of a few seconds."""
+    config = tmp_path / 'excitation.yaml'
+    text = resource('config', 'excitation.yaml').read_text()
+    config.write_text(re.sub('ramp_time: [0-9.]+', 'ramp_time: 0.8', text))
+    return {**QUICK, 'excitation_config': config, **parameters}
+
+
+def run(environment, tmp_path, **parameters) -> tuple[int, str]:
+    log = tmp_path / 'excitation.log'
+    node = NodeProcess('excitation', (), quick(tmp_path, **parameters), environment, log)
+    try:
+        status = node.wait(60.0)
+    finally:
+        node.stop()
+    return status, log.read_text()
+
+
+def test_plays_the_trajectory_and_comes_back(tmp_path: Path, environment) -> None:
+    saved = tmp_path / 'played.yaml'
+    with ideal_arm(tmp_path, environment) as seen:
+        status, log = run(environment, tmp_path, seed=4, save=saved)
+    assert status == 0, log
+    assert 'done' in log
+    assert seen['foreign'] == 0
+    q, dq = seen['trace'][:, 1:5], seen['trace'][:, 5:]
+    np.testing.assert_allclose(q[-1], START, atol=5e-3)
+    np.testing.assert_allclose(dq[-1], 0.0, atol=5e-3)
+    assert_no_jump(seen)
+    trajectory = TrajectoryFile.load(saved).for_joints(NAMES)
+    assert_holds_a_period(seen['trace'][:, 0] - seen['trace'][0, 0], q, trajectory)
+
+
+def assert_no_jump(seen: dict) -> None:
+    """Acceleration stays bounded through run-in, periods, run-out and return or stop."""
+    step = np.diff(seen['answered'])[:, np.newaxis]
+    # Late or lost messages show as small corrections, never as more than a few times K.
+    assert (np.abs(np.diff(seen['commanded'], axis=0)) < 15.0 * step + 0.02).all()
+
+
+def assert_holds_a_period(time: np.ndarray, q: np.ndarray, trajectory: FourierTrajectory) -> None:
+    """Find where the played period starts and compare it with the trajectory."""
+    offset = np.arange(0.0, trajectory.period, 0.02)
+    wanted = trajectory.position(offset)
+    errors = []
+    for start in np.arange(0.0, time[-1] - trajectory.period, 2e-3):
+        rows = np.minimum(np.searchsorted(time, start + offset), len(q) - 1)
+        errors.append(np.abs(q[rows] - wanted).max())
+    # The arm is a cycle late, and its velocity loop (K = 1/s) forgives a late message or two.
+    assert min(errors) < 0.02
+
+
+def test_full_mode_and_another_joint_order(tmp_path: Path, environment) -> None:
+    with ideal_arm(tmp_path, environment, '--full', '--reversed') as seen:
+        status, log = run(environment, tmp_path, mode='position_velocity_effort')
+    assert status == 0, log
+    np.testing.assert_allclose(seen['trace'][-1, 1:5], START, atol=2e-2)
+
+
+def test_sigint_stops_smoothly_and_exits(tmp_path: Path, environment) -> None:
+    log = tmp_path / 'excitation.log'
+    parameters = quick(tmp_path, periods=20)
+    with (
+        ideal_arm(tmp_path, environment) as seen,
+        NodeProcess('excitation', (), parameters, environment, log) as node,
+    ):
+        deadline = time.monotonic() + 60.0
+        while ' s  excitation ' not in log.read_text():
+            assert time.monotonic() < deadline, log.read_text()
+            assert node.returncode is None, log.read_text()
+            time.sleep(0.05)
+        assert node.stop(signal.SIGINT) == 130
+    assert 'stopped' in log.read_text()
+    dq = seen['trace'][:, 5:]
+    np.testing.assert_allclose(dq[-1], 0.0, atol=1e-2)
+    assert_no_jump(seen)
+
+
+@pytest.mark.parametrize(
+    ('fault', 'message'),
+    [
+        ('--stuck-after', 'off its reference'),
+        ('--silent-after', 'no joint state for'),
+        ('--fault-after', "arm_mode became 'fault'"),
+    ],
+)
+def test_trouble_ends_the_motion(tmp_path: Path, environment, fault: str, message: str) -> None:
+    with ideal_arm(tmp_path, environment, fault, '1.5'):
+        status, log = run(environment, tmp_path, tracking_limit=0.1, state_timeout=0.5)
+    assert status == 1
+    assert message in log
+
+
+def test_says_what_it_waits_for(tmp_path: Path, environment) -> None:
+    with ideal_arm(tmp_path, environment, '--mode', 'idle'):
+        status, log = run(environment, tmp_path, wait_timeout=3, subscribers=2)
+    assert status == 1
+    assert "arm_mode is 'idle': call the bridge's enable service" in log
+    assert 'joint_command has 1 of 2 subscribers' in log
+
+
+def test_a_start_in_collision_is_refused(tmp_path: Path, environment) -> None:
+    with ideal_arm(tmp_path, environment, '--start', '0', '-0.4', '0', '0'):
+        status, log = run(environment, tmp_path)
+    assert status == 1
+    assert 'the start posture is infeasible: ground clearance' in log
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'message'),
+    [
+        ({'amplitude': 2.0}, 'binds in'),
+        ({'fundamental': 5.0}, 'frequency of highest harmonic'),
+        ({'trajectory': '/nowhere/file.yaml'}, '/nowhere/file.yaml: No such file'),
+        ({'mode': 'torque'}, 'one of velocity, position_velocity_effort'),
+        ({'periods': 0}, 'from 1 to'),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path: Path, environment, parameters, message) -> None:
+    status, log = run(environment, tmp_path, **parameters)
+    assert status == 1
+    assert message in log
+    assert 'Traceback' not in log
+
+
+def test_a_file_that_breaks_the_limits_is_not_played(tmp_path: Path, environment) -> None:
+    wild = FourierTrajectory(0.1, np.array(load_excitation_config().bias), *np.full((2, 4, 5), 0.7))
+    path = tmp_path / 'wild.yaml'
+    TrajectoryFile(wild, NAMES).save(path)
+    status, log = run(environment, tmp_path, trajectory=path)
+    assert status == 1
+    assert f'{path} is infeasible: ' in log

@@ -1,0 +1,154 @@
+"""The bridge on emulated boards as a process of its own, driven over real DDS."""
+
+import math
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from bridge_client import JOINTS, BridgeClient, velocity_command
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from aerarm_ros.nodes.node_process import NodeProcess
+
+
+@pytest.fixture
+def bridge(ros_domain: dict[str, str], tmp_path: Path) -> Iterator[NodeProcess]:
+    parameters = {'seed': 3, 'truth_file': tmp_path / 'truth.yaml'}
+    with NodeProcess('fake_hardware', (), parameters, log=tmp_path / 'log') as process:
+        yield process
+
+
+@pytest.fixture
+def client(bridge: NodeProcess, ros_node: Node) -> BridgeClient:
+    return BridgeClient(ros_node)
+
+
+def test_publishes_states_of_all_joints_and_motors(client: BridgeClient) -> None:
+    client.wait_for(lambda: len(client.states) > 100 and bool(client.powers))
+    assert client.states[-1].name == JOINTS
+    q, motor = np.array(client.states[-1].position), np.array(client.motors[-1].position)
+    assert np.allclose(q, motor * [1 / 31, 1 / 27, 1 / 31, 1 / 27], atol=1e-3)
+    assert len(client.powers[-1].data) == 4
+    stamps = [s.header.stamp.sec + 1e-9 * s.header.stamp.nanosec for s in client.states]
+    assert np.all(np.diff(stamps) > 0)
+
+
+def test_cycles_lie_on_a_grid_of_a_millisecond(client: BridgeClient) -> None:
+    client.wait_for(lambda: 'cycles' in client.diagnostics.get('timing', {}))
+    first = client.diagnostics['timing'], client.diagnosed
+    client.wait_for(lambda: client.diagnosed - first[1] > 2.0)
+    passed = client.diagnosed - first[1]
+    cycles, missed = (
+        int(client.diagnostics['timing'][key]) - int(first[0][key])
+        for key in ('cycles', 'missed cycles')
+    )
+    # However busy the machine is: what isn't run is counted as missed.
+    assert cycles + missed == pytest.approx(1000 * passed, rel=0.05)
+    assert cycles > 0
+
+
+def test_motors_stay_off_until_enabled_then_follow_a_velocity(client: BridgeClient) -> None:
+    client.wait_for_mode('idle')
+    assert client.call('enable').success
+    client.wait_for_mode('ready')
+    assert 'aligning' in client.modes
+    start = np.array(client.states[-1].position)
+    client.answer = lambda state: velocity_command(state, [0.2, -0.1, 0.2, 0.2])
+    client.wait_for_mode('running')
+    client.wait_for(lambda: client.states[-1].position[0] - start[0] > 0.3)
+    moved = np.array(client.states[-1].position) - start
+    assert moved[1] == pytest.approx(-moved[0] / 2, abs=0.08)  # joint 2 sags under the weight
+    assert moved[2:] == pytest.approx(moved[0], abs=0.05)
+
+
+def test_arm_is_damped_when_commands_stop_and_held_when_enabled_again(
+    client: BridgeClient,
+) -> None:
+    client.make_ready()
+    client.answer = lambda state: velocity_command(state, [0.5, 0.0, 0.0, 0.0])
+    client.wait_for(lambda: client.states[-1].velocity[0] > 0.3)
+    client.answer = None
+    client.wait_for_mode('damping')
+    client.wait_for(lambda: abs(client.states[-1].velocity[0]) < 0.02)
+    assert client.call('enable').success
+    client.wait_for_mode('ready')
+
+
+@pytest.mark.parametrize(
+    ('reason', 'change'),
+    [
+        ('names', {'name': ['joint1', 'joint2', 'joint3', 'elbow']}),
+        ('nan', {'velocity': [math.nan, 0.0, 0.0, 0.0]}),
+        ('infinite', {'velocity': [math.inf, 0.0, 0.0, 0.0]}),
+        ('length', {'velocity': [0.0, 0.0, 0.0]}),
+        ('stale', {'stamp': 0}),
+    ],
+)
+def test_bad_commands_are_rejected_and_counted(
+    client: BridgeClient, reason: str, change: dict
+) -> None:
+    client.make_ready()
+
+    def answer(state: JointState) -> JointState:
+        command = velocity_command(state, change.get('velocity', [0.1, 0.0, 0.0, 0.0]))
+        command.name = change.get('name', JOINTS)
+        if 'stamp' in change:
+            command.header.stamp.sec = change['stamp']
+        return command
+
+    start = client.states[-1].position[0]
+    client.answer = answer
+    counted = f'rejected {reason}'
+    client.wait_for(lambda: int(client.diagnostics.get('arm', {}).get(counted, 0)) > 100)
+    assert client.modes[-1] == 'ready'
+    assert client.states[-1].position[0] == pytest.approx(start, abs=2e-3)
+    assert client.diagnostics['arm']['commands accepted'] == '0'
+
+
+def test_e_stop_latches_until_cleared(client: BridgeClient) -> None:
+    client.make_ready()
+    assert client.call('e_stop').success
+    client.wait_for_mode('fault')
+    assert not client.call('enable').success
+    client.wait_for(lambda: 'emergency stop' in client.messages.get('arm', ''))
+    assert client.call('clear_fault').success
+    client.wait_for(lambda: client.modes[-1] in ('ready', 'idle'))
+
+
+@pytest.mark.parametrize('sent', [signal.SIGINT, signal.SIGTERM])
+def test_ends_cleanly_on_signals(
+    client: BridgeClient, bridge: NodeProcess, sent: signal.Signals
+) -> None:
+    client.make_ready()
+    assert bridge.stop(sent) == 0
+    assert 'cycles' in bridge.tail()
+    assert 'Traceback' not in bridge.tail(100)
+
+
+def test_true_parameters_are_written_for_the_report(client: BridgeClient, tmp_path: Path) -> None:
+    client.wait_for_mode('idle')
+    truth = yaml.safe_load((tmp_path / 'truth.yaml').read_text())
+    assert truth['joint_names'] == JOINTS
+    assert len(truth['parameters']) >= 48
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'text'),
+    [
+        ({'config': '/nowhere/arm.yaml'}, 'arm.yaml'),
+        ({'urdf': '/nowhere/arm.urdf'}, 'arm.urdf'),
+        ({'period': 5.0}, 'period'),
+        ({'truth_file': '/nowhere/truth.yaml'}, 'truth.yaml'),
+    ],
+)
+def test_bad_parameters_are_one_clear_line(
+    ros_domain: dict[str, str], tmp_path: Path, parameters: dict, text: str
+) -> None:
+    with NodeProcess('fake_hardware', (), parameters, log=tmp_path / 'log') as process:
+        assert process.wait(30.0) != 0
+        assert text in process.tail()
+        assert 'Traceback' not in process.tail(100)

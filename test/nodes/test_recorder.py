@@ -1,0 +1,202 @@
+"""The recorder as a process of its own, fed over real DDS."""
+
+import json
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rosbags.rosbag2 import Reader
+from std_msgs.msg import Float64MultiArray, String
+
+from aerarm_msgs_py import topics as names
+from aerarm_msgs_py.bag_reader import read_joint_states, topics
+from aerarm_msgs_py.float64_array_cdr import Float64ArrayCdr
+from aerarm_msgs_py.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.topic import Topic
+from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+
+JOINTS = ('joint1', 'joint2', 'joint3', 'joint4')
+STREAMS = (names.JOINT_STATES, names.MOTOR_STATES, names.JOINT_COMMAND)
+
+
+class Source:
+    """Publishes what the arm publishes, and listens to the recorder's status."""
+
+    def __init__(self, node: Node, prefix: str = '') -> None:
+        self._node = node
+        self._cdr, self._power_cdr = JointStateCdr(JOINTS), Float64ArrayCdr(4)
+        self.streams = [self._publisher(topic, prefix) for topic in STREAMS]
+        self.power = self._publisher(names.MOTOR_POWER, prefix)
+        self.mode = self._publisher(names.ARM_MODE, prefix)
+        self.diagnostics = self._publisher(names.DIAGNOSTICS)
+        self.statuses: list[dict] = []
+        status = names.RECORDER_STATUS
+        node.create_subscription(
+            String,
+            prefix + status.name,
+            lambda message: self.statuses.append(json.loads(message.data)),
+            status.qos,
+        )
+
+    def wait_for(self, condition: Callable[[dict], bool]) -> None:
+        """Spin until a status fulfils a condition."""
+        deadline = time.monotonic() + 30.0
+        while not any(condition(status) for status in self.statuses):
+            assert time.monotonic() < deadline, self.statuses
+            rclpy.spin_once(self._node, timeout_sec=0.1)
+
+    def wait_until_matched(self, count: int) -> None:
+        """Wait until the recorder has found the publishers of so many topics."""
+        self.wait_for(lambda status: len(status['matched']) >= count)
+
+    def stream(self, count: int) -> np.ndarray:
+        """Publish four topics `count` times at 1 kHz; return the (count, 3, 4) numbers."""
+        values = np.random.default_rng(1).normal(size=(count, 3, 4))
+        loop = PeriodicLoop(1e-3)
+
+        def cycle(now_ns: int, index: int) -> None:
+            payload = self._cdr.pack(time.time_ns(), *values[loop.cycles])
+            for publisher in self.streams:
+                publisher.publish(payload)
+            self.power.publish(self._power_cdr.pack(values[loop.cycles, 0]))
+            if loop.cycles == count - 1:
+                loop.stop()
+
+        loop.run(cycle)
+        # The recorder takes messages in batches; an acknowledged one is behind all of these.
+        self.mode.publish(String(data='ready'))
+        assert self.mode.wait_for_all_acked()
+        time.sleep(0.2)
+        return values
+
+    def _publisher(self, topic: Topic, prefix: str = ''):
+        return self._node.create_publisher(topic.type, prefix + topic.name, topic.qos)
+
+
+@pytest.fixture
+def start(tmp_path: Path, ros_domain: dict[str, str]):
+    """Return a function that starts a recorder; it is stopped at the end of the test."""
+    started: list[NodeProcess] = []
+
+    def start(*arguments: str, **parameters: object) -> NodeProcess:
+        parameters.setdefault('bag', tmp_path / 'bag')
+        started.append(
+            NodeProcess('recorder', arguments, parameters, ros_domain, tmp_path / 'log.txt')
+        )
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.stop(signal.SIGKILL)
+
+
+@pytest.fixture
+def source(ros_node: Node) -> Source:
+    return Source(ros_node)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_records_four_topics_at_1_khz_without_a_loss(start, source, tmp_path, number) -> None:
+    source.mode.publish(String(data='idle'))  # before anybody listens
+    recorder = start()
+    source.wait_until_matched(6)
+    values = source.stream(1500)
+    source.diagnostics.publish(DiagnosticArray())
+    assert source.diagnostics.wait_for_all_acked()
+    time.sleep(0.2)
+    assert recorder.stop(number) == 0, recorder.tail()
+    found = topics(tmp_path / 'bag')
+    for topic in ('/joint_states', '/motor_states', '/joint_command', '/motor_power'):
+        assert (found[topic].messages, found[topic].lost) == (1500, 0)
+    assert (found['/arm_mode'].messages, found['/diagnostics'].messages) == (2, 1)
+    series = read_joint_states(tmp_path / 'bag')
+    np.testing.assert_array_equal(series.effort, values[:, 2])
+    assert (np.diff(series.log_time) >= 0).all()
+    with Reader(tmp_path / 'bag') as reader:
+        assert reader.message_count == 4 * 1500 + 3
+    log = recorder.tail(30)
+    assert '/joint_states: 1500 messages, 0 lost' in log
+    assert f'{tmp_path / "bag"}: 6003 messages, 0 lost' in log
+
+
+def test_says_what_it_does(start, source, tmp_path) -> None:
+    recorder = start()
+    source.wait_for(lambda status: status['state'] == 'recording')
+    source.wait_until_matched(6)
+    recorder.stop()
+    source.wait_for(lambda status: status['state'] == 'stored')
+    assert source.statuses[-1]['bag'] == str(tmp_path / 'bag')
+    assert 'publishers found: ' in recorder.tail(30)
+
+
+def test_moves_with_its_namespace(start, ros_node, tmp_path) -> None:
+    source = Source(ros_node, '/left/')
+    recorder = start('--ros-args', '-r', '__ns:=/left', '--')
+    source.wait_until_matched(6)
+    source.stream(50)
+    assert recorder.stop() == 0
+    assert len(read_joint_states(tmp_path / 'bag', '/left/joint_states')) == 50
+
+
+# The bag is looked at while it is being written.
+@pytest.mark.filterwarnings('ignore::aerarm_msgs_py.bag_error.BagWarning')
+def test_a_killed_recorder_leaves_a_readable_bag(start, source, tmp_path) -> None:
+    recorder = start()
+    source.wait_until_matched(6)
+    values = source.stream(1000)
+    deadline = time.monotonic() + 30.0
+    while topics(tmp_path / 'bag')['/joint_states'].messages < 1000:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    assert recorder.stop(signal.SIGKILL) == -signal.SIGKILL
+    series = read_joint_states(tmp_path / 'bag')
+    np.testing.assert_array_equal(series.position, values[:, 0])
+
+
+def test_records_what_it_is_asked_for(start, source, ros_node, tmp_path) -> None:
+    own = ros_node.create_publisher(Float64MultiArray, 'own', 10)
+    recorder = start(
+        topics=['joint_states', 'own=std_msgs/msg/Float64MultiArray'], compression='lz4'
+    )
+    source.wait_until_matched(2)
+    own.publish(Float64MultiArray(data=[1.0]))
+    source.stream(20)
+    assert recorder.stop() == 0
+    found = topics(tmp_path / 'bag')
+    assert {topic: summary.messages for topic, summary in found.items()} == {
+        '/joint_states': 20,
+        '/own': 1,
+    }
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'said'),
+    [
+        ({'topics': ['joint_stats']}, "'joint_stats' is none of joint_states, "),
+        ({'compression': 'zip'}, "must be a string, one of none, lz4, zstd, not 'zip'"),
+        ({'bag': '/proc/bag'}, '/proc/bag cannot be made'),
+    ],
+)
+def test_a_bad_parameter_is_one_line_and_nothing_starts(start, tmp_path, parameters, said) -> None:
+    recorder = start(**parameters)
+    assert recorder.wait(30.0) == 1
+    log = recorder.tail()
+    assert log.startswith('recorder: ')
+    assert said in log
+    assert log.count('\n') == 0
+    assert not (tmp_path / 'bag').exists()
+
+
+def test_an_existing_bag_is_not_touched(start, tmp_path) -> None:
+    (tmp_path / 'bag').mkdir()
+    recorder = start()
+    assert recorder.wait(30.0) == 1
+    assert 'exists and is not overwritten: choose another directory' in recorder.tail()
+    assert not any((tmp_path / 'bag').iterdir())

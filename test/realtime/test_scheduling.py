@@ -1,0 +1,106 @@
+"""Each request in a process of its own: granted, and refused for want of rights."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+# Drops all rights, as an ordinary user on an untuned machine has them.
+_ORDINARY_USER = """
+import os, resource
+for kind, limit in ((resource.RLIMIT_RTPRIO, 0), (resource.RLIMIT_MEMLOCK, 65536)):
+    resource.setrlimit(kind, (limit, limit))
+if os.geteuid() == 0:
+    os.setresgid(65534, 65534, 65534)
+    os.setresuid(65534, 65534, 65534)
+"""
+_IMPORT = 'import gc, os\nfrom aerarm_ros.realtime import scheduling\n'
+
+
+def run(code: str) -> str:
+    return subprocess.run(
+        [sys.executable, '-c', code], check=True, capture_output=True, text=True
+    ).stdout.strip()
+
+
+def test_an_ordinary_user_gets_advice_instead_of_fifo() -> None:
+    said = run(f'{_IMPORT}{_ORDINARY_USER}print(scheduling.set_fifo(50))')
+    assert 'SCHED_FIFO priority 50 was refused' in said
+    assert 'rtprio' in said
+    assert '/etc/security/limits.d' in said
+
+
+def test_an_ordinary_user_gets_advice_instead_of_locked_memory() -> None:
+    said = run(f'{_IMPORT}{_ORDINARY_USER}print(scheduling.lock_memory())')
+    assert 'memory was not locked' in said
+    assert 'memlock unlimited' in said
+
+
+def test_a_cpu_that_is_not_there_is_refused_and_nothing_changes() -> None:
+    said = run(
+        f'{_IMPORT}before = os.sched_getaffinity(0)\n'
+        'print(scheduling.set_affinity([0, 100_000]), scheduling.set_affinity([]))\n'
+        'assert os.sched_getaffinity(0) == before'
+    )
+    assert '[0, 100000] were refused' in said
+    assert 'CPUs [] were refused' in said
+
+
+# A second thread that was there before; all(...) of what a function says of every thread.
+_THREAD = """
+import threading
+threading.Thread(target=threading.Event().wait, daemon=True).start()
+def each(function):
+    return sorted(map(function, map(int, os.listdir('/proc/self/task'))))
+"""
+
+
+def test_one_cpu_is_granted_to_all_threads() -> None:
+    code = (
+        f'{_IMPORT}{_THREAD}cpu = min(os.sched_getaffinity(0))\n'
+        'print(scheduling.set_affinity([cpu]), each(os.sched_getaffinity) == [{cpu}] * 2)'
+    )
+    assert run(code) == 'None True'
+
+
+def _may_use_fifo() -> bool:
+    code = 'import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))'
+    return subprocess.run([sys.executable, '-c', code], capture_output=True).returncode == 0
+
+
+@pytest.mark.skipif(not _may_use_fifo(), reason='this user may not use SCHED_FIFO')
+def test_fifo_is_granted_to_the_loop_and_one_below_it_to_the_others() -> None:
+    code = (
+        f'{_IMPORT}{_THREAD}print(scheduling.set_fifo(7), os.sched_getparam(0).sched_priority, '
+        'each(os.sched_getscheduler) == [os.SCHED_FIFO] * 2, '
+        'each(lambda thread: os.sched_getparam(thread).sched_priority))'
+    )
+    assert run(code) == 'None 7 True [6, 7]'
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='locking all memory needs root here')
+def test_memory_is_locked() -> None:
+    code = (
+        f'{_IMPORT}warning = scheduling.lock_memory()\n'
+        'locked = [x for x in open("/proc/self/status") if x.startswith("VmLck")][0].split()[1]\n'
+        'print(warning is not None or int(locked) > 0)'
+    )
+    assert run(code) == 'True'
+
+
+@pytest.mark.parametrize('priority', [1, 100, -5])
+def test_a_priority_out_of_range_is_a_mistake(priority: int) -> None:
+    said = run(
+        f'{_IMPORT}try:\n    scheduling.set_fifo({priority})\n'
+        'except ValueError as error:\n    print(error)'
+    )
+    assert 'between 2 and 99' in said
+
+
+def test_the_garbage_collector_stays_off() -> None:
+    code = (
+        f'{_IMPORT}print(scheduling.freeze_garbage_collector(), gc.isenabled(), '
+        'gc.get_freeze_count() > 0)'
+    )
+    assert run(code) == 'None False True'

@@ -1,0 +1,76 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.inertia import minimum_eigenvalue
+from aerarm_ros.simulation.plant_parameters import PlantParameters, Spread
+
+NOMINAL = PlantParameters.nominal(load_arm_config(), load_robot())
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_every_perturbed_link_is_a_body_that_could_exist(seed):
+    parameters = NOMINAL.perturbed(seed).inertial_parameters
+    assert minimum_eigenvalue(parameters) > 0.0
+    mass_ratio = parameters[:, 0] / NOMINAL.inertial_parameters[:, 0]
+    assert np.all(np.abs(mass_ratio - 1.0) <= 0.25)
+    assert np.any(np.abs(mass_ratio - 1.0) > 0.02)
+
+
+def test_deviations_stay_within_their_bounds():
+    ratios = {'viscous': 0.3, 'coulomb': 0.3, 'rotor_inertia': 0.2, 'motor_torque_constant': 0.02}
+    for seed in range(20):
+        parameters = NOMINAL.perturbed(seed)
+        for name, bound in ratios.items():
+            ratio = getattr(parameters, name) / getattr(NOMINAL, name)
+            assert np.all(np.abs(ratio - 1.0) <= bound), name
+        centre = parameters.inertial_parameters[:, 1:4] / parameters.inertial_parameters[:, :1]
+        nominal = NOMINAL.inertial_parameters[:, 1:4] / NOMINAL.inertial_parameters[:, :1]
+        bound = 0.010 * np.sqrt(3.0) + 0.3 * np.linalg.norm(nominal, axis=1)
+        assert np.all(np.linalg.norm(centre - nominal, axis=1) <= bound)
+
+
+def test_without_any_spread_the_arm_is_as_drawn():
+    none = Spread(mass=0, stretch=0, shift=0, viscous=0, coulomb=0, rotor_inertia=0)
+    same = NOMINAL.perturbed(4, replace(none, torque_constant=0))
+    assert same.inertial_parameters == pytest.approx(NOMINAL.inertial_parameters, abs=1e-15)
+    assert same.coulomb == pytest.approx(NOMINAL.coulomb)
+
+
+def test_density_alone_scales_all_ten_parameters():
+    only_mass = Spread(stretch=0, shift=0)
+    heavier = NOMINAL.perturbed(4, only_mass).inertial_parameters
+    ratio = heavier[:, :1] / NOMINAL.inertial_parameters[:, :1]
+    assert heavier == pytest.approx(ratio * NOMINAL.inertial_parameters, abs=1e-15)
+
+
+def test_a_seed_is_an_arm():
+    first, again, other = (NOMINAL.perturbed(seed) for seed in (7, 7, 8))
+    assert np.array_equal(first.inertial_parameters, again.inertial_parameters)
+    assert not np.array_equal(first.inertial_parameters, other.inertial_parameters)
+
+
+def test_written_truth_names_the_regressors_columns():
+    parameters = NOMINAL.perturbed(7)
+    truth = yaml.safe_load(yaml.safe_dump(parameters.as_dict()))
+    assert truth == parameters.as_dict()
+    assert len(truth['parameters']) == 52
+    assert truth['parameters']['m_link1'] == parameters.inertial_parameters[0, 0]
+    assert truth['parameters']['Izz_link4'] == parameters.inertial_parameters[3, 9]
+    assert truth['parameters']['fv_joint2'] == parameters.viscous[1]
+    assert truth['parameters']['fs_joint3'] == parameters.coulomb[2]
+    assert truth['parameters']['Ja_joint4'] == parameters.rotor_inertia[3]
+    # tau from currents with the nominal constant, over the true torque
+    ratio = NOMINAL.motor_torque_constant / parameters.motor_torque_constant
+    assert truth['measured_per_true_torque'] == pytest.approx(ratio.tolist())
+
+
+def test_configuration_and_urdf_must_name_the_same_joints():
+    config = load_arm_config()
+    renamed = replace(config.joints[0], name='shoulder')
+    with pytest.raises(ValueError, match='shoulder'):
+        PlantParameters.nominal(replace(config, joints=(renamed, *config.joints[1:])), load_robot())
