@@ -159,4 +159,3 @@ def _inside(theta: Array, limits: PhysicalLimits) -> Array:
             'inertias in the URDF'
         )
     return theta
-

@@ -83,9 +83,7 @@ class SimulatedArm:
         return recording_from_states(f'bag{seed}', states, self.robot.joint_names, JointMapping({}))
 
 
-def _phase(
-    t: np.ndarray, ramp: float, length: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _phase(t: np.ndarray, ramp: float, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return path time, its rate (0 to 1 and back) and the rate's derivative."""
 
     def step(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
