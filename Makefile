@@ -16,7 +16,7 @@ endif
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: demo test lint bench setup clean
+.PHONY: demo test lint bench view setup clean
 
 setup: $(VENV)/.ready
 
@@ -28,6 +28,9 @@ $(VENV)/.ready: setup.py pyproject.toml setup.cfg
 
 demo: setup
 	$(BIN)/demo
+
+view: setup
+	$(BIN)/view
 
 lint: setup
 	$(BIN)/ruff check .

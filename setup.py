@@ -20,6 +20,9 @@ RUN_TIME = [
     'zstandard>=0.22,<1',
 ]
 
+# The 3-D view in a browser.
+VIEW = ['viser>=1,<2']
+
 # ROS 2 Jazzy for hosts without ROS (x86-64 Linux only). rclpy does not pull in
 # an rmw implementation by itself, so Fast DDS is named.
 ROS_WHEELS = [
@@ -28,7 +31,24 @@ ROS_WHEELS = [
     'ros-jazzy-rmw-fastrtps-cpp>=8.4,<8.5',
 ]
 
-EXECUTABLES = ['demo', 'excitation', 'fake_hardware', 'hardware_bridge', 'identifier', 'recorder']
+EXECUTABLES = [
+    'arm',
+    'base_reaction',
+    'computed_torque',
+    'demo',
+    'excitation',
+    'excitation_designer',
+    'fake_hardware',
+    'gravity_compensation',
+    'hardware_bridge',
+    'identifier',
+    'impedance_control',
+    'kinematic_control',
+    'px4_imu',
+    'recorder',
+    'tool_path',
+    'view',
+]
 
 
 def share(*parts: str) -> str:
@@ -62,8 +82,10 @@ setup(
     extras_require={
         'ros': ROS_WHEELS,
         'spi': ['spidev>=3.5,<4'],
+        'view': VIEW,
         'test': ['hypothesis', 'pytest'],
         'dev': [
+            *VIEW,
             'example-robot-data>=4,<7',
             'hypothesis>=6,<7',
             'mypy>=1.8,<3',

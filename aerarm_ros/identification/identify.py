@@ -163,8 +163,7 @@ def _least_error(
     bags: Sequence[SampleColumns], terms: Sequence[JointTerm], model: JointModel
 ) -> float:
     regression = RegressionBank(bags, terms).regression(model)
-    rest = regression.system().rest
-    return 100.0 * rest / float(np.linalg.norm(regression.torque_norms))
+    return regression.error(solve_least_squares(regression, np.zeros(len(regression.columns))))
 
 
 def _choose_model(

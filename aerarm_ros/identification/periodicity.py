@@ -159,7 +159,7 @@ def _at(instants: Array, time: Array, q: Array) -> Array:
 
 def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
     """Return where most whole periods fit; of several such places, where they agree best."""
-    lag = max(50, round(period * _RATE))
+    lag = max(200, round(period * _RATE))
     step = period / lag
     # A recording of whole periods ends one sample before its beginning comes back.
     length = time[-1] - time[0] + float(np.median(np.diff(time)))
@@ -180,7 +180,7 @@ def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
     # The middle of the equally good places is farthest from run-in and run-out.
     negligible = 1e-6 * compared * spread.max()
     good = np.flatnonzero(mismatch <= 1.2 * mismatch.min() + negligible)
-    start = time[0] + step * good[len(good) // 2]
+    start = time[0] + step * good[(len(good) - 1) // 2]
     return PeriodicPart(float(start), period, max(periods, 1))
 
 

@@ -18,13 +18,10 @@ class TriangularSystem:
     R : (p, p) ndarray
         Upper triangular.
     z : (p,) ndarray
-    rest : float
-        Norm of the residual that no theta can remove.
     """
 
     R: Array
     z: Array
-    rest: float
 
 
 class ReducedRegression:
@@ -79,9 +76,7 @@ class ReducedRegression:
         count = len(self.columns)
         padded = np.zeros((count + 1, count + 1))
         padded[: len(factor)] = factor
-        return TriangularSystem(
-            padded[:count, :count], padded[:count, count], abs(float(padded[count, count]))
-        )
+        return TriangularSystem(padded[:count, :count], padded[:count, count])
 
     def residual_norms(self, theta: Array) -> Array:
         """Return the (n,) norms of `tau_j - Phi_j theta` [Nm]."""

@@ -60,7 +60,7 @@ PARAMETERS = ParameterTable(
     Parameter('tracking_limit', 0.3, '|q_d - q| at which the arm is stopped', 'rad', 1e-3, 3.0),
     Parameter('stop_time', 0.5, 'duration of a smooth stop', 's', 0.05, 10.0),
     Parameter('return_to_start', True, 'go back to the posture found at the start'),
-    Parameter('state_timeout', 0.1, 'longest wait for the next joint state', 's', 0.005, 10.0),
+    Parameter('state_timeout', 0.2, 'longest wait for the next joint state', 's', 0.005, 10.0),
     Parameter('wait_timeout', 20.0, 'longest wait for arm and subscribers', 's', 0.1, 3600.0),
     Parameter('subscribers', 1, 'subscribers of joint_command, and of joint_states, to wait for '
               '(2: bridge and recorder; this node and recorder)', '', 1, 100),

@@ -1,0 +1,116 @@
+"""The experiment of thesis 5.4: dynamic controllers on the simulated arm.
+
+Runs reference trajectories with gravity compensation and computed torque, CAD and identified
+parameters, with and without disturbance observer, the drone still, tilted and moving; prints
+a table of errors and writes an HTML page.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.excitation.excitation_config import load_excitation_config
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.random_trajectory import RandomTrajectory
+from aerarm_ros.nodes.experiment_bench import ExperimentBench
+from aerarm_ros.nodes.experiment_case import ExperimentCase, all_cases
+from aerarm_ros.nodes.experiment_report import ExperimentReport
+from aerarm_ros.simulation.plant_parameters import PlantParameters
+
+NAME = 'experiment'
+FUNDAMENTAL, HARMONICS = 0.1, 5
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the experiment; return the exit status."""
+    options = _parse(arguments)
+    try:
+        config, robot = load_arm_config(), load_robot()
+        truth, origin = _truth(config, robot, options)
+        motion = _motion(config, robot, options)
+    except ValueError as error:
+        print(f'{NAME}: {error}', file=sys.stderr)
+        return 1
+    bench, report = ExperimentBench(config, robot, truth, motion), ExperimentReport(robot)
+    cases = [case for case in all_cases() if options.only in case.name]
+    print(f'{len(cases)} runs of {motion.duration:.0f} s; plant: {origin}', flush=True)
+    try:
+        for index, case in enumerate(cases, start=1):
+            _run(bench, report, case, f'{index}/{len(cases)}')
+    except RuntimeError as error:
+        print(f'{NAME}: {error}', file=sys.stderr)
+        return 1
+    print('\n' + report.text())
+    options.out.mkdir(parents=True, exist_ok=True)
+    path = options.out / 'controllers.html'
+    note = (
+        f'Five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}); plant: {origin}. "Identified" '
+        'means that the controller knows the parameters of the plant.'
+    )
+    report.write(path, note)
+    print(f'\nPage      {path}')
+    return 0
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog=NAME, description=(__doc__ or '').splitlines()[0])
+    parser.add_argument('--out', type=Path, default=Path('output') / NAME, help='folder')
+    parser.add_argument('--seed', type=int, default=1, help='seed of the trajectory')
+    parser.add_argument('--amplitude', type=float, default=0.15, help='coefficients [rad]')
+    parser.add_argument('--only', default='', help='only runs whose name holds this text')
+    plant = parser.add_mutually_exclusive_group()
+    plant.add_argument('--arm-seed', type=int, default=7, help='seed of the simulated arm')
+    plant.add_argument(
+        '--identified', type=Path, help='URDF of an identified model to be the simulated arm'
+    )
+    return parser.parse_args(arguments)
+
+
+def _truth(
+    config: ArmConfig, robot: Robot, options: argparse.Namespace
+) -> tuple[PlantParameters, str]:
+    """Return the plant's parameters and where they come from."""
+    nominal = PlantParameters.nominal(config, robot)
+    if options.identified is None:
+        return nominal.perturbed(options.arm_seed), f'an arm of seed {options.arm_seed}'
+    identified = load_robot(options.identified, joint_names=config.joint_names)
+    truth = replace(
+        nominal,
+        inertial_parameters=np.array(identified.inertial_parameters),
+        viscous=np.array(identified.viscous),
+        coulomb=np.array(identified.coulomb),
+    )
+    return truth, f'identified model {options.identified.name}'
+
+
+def _motion(config: ArmConfig, robot: Robot, options: argparse.Namespace) -> RampedExcitation:
+    """Draw a trajectory that is safe to play."""
+    settings = load_excitation_config()
+    setup = ExcitationSetup.of_arm(robot, config, settings)
+    candidates = RandomTrajectory(
+        settings.bias_of(robot),
+        settings.bias_spread,
+        options.amplitude,
+        FUNDAMENTAL,
+        HARMONICS,
+    )
+    trajectory, _ = candidates.draw_feasible(options.seed, setup.checker, settings.ramp_time)
+    return RampedExcitation(trajectory, 1, settings.ramp_time)
+
+
+def _run(
+    bench: ExperimentBench, report: ExperimentReport, case: ExperimentCase, progress: str
+) -> None:
+    name, joints, *_, tool, _, _ = report.add(bench.run(case))
+    print(f'{progress:>6}  {name}: joints {joints} mrad, tool {tool} mm RMS', flush=True)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

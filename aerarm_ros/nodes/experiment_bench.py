@@ -1,0 +1,176 @@
+"""Runs a controller on the emulated arm as fast as the processor allows.
+
+Everything between the law and the physics engine is what runs on the real arm: the bridge's
+cycle with its frames, the boards' laws, quantised encoders and filtered velocities. Only ROS
+is left out, so that a run is the same every time.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.board_computed_torque import BoardComputedTorque
+from aerarm_ros.control.computed_torque import ComputedTorque
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.friction_compensation import FrictionCompensation
+from aerarm_ros.control.gravity_compensation import GravityCompensation
+from aerarm_ros.control.imu_sample import ImuSample
+from aerarm_ros.control.joint_limits import JointLimits
+from aerarm_ros.control.joint_reference import JointReference
+from aerarm_ros.control.momentum_observer import MomentumObserver
+from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.joint_reference import Motion
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation import make_emulated_transport
+from aerarm_ros.nodes.experiment_case import BASES, CAD, GRAVITY, HOST, ExperimentCase
+from aerarm_ros.simulation.moving_base_plant import MovingBasePlant
+from aerarm_ros.simulation.plant_parameters import PlantParameters
+
+Array = npt.NDArray[np.float64]
+
+CYCLE = 1e-3
+SETTLE = 1.0  # [s] at rest before the motion begins, and after it has ended
+_IMU_PERIOD = 4  # cycles: 250 Hz
+_START_LIMIT = 20.0  # [s]
+
+
+class MotionSource:
+    """A motion of the excitation room as a controller's reference."""
+
+    def __init__(self, motion: Motion) -> None:
+        self._motion = motion
+        self.begin = np.inf
+
+    def take_over(self, q: Array) -> None:
+        """Start at its own start: the arm was put there."""
+
+    def update(self, q: Array, now: float, dt: float) -> JointReference:
+        """Return the reference at `now` [s]; the ends hold."""
+        time = min(max(now - self.begin, 0.0), self._motion.duration)
+        return JointReference(*self._motion.evaluate(time))
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentRun:
+    """One run, one row a cycle.
+
+    Attributes
+    ----------
+    case : ExperimentCase
+    time : (M,) ndarray
+        Since the motion began [s].
+    q, qd : (M, n) ndarray
+        True and desired joint positions [rad].
+    effort : (M, n) ndarray
+        Torques of the drives [Nm].
+    """
+
+    case: ExperimentCase
+    time: Array
+    q: Array
+    qd: Array
+    effort: Array
+
+
+class ExperimentBench:
+    """An arm, a motion, and a plant with parameters of its own.
+
+    Parameters
+    ----------
+    config, robot
+        The arm as drawn (CAD).
+    truth
+        What the plant is made of.
+    motion
+        What the arm should do.
+    """
+
+    def __init__(
+        self, config: ArmConfig, robot: Robot, truth: PlantParameters, motion: Motion
+    ) -> None:
+        self._config = config
+        self._robot = robot
+        self._truth = truth
+        self._motion = motion
+        self._limits = JointLimits.from_config(config)
+
+    def run(self, case: ExperimentCase) -> ExperimentRun:
+        """Run a case from rest to rest; raises RuntimeError if the arm was stopped."""
+        start = self._motion.evaluate(0.0).position
+        transport = make_emulated_transport(
+            self._config, self._robot, None, position=start, parameters=self._truth
+        )
+        plant = MovingBasePlant(self._robot, self._truth, start, BASES[case.base])
+        transport.plant = plant
+        transport.carry()
+        bridge = BridgeCycle(self._config, transport)
+        transport.open()
+        now = self._enable(bridge)
+        source, estimator = MotionSource(self._motion), self._estimator(case)
+        loop = self._loop(case, source, estimator)
+        source.begin = now + SETTLE
+        plant.start()
+        rows = []
+        for cycle in range(round((self._motion.duration + 2.0 * SETTLE) / CYCLE)):
+            if case.aware and cycle % _IMU_PERIOD == 0:
+                estimator.offer(ImuSample(now, *plant.imu), now)
+            state = ArmState(bridge.q.copy(), bridge.dq.copy(), bridge.tau.copy())
+            command = loop.update(state, now)
+            now += CYCLE
+            if command is not None:
+                # The answer to this cycle's state acts in the next cycle, as over topics.
+                bridge.command(self._config.joint_names, *command, CYCLE, now, 'experiment')
+            bridge.update(now)
+            desired = source.update(state.q, now, CYCLE).q
+            rows.append(np.concatenate([[now - source.begin], plant.position, desired, bridge.tau]))
+        if bridge.mode != 'running':
+            raise RuntimeError(f'{case.name}: the arm was stopped: {"; ".join(bridge.faults)}')
+        table = np.array(rows)
+        return ExperimentRun(case, table[:, 0], *np.split(table[:, 1:], 3, axis=1))
+
+    def _enable(self, bridge: BridgeCycle) -> float:
+        """Align the motors and let the arm rest; return the time [s]."""
+        now = 0.0
+        ready_at = np.inf
+        while now < ready_at + SETTLE:
+            bridge.update(now)
+            if bridge.mode == 'idle':
+                bridge.enable()
+            elif bridge.mode == 'ready' and np.isinf(ready_at):
+                ready_at = now
+            now += CYCLE
+            if np.isinf(ready_at) and now > _START_LIMIT:
+                raise RuntimeError(f'the arm is {bridge.mode}: {"; ".join(bridge.faults)}')
+        return now
+
+    def _estimator(self, case: ExperimentCase) -> BaseMotionEstimator:
+        return BaseMotionEstimator(self._config.gravity_in_base, 'full' if case.aware else 'off')
+
+    def _loop(
+        self, case: ExperimentCase, source: MotionSource, estimator: BaseMotionEstimator
+    ) -> ControlLoop[JointReference]:
+        robot, truth = self._robot, self._truth
+        if case.parameters == CAD:
+            inertia = self._config.column('reflected_inertia')
+            viscous, coulomb = robot.viscous, robot.coulomb
+        else:
+            robot = robot.with_inertial_parameters(truth.inertial_parameters)
+            inertia, viscous, coulomb = truth.rotor_inertia, truth.viscous, truth.coulomb
+        dynamics = MovingBaseDynamics(robot, inertia)
+        friction = FrictionCompensation(viscous, coulomb)
+        law: Any
+        if case.law == GRAVITY:
+            law = GravityCompensation(dynamics, [60, 60, 40, 40], [5, 5, 1, 1], friction)
+        elif case.law == HOST:
+            law = ComputedTorque(dynamics, 400.0, 40.0, friction=friction)
+        else:
+            law = BoardComputedTorque(dynamics, friction=friction)
+        observer = MomentumObserver(dynamics, 30.0, friction) if case.observer else None
+        limit = 0.5 * self._limits.effort_max
+        return ControlLoop(self._limits, source, law, observer, estimator, limit)

@@ -1,0 +1,94 @@
+"""The documents against the code: what they point to exists, and nothing is left out."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from aerarm_msgs_py.topics import TOPICS
+from aerarm_ros.hardware.bridge_cycle import MODES
+from aerarm_ros.nodes.arm_client import ACTIONS
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / 'docs'
+PAGES = sorted([*DOCS.rglob('*.md'), ROOT / 'README.md'])
+LINK = re.compile(r'\[[^\]]*\]\(([^)\s]+)\)')
+CODE_FILE = re.compile(r'`([a-z_0-9]+(?:/[a-z_0-9.]+)+\.(?:py|yaml|xml|urdf|rviz|json))`')
+
+
+@pytest.fixture(scope='module')
+def reference() -> ModuleType:
+    path = DOCS / 'generate_parameters.py'
+    spec = importlib.util.spec_from_file_location('generate_parameters', path)
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors that a forge gives to a page's headings."""
+    headings = re.findall(r'^#+ (.*)$', page.read_text(), flags=re.MULTILINE)
+    return {re.sub(r'[^\w\- ]', '', text.lower()).replace(' ', '-') for text in headings}
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in LINK.findall(page.read_text()):
+        if target.startswith(('http://', 'https://')):
+            continue
+        path, _, anchor = target.partition('#')
+        found = (page.parent / path).resolve() if path else page
+        assert found.exists(), target
+        assert not anchor or anchor in anchors(found), target
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_files_named_in_code_style_exist(page: Path) -> None:
+    for name in CODE_FILE.findall(page.read_text()):
+        if name.startswith(('output/', 'first_result/')):
+            continue
+        assert any((ROOT / room / name).exists() for room in ('', 'aerarm_ros')), name
+
+
+def test_every_page_can_be_reached_from_the_index() -> None:
+    linked = {
+        (DOCS / target).resolve() for target in LINK.findall((DOCS / 'README.md').read_text())
+    }
+    assert set(DOCS.rglob('*.md')) - {DOCS / 'README.md'} <= linked
+
+
+def test_every_executable_has_a_section(reference: ModuleType) -> None:
+    page = (DOCS / 'reference' / 'executables.md').read_text()
+    sections = set(re.findall(r'^## (\w+)$', page, flags=re.MULTILINE))
+    assert sections >= set(reference.executables())
+
+
+def test_every_topic_mode_and_service_is_described() -> None:
+    page = (DOCS / 'reference' / 'topics.md').read_text()
+    for name in (*TOPICS, *MODES):
+        assert f'`{name}`' in page, name
+    for action in ACTIONS:
+        assert f'`~/{action}`' in page
+
+
+def test_every_launch_file_and_argument_is_described() -> None:
+    page = (DOCS / 'how-to' / 'drive_it.md').read_text()
+    for path in (ROOT / 'launch').glob('*.launch.py'):
+        assert f'`{path.name}`' in page
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == (
+                'DeclareLaunchArgument'
+            ):
+                assert f'`{node.args[0].value}`' in page
+
+
+def test_the_parameter_page_is_up_to_date(
+    reference: ModuleType, ros_domain: dict[str, str]
+) -> None:
+    assert reference.PAGE.read_text() == reference.page(), 'run: python docs/generate_parameters.py'
