@@ -4,7 +4,8 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-# With a ROS 2 Jazzy environment sourced, its packages are used instead of the wheels.
+# With a ROS 2 Jazzy environment sourced, its packages are used instead of the wheels, Pinocchio
+# included (apt: ros-jazzy-pinocchio).
 ifeq ($(ROS_DISTRO),jazzy)
 VENV_FLAGS := --system-site-packages
 EXTRAS     := dev
@@ -16,7 +17,7 @@ endif
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: demo test lint bench view setup clean
+.PHONY: demo experiment test lint bench view setup clean
 
 setup: $(VENV)/.ready
 
@@ -28,6 +29,9 @@ $(VENV)/.ready: setup.py pyproject.toml setup.cfg
 
 demo: setup
 	$(BIN)/demo
+
+experiment: setup
+	$(BIN)/experiment
 
 view: setup
 	$(BIN)/view

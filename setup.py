@@ -1,5 +1,6 @@
 """Build description for both `colcon build` (ament_python) and `pip install`."""
 
+import os
 from glob import glob
 
 from setuptools import find_packages, setup
@@ -9,10 +10,9 @@ PACKAGE = 'aerarm_ros'
 # Every bound has an upper end: a new major version is tried before it is let in.
 RUN_TIME = [
     'clarabel>=0.9,<0.12',
+    'lz4>=4,<5',
     'mcap>=1.2,<2',
     'mujoco>=3.1,<5',
-    'numpy>=1.26,<3',
-    'pin>=3.3,<5',
     'plotly>=5.18,<8',
     'pyyaml>=6,<7',
     'rosbags>=0.10,<0.12',
@@ -20,8 +20,15 @@ RUN_TIME = [
     'zstandard>=0.22,<1',
 ]
 
+# The message modules of an apt ROS are built against NumPy 1.26. Pinocchio's wheels ask for
+# NumPy 2, so beside such a ROS Pinocchio comes from apt as well (ros-jazzy-pinocchio).
+if os.environ.get('ROS_DISTRO'):
+    RUN_TIME += ['numpy>=1.26,<2']
+else:
+    RUN_TIME += ['numpy>=1.26,<3', 'pin>=3.3,<5']
+
 # The 3-D view in a browser.
-VIEW = ['viser>=1,<2']
+VIEW = ['viser>=1.1,<2']
 
 # ROS 2 Jazzy for hosts without ROS (x86-64 Linux only). rclpy does not pull in
 # an rmw implementation by itself, so Fast DDS is named.
@@ -38,6 +45,7 @@ EXECUTABLES = [
     'demo',
     'excitation',
     'excitation_designer',
+    'experiment',
     'fake_hardware',
     'gravity_compensation',
     'hardware_bridge',
@@ -76,7 +84,7 @@ setup(
         (share('config', 'profiles'), glob('config/profiles/*.*')),
         (share('urdf'), glob('urdf/*.urdf')),
         (share('launch'), glob('launch/*.launch.py')),
-        (share('rviz'), glob('rviz/*.rviz')),
+        (share('rviz'), glob('rviz/*.*')),
     ],
     install_requires=RUN_TIME,
     extras_require={

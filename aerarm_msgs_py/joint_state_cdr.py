@@ -90,7 +90,7 @@ class JointStateCdr:
         _STAMP.pack_into(buffer, _STAMP_OFFSET, *divmod(stamp_ns, _NANOSECONDS))
         for view, values in zip(views, (position, velocity, effort), strict=True):
             if values is not None:
-                if np.shape(values) != view.shape:
+                if getattr(values, 'shape', None) != view.shape and np.shape(values) != view.shape:
                     raise ValueError(
                         f'{len(self.names)} numbers are needed, one a joint {self.names}, '
                         f'not an array of shape {np.shape(values)}'
@@ -108,14 +108,13 @@ class JointStateCdr:
         """
         if not self._prefix.matches(payload):
             return None
-        layout = self._recent
-        if not layout.matches(payload):
-            found = self._find_layout(payload)
-            if found is None:
-                return None
-            self._recent = layout = found
-        seconds, nanoseconds = _STAMP.unpack_from(payload, _STAMP_OFFSET)
-        return JointSample(seconds * _NANOSECONDS + nanoseconds, *layout.fields(payload))
+        stamp_ns = self._recent.stamp_of(payload)
+        if stamp_ns is None:
+            self._recent = self._find_layout(payload) or self._recent
+            stamp_ns = self._recent.stamp_of(payload)
+        if stamp_ns is None:
+            return None
+        return JointSample(stamp_ns, *self._recent.fields(payload))
 
     def unpack_block(
         self, rows: NDArray[np.uint8]
@@ -145,7 +144,8 @@ class JointStateCdr:
         return stamp_ns, layout.values_of_rows(rows)
 
     def _find_layout(self, payload: bytes) -> JointStateLayout | None:
-        return next((x for x in self._layouts.values() if x.matches(payload)), None)
+        layouts = self._layouts.values()
+        return next((x for x in layouts if x.stamp_of(payload) is not None), None)
 
     def _template(self, layout: JointStateLayout) -> tuple[bytearray, list[NDArray[np.float64]]]:
         """Return a payload with everything but the numbers, and views of the numbers."""

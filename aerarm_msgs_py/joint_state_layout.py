@@ -9,6 +9,8 @@ from aerarm_msgs_py.cdr_prefix import ENCAPSULATION_SIZE
 
 _COUNT = struct.Struct('<I')
 _DOUBLE = 8
+_STAMP_SIZE = 8
+_NANOSECONDS = 1_000_000_000
 _EMPTY = np.empty(0)
 
 
@@ -26,6 +28,11 @@ class JointStateLayout:
         Joints.
     full
         Which of position, velocity, effort hold n numbers; the others hold none.
+
+    Attributes
+    ----------
+    size
+        Bytes up to the end of the last field.
     """
 
     def __init__(self, start: int, n: int, full: tuple[bool, ...]) -> None:
@@ -33,28 +40,28 @@ class JointStateLayout:
         self.full = full
         self._count_offsets: list[int] = []
         self._data_offsets: list[int] = []
-        offset = start
+        numbers = f'{ENCAPSULATION_SIZE}xiI'  # the stamp; then each count, the rest skipped
+        end, offset = ENCAPSULATION_SIZE + _STAMP_SIZE, start
         for is_full in full:
+            numbers += f'{offset - end}xI'
             self._count_offsets.append(offset)
-            offset += _COUNT.size
+            end = offset = offset + _COUNT.size
             if is_full:
                 offset += -(offset - ENCAPSULATION_SIZE) % _DOUBLE
             self._data_offsets.append(offset)
             offset += n * _DOUBLE * is_full
         self.size = offset
+        self._numbers = struct.Struct('<' + numbers)
         self._counts = tuple(n * is_full for is_full in full)
 
-    def matches(self, payload: bytes) -> bool:
-        """Tell whether the counts in a payload are this layout's and the numbers are all there."""
+    def stamp_of(self, payload: bytes) -> int | None:
+        """Return the stamp [ns] of a payload, None if its counts aren't this layout's."""
         if len(payload) < self.size:
-            return False
-        first, second, third = self._count_offsets
-        counts = self._counts
-        return bool(
-            _COUNT.unpack_from(payload, first)[0] == counts[0]
-            and _COUNT.unpack_from(payload, second)[0] == counts[1]
-            and _COUNT.unpack_from(payload, third)[0] == counts[2]
-        )
+            return None
+        numbers = self._numbers.unpack_from(payload)
+        if numbers[2:] != self._counts:
+            return None
+        return int(numbers[0] * _NANOSECONDS + numbers[1])
 
     def matches_rows(self, rows: NDArray[np.uint8]) -> bool:
         """Tell whether the counts of every row of (M, size) bytes are this layout's."""

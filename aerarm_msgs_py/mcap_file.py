@@ -25,7 +25,7 @@ from aerarm_msgs_py.message_block import MessageBlock
 
 _MAGIC = b'\x89MCAP0\r\n'
 _RECORD = struct.Struct('<BQ')  # opcode, length
-_MESSAGE = struct.Struct('<BQH')  # and the channel of a message
+_MESSAGE = struct.Struct('<BQH')  # opcode, length, channel of a message
 _MESSAGE_HEADER = np.dtype(
     [
         ('opcode', 'u1'),
@@ -37,6 +37,8 @@ _MESSAGE_HEADER = np.dtype(
     ]
 )
 _HEADER_SIZE = _MESSAGE_HEADER.itemsize
+# What the mcap package raises when a record is cut off or holds other than it should.
+_DAMAGE = (McapError, struct.error, UnicodeDecodeError)
 _LOOSE_LIMIT = 2**20  # bytes of messages outside chunks that are collected into a block
 
 
@@ -114,38 +116,41 @@ class McapFile:
     def _chunk(self, content: bytes, start: int) -> bytes:
         try:
             return chunk_records(Chunk.read(ReadDataStream(BytesIO(content))))
-        except (ChunkError, McapError, struct.error, UnicodeDecodeError) as error:
+        except (ChunkError, *_DAMAGE) as error:
             self._warn(f'is damaged: the chunk at byte {start} is left out, {error}')
             return b''
 
     def _beginning_of_chunk(self, content: bytes) -> bytes:
         try:
             return beginning_of_records(Chunk.read(ReadDataStream(BytesIO(content))))
-        except (McapError, struct.error, UnicodeDecodeError):
+        except _DAMAGE:
             return b''
 
     def _blocks_of(self, records: bytes, topics: Collection[str] | None) -> Iterator[MessageBlock]:
-        starts: dict[int, list[int]] = {}
+        starts = self._starts_by_channel(topics)
         position = 0
         last = len(records) - _MESSAGE.size
         unpack = _MESSAGE.unpack_from
+        message = int(Opcode.MESSAGE)  # comparing with the enumeration takes longer
         while position <= last:
             opcode, length, channel = unpack(records, position)
             end = position + _RECORD.size + length
-            if end > len(records):
-                break  # the beginning of a chunk that was cut off
-            if opcode == Opcode.MESSAGE:
+            if opcode == message:
                 found = starts.get(channel)
-                if found is None:
-                    found = starts[channel] = []
-                found.append(position)
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                if found is not None and position + _HEADER_SIZE <= end <= len(records):
+                    found.append(position)
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and end <= len(records):
                 self._register(opcode, records[position + _RECORD.size : end])
+                starts = {**self._starts_by_channel(topics), **starts}
             position = end
         for channel, positions in starts.items():
-            topic = self._channels.get(channel)
-            if topic is not None and (topics is None or topic in topics):
-                yield self._block(topic, records, positions)
+            if positions:
+                yield self._block(self._channels[channel], records, positions)
+
+    def _starts_by_channel(self, topics: Collection[str] | None) -> dict[int, list[int]]:
+        """Return an empty list for every channel that is wanted among those known so far."""
+        known = self._channels.items()
+        return {channel: [] for channel, topic in known if topics is None or topic in topics}
 
     def _block(self, topic: str, records: bytes, starts: list[int]) -> MessageBlock:
         at = np.array(starts)
@@ -162,13 +167,16 @@ class McapFile:
 
     def _register(self, opcode: int, content: bytes) -> None:
         stream = ReadDataStream(BytesIO(content))
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
-            self._schemas[schema.id] = schema.name
-            return
-        channel = Channel.read(stream)
-        self._channels[channel.id] = channel.topic
-        self.types[channel.topic] = self._schemas.get(channel.schema_id, '')
+        try:
+            if opcode == Opcode.SCHEMA:
+                schema = Schema.read(stream)
+                self._schemas[schema.id] = schema.name
+            else:
+                channel = Channel.read(stream)
+                self._channels[channel.id] = channel.topic
+                self.types[channel.topic] = self._schemas.get(channel.schema_id, '')
+        except _DAMAGE as error:
+            self._warn(f'is damaged: the record of a topic is left out, {error}')
 
     def _warn(self, what: str) -> None:
         warnings.warn(f'{self.path} {what}', BagWarning, stacklevel=2)

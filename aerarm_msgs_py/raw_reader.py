@@ -70,6 +70,8 @@ class RawReader:
 
     def take_newest(self, index: int = 0) -> RawMessage | None:
         """Take all waiting messages and return the last, or None."""
+        if self.topics[index].qos.depth == 1:
+            return self.take(index)  # the middleware has replaced the others already
         newest = None
         while (message := self.take(index)) is not None:
             newest = message

@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped, PointStamped, PoseStamped, WrenchStamped
+from nav_msgs.msg import Path
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -49,6 +50,10 @@ BASE_WRENCH = Topic('base_wrench', WrenchStamped, NEWEST)
 ARM_INERTIA = Topic('arm_inertia', InertiaStamped, NEWEST)
 ARM_COM = Topic('arm_com', PointStamped, NEWEST)
 ARM_MODE = Topic('arm_mode', String, LATCHED)
+TOOL_PATH = Topic('tool_path', Path, RELIABLE)
+DISTURBANCE = Topic('disturbance', JointState, NEWEST)
+STATIC_WRENCH = Topic('base_wrench_static', WrenchStamped, NEWEST)
+ROBOT_DESCRIPTION = Topic('robot_description', String, LATCHED)
 RECORDER_STATUS = Topic('recorder_status', String, LATCHED)
 DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, RELIABLE)
 
@@ -68,6 +73,10 @@ TOPICS = MappingProxyType(
             BASE_WRENCH,
             ARM_INERTIA,
             ARM_COM,
+            STATIC_WRENCH,
+            DISTURBANCE,
+            TOOL_PATH,
+            ROBOT_DESCRIPTION,
             ARM_MODE,
             RECORDER_STATUS,
             DIAGNOSTICS,

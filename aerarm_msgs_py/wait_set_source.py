@@ -74,20 +74,18 @@ class WaitSetSource:
     def wait(self, timeout: float) -> bool:
         """Wait up to `timeout` [s] for any message; return whether there is one."""
         wait_set = self._wait_set
+        is_ready = wait_set.is_ready
         wait_set.clear_entities()
         for handle in self._handles:
             wait_set.add_subscription(handle)
         wait_set.add_guard_condition(self._signal.handle)
         wait_set.wait(int(timeout * 1e9))
-        return any(wait_set.is_ready('subscription', k) for k in range(len(self._handles)))
+        return any(is_ready('subscription', k) for k in range(len(self._handles)))
 
     def take(self, index: int) -> tuple[bytes, dict[str, int]] | None:
         """Take the oldest waiting message of a topic, with its message info."""
-        handle = self._handles[index]
-        with handle:
-            message: tuple[bytes, dict[str, int]] | None = handle.take_message(
-                self._types[index], True
-            )
+        message: tuple[bytes, dict[str, int]] | None
+        message = self._handles[index].take_message(self._types[index], True)
         return message
 
     def destroy(self) -> None:

@@ -36,7 +36,7 @@ class FrictionCompensation:
         self,
         viscous: npt.ArrayLike,
         coulomb: npt.ArrayLike,
-        width: float = 0.03,
+        width: float = 0.02,
         fraction: float = 1.0,
     ) -> None:
         n = np.size(viscous)

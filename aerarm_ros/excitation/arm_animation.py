@@ -27,11 +27,11 @@ class ArmAnimation:
         self._robot = robot
         self._data = robot.model.createData()
         self._bodies = self._merge_by_joint(clearance.shapes)
-        self._tool = robot.model.nframes - 1
+        self._tool = self._farthest_frame()
 
     @property
     def tool_name(self) -> str:
-        """Name of the frame whose path is drawn: the last of the chain."""
+        """Name of the frame whose path is drawn: of the last link, farthest from its joint."""
         return str(self._robot.model.frames[self._tool].name)
 
     def tool_path(self, positions: FloatArray) -> FloatArray:
@@ -73,6 +73,15 @@ class ArmAnimation:
             sliders=[_slider([frame.name for frame in figure.frames])],
         )  # fmt: skip
         return figure
+
+    def _farthest_frame(self) -> int:
+        frames = self._robot.model.frames
+        last = [
+            i
+            for i, frame in enumerate(frames)
+            if frame.parentJoint == self._robot.n and frame.type == pin.FrameType.BODY
+        ]
+        return max(last, key=lambda i: float(np.linalg.norm(frames[i].placement.translation)))
 
     def _draw(self, q: FloatArray) -> list[go.Mesh3d]:
         pin.forwardKinematics(self._robot.model, self._data, q)

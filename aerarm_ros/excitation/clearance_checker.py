@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,12 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.collision_geometry import (
     build_collision_geometry,
     motion_bounds,
-    required_clearance,
     touches_ground,
 )
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.joint_reference import FloatArray
+
+_distance = attrgetter('min_distance')
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,8 @@ class Clearance:
     """Smallest distance found for one kind of pair.
 
     `distance` [m] is what a posture of the motion reaches, `guaranteed` [m] what the whole motion
-    keeps, between the samples too. `sample` is the row of the posture.
+    keeps, between the samples too. Both are of the pair that comes closest to its `required`
+    distance [m], or falls shortest of it. `sample` is the row of the posture.
     """
 
     subject: str
@@ -71,12 +74,13 @@ class ClearanceChecker:
             raise ExcitationError(f'clearances must not be negative, got {required} m')
         self._model = robot.model
         self._data = robot.model.createData()
-        self._geometry = build_collision_geometry(
+        self._geometry, self._required = build_collision_geometry(
             robot, ground_height, required, package_directories
         )
         self._geometry_data = pin.GeometryData(self._geometry)
+        # References into the data, taken once: indexing it anew costs more than all distances.
+        self._results = [self._geometry_data.distanceResults[i] for i in range(len(self._required))]
         self._bounds = motion_bounds(self._model, self._geometry)
-        self._required = required_clearance(self._geometry, required)
         ground = np.array(
             [touches_ground(self._geometry, pair) for pair in self._geometry.collisionPairs],
             dtype=bool,
@@ -108,15 +112,43 @@ class ClearanceChecker:
     def distances(self, q: FloatArray) -> FloatArray:
         """Return the distance of each pair at q (n,) [rad]: (pairs,) [m], negative if inside."""
         pin.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)
-        return np.array([result.min_distance for result in self._geometry_data.distanceResults])
+        return np.fromiter(map(_distance, self._results), float, len(self._results))
+
+    def margin(self, q: FloatArray) -> float:
+        """Return by how much the worst pair exceeds its required distance at q (n,) [m]."""
+        return float((self.distances(q) - self._required).min())
+
+    def margin_gradient(self, q: FloatArray) -> FloatArray:
+        """Return the derivative (n,) of `margin` [m/rad].
+
+        The distance grows with the relative velocity of the two nearest points along the line
+        through them.
+        """
+        pair = int((self.distances(q) - self._required).argmin())
+        result, shapes = self._results[pair], self._geometry.collisionPairs[pair]
+        pin.computeJointJacobians(self._model, self._data, q)
+        first = self._point_jacobian(shapes.first, result.getNearestPoint1())
+        second = self._point_jacobian(shapes.second, result.getNearestPoint2())
+        return np.asarray(result.normal @ (second - first))
+
+    def _point_jacobian(self, shape: int, point: FloatArray) -> FloatArray:
+        """Return the Jacobian (3, n) of a point [m] fixed to a shape, in the base frame."""
+        joint = self._geometry.geometryObjects[shape].parentJoint
+        if joint == 0:
+            return np.zeros((3, self._model.nv))
+        jacobian = pin.getJointJacobian(
+            self._model, self._data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
+        lever = point - self._data.oMi[joint].translation
+        return np.asarray(jacobian[:3] - pin.skew(lever) @ jacobian[3:])
 
     def sweep(self, positions: FloatArray, stop_below: bool = False) -> dict[str, Clearance]:
         """Return the clearance of a motion, per kind of pair ('self', 'ground').
 
         Branch and bound on intervals of the motion: in the middle of an interval the distances
         are computed, and elsewhere in it they are lower by at most sum_j L_j |q_j - q_j,mid|
-        (see `motion_bounds`). An interval whose bound might undercut the smallest distance
-        found is halved, down to neighbouring samples.
+        (see `motion_bounds`). An interval whose bound might undercut the smallest margin found
+        is halved, down to neighbouring samples.
 
         Parameters
         ----------
@@ -131,36 +163,36 @@ class ClearanceChecker:
             low, high = intervals.popleft()
             middle = (low + high) // 2
             travel = np.abs(positions[low : high + 1] - positions[middle]).max(axis=0)
-            distance = self.distances(positions[middle])
-            bound = distance - self._bounds @ travel
+            margin = self.distances(positions[middle]) - self._required
+            bound = margin - self._bounds @ travel
             for kind, rows in self._kinds.items():
-                worst[kind].see(distance, rows, middle)
-            if stop_below and (distance < self._required).any():
+                worst[kind].see(margin, rows, middle)
+            if stop_below and (margin < 0.0).any():
                 break
-            open_kinds = [
-                kind
+            is_open = any(
+                bound[rows].min() < worst[kind].margin - self.RESOLUTION
                 for kind, rows in self._kinds.items()
-                if bound[rows].min() < worst[kind].distance - self.RESOLUTION
-            ]
-            if open_kinds and high - low > 1:
+            )
+            if is_open and high - low > 1:
                 intervals += [(low, middle), (middle, high)]
             else:
                 for kind, rows in self._kinds.items():
                     worst[kind].guaranteed = min(worst[kind].guaranteed, bound[rows].min())
-        return {kind: self._clearance(kind, found) for kind, found in worst.items()}
+        return {kind: self._clearance(found) for kind, found in worst.items()}
 
     @staticmethod
     def _initial_intervals(samples: int, length: int = 64) -> list[tuple[int, int]]:
         edges = [*range(0, max(samples - 1, 1), length), samples - 1]
         return list(zip(edges, edges[1:], strict=False)) or [(0, 0)]
 
-    def _clearance(self, kind: str, worst: _Worst) -> Clearance:
+    def _clearance(self, worst: _Worst) -> Clearance:
         first, second = self.pairs[worst.pair]
+        required = float(self._required[worst.pair])
         return Clearance(
             f'{first} to {second}',
-            worst.distance,
-            float(min(worst.guaranteed, worst.distance)),
-            float(self._required[self._kinds[kind][0]]),
+            required + worst.margin,
+            required + float(min(worst.guaranteed, worst.margin)),
+            required,
             worst.sample,
         )
 
@@ -172,14 +204,14 @@ class ClearanceChecker:
 
 @dataclass
 class _Worst:
-    """Smallest distance so far of one kind of pair."""
+    """Smallest margin beyond the required distance so far [m], of one kind of pair."""
 
-    distance: float = np.inf
+    margin: float = np.inf
     guaranteed: float = np.inf
     pair: int = 0
     sample: int = 0
 
-    def see(self, distance: FloatArray, rows: NDArray[np.intp], sample: int) -> None:
-        row = rows[distance[rows].argmin()]
-        if distance[row] < self.distance:
-            self.distance, self.pair, self.sample = float(distance[row]), int(row), sample
+    def see(self, margin: FloatArray, rows: NDArray[np.intp], sample: int) -> None:
+        row = rows[margin[rows].argmin()]
+        if margin[row] < self.margin:
+            self.margin, self.pair, self.sample = float(margin[row]), int(row), sample

@@ -23,12 +23,14 @@ def build_collision_geometry(
     ground_height: float | None,
     clearance: tuple[float, float],
     package_directories: Sequence[Path] = (),
-) -> pin.GeometryModel:
-    """Return Pinocchio's geometry model with the pairs that a motion has to keep apart.
+) -> tuple[pin.GeometryModel, FloatArray]:
+    """Return the pairs that a motion has to keep apart, and how far.
 
     Meshes become their convex hulls. Links joined by one joint are not a pair: they touch by
-    construction. Neither are shapes that are too close in (nearly) every posture, or whose
-    distance never changes, such as the column that turns on the base and the ground below it.
+    construction. Neither are shapes that overlap in (nearly) every posture, or whose distance
+    never changes, such as the column that turns on the base and the ground below it. Links that
+    are built close together cannot keep more than they have: a pair has to keep the required
+    clearance, or half of its median distance over random postures if that is less.
 
     Parameters
     ----------
@@ -40,6 +42,11 @@ def build_collision_geometry(
     package_directories : where `package://` meshes are looked for, besides the folders above
         the URDF.
 
+    Returns
+    -------
+    geometry : Pinocchio's geometry model.
+    required : (pairs,) required distance of each pair [m].
+
     Raises
     ------
     ExcitationError
@@ -49,8 +56,10 @@ def build_collision_geometry(
     if ground_height is not None:
         geometry.addGeometryObject(_ground(robot, ground_height))
     _add_pairs(robot.model, geometry)
-    _drop_permanent_pairs(robot, geometry, clearance)
-    return geometry
+    typical = _keep_meaningful_pairs(robot, geometry)
+    own, ground = clearance
+    wanted = [ground if touches_ground(geometry, pair) else own for pair in geometry.collisionPairs]
+    return geometry, np.maximum(np.minimum(wanted, 0.5 * typical), 0.0)
 
 
 def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.GeometryModel:
@@ -98,17 +107,15 @@ def _add_pairs(model: pin.Model, geometry: pin.GeometryModel) -> None:
                 geometry.addCollisionPair(pin.CollisionPair(a, b))
 
 
-def _drop_permanent_pairs(
-    robot: Robot, geometry: pin.GeometryModel, clearance: tuple[float, float]
-) -> None:
-    """Drop pairs that are (nearly) always too close, and pairs whose distance is constant."""
+def _keep_meaningful_pairs(robot: Robot, geometry: pin.GeometryModel) -> FloatArray:
+    """Drop pairs that nearly always overlap or never change; return the others' median distance."""
     data, geometry_data = robot.model.createData(), pin.GeometryData(geometry)
     distance = np.empty((_SAMPLES, len(geometry.collisionPairs)))
     for row, q in enumerate(_random_postures(robot)):
         pin.computeDistances(robot.model, data, geometry, geometry_data, q)
         distance[row] = [result.min_distance for result in geometry_data.distanceResults]
-    too_close = (distance < required_clearance(geometry, clearance)).mean(axis=0)
-    dropped = (too_close > _ALWAYS) | (np.ptp(distance, axis=0) < _CONSTANT)
+    overlap = (distance < 0.0).mean(axis=0)
+    dropped = (overlap > _ALWAYS) | (np.ptp(distance, axis=0) < _CONSTANT)
     # Copies: removing a pair moves the ones behind it under any reference held to them.
     kept = [
         pin.CollisionPair(pair.first, pair.second)
@@ -118,20 +125,13 @@ def _drop_permanent_pairs(
     geometry.removeAllCollisionPairs()
     for pair in kept:
         geometry.addCollisionPair(pair)
+    return np.asarray(np.median(distance[:, ~dropped], axis=0))
 
 
 def _random_postures(robot: Robot) -> FloatArray:
     low = np.maximum(robot.position_min, -np.pi)
     high = np.minimum(robot.position_max, np.pi)
     return np.random.default_rng(0).uniform(low, high, (_SAMPLES, robot.n))
-
-
-def required_clearance(geometry: pin.GeometryModel, clearance: tuple[float, float]) -> FloatArray:
-    """Return the required distance of each pair [m], (pairs,)."""
-    own, ground = clearance
-    return np.array(
-        [ground if touches_ground(geometry, pair) else own for pair in geometry.collisionPairs]
-    )
 
 
 def touches_ground(geometry: pin.GeometryModel, pair: pin.CollisionPair) -> bool:

@@ -26,9 +26,7 @@ class DesignConstraints:
     sharpness : of the joining; the largest sample is overestimated by log(M) / sharpness.
     """
 
-    _STEP = 1e-3
-    """Of forward differences of distances [rad], which are known to about 1e-6 m."""
-    _CLEARANCE_SCALE = 0.2
+    _CLEARANCE_SCALE = 0.1
     """Distance [m] that weighs as much as a whole limit of another kind."""
 
     def __init__(
@@ -36,7 +34,7 @@ class DesignConstraints:
         limits: MotionLimits,
         effort: FloatArray,
         clearance: ClearanceChecker | None,
-        pad: float = 0.01,
+        pad: float = 0.003,
         sharpness: float = 100.0,
     ) -> None:
         low, high = limits.position_min, limits.position_max
@@ -44,6 +42,9 @@ class DesignConstraints:
         self._centre = np.where(bounded, 0.5 * (low + high), 0.0)
         half_range = np.where(bounded, 0.5 * (high - low), np.inf)
         self._scales = (half_range, limits.velocity, limits.acceleration, effort)
+        finite = np.isfinite(np.concatenate(self._scales))
+        self.active = np.append(finite, [True] * (clearance is not None))
+        """Which of the constraints there are: a limit that is infinite is none."""
         self._clearance = clearance
         self._pad = pad
         self._sharpness = sharpness
@@ -94,17 +95,15 @@ class DesignConstraints:
     def _shortfall(self, positions: FloatArray) -> FloatArray:
         """Return how far each posture falls short of the clearance, positive beyond, (M,)."""
         assert self._clearance is not None
-        wanted = self._clearance.required + self._pad
-        nearest = [(self._clearance.distances(q) - wanted).min() for q in positions]
-        return -np.array(nearest) / self._CLEARANCE_SCALE
+        margins = np.array([self._clearance.margin(q) for q in positions])
+        return (self._pad - margins) / self._CLEARANCE_SCALE
 
     def _clearance_gradient(self, positions: FloatArray) -> FloatArray:
-        shortfall = self._shortfall(positions)
-        weights = softmax(self._sharpness * shortfall)
+        assert self._clearance is not None
+        weights = softmax(self._sharpness * self._shortfall(positions))
         gradient = np.zeros_like(positions)
         # Postures far from any obstacle have no weight, and these are most of them.
         for sample in np.flatnonzero(weights > 1e-6):
-            moved = positions[sample] + self._STEP * np.eye(positions.shape[1])
-            slope = (self._shortfall(moved) - shortfall[sample]) / self._STEP
-            gradient[sample] = -weights[sample] * slope
+            slope = self._clearance.margin_gradient(positions[sample])
+            gradient[sample] = weights[sample] * slope / self._CLEARANCE_SCALE
         return gradient

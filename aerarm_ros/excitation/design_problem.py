@@ -73,10 +73,6 @@ class DesignProblem:
         """Return the derivative of the constraints, a row each."""
         return self._with_derivatives(x).jacobian  # type: ignore[return-value]
 
-    def period_regressor(self, x: FloatArray) -> FloatArray:
-        """Return the regressor (M, n, p) along the period."""
-        return self._at(x).stacked[: self.basis.period_samples]
-
     def _at(self, x: FloatArray) -> _Point:
         key = x.tobytes()
         if self._last is None or self._last.key != key:
@@ -86,6 +82,7 @@ class DesignProblem:
             period = self.basis.period_samples
             value, by_regressor = self._criterion.evaluate(stacked[:period])
             constraints = self._constraints.values(states, effort, period)
+            constraints = constraints[self._constraints.active]
             self._last = _Point(key, states, stacked, effort, value, by_regressor, constraints)
         return self._last
 
@@ -129,4 +126,4 @@ class DesignProblem:
             rows.append(self.basis.pull_back(*by_state).ravel())
         if clearance is not None:
             rows.append(self.basis.pull_back(clearance).ravel())
-        return np.array(rows)
+        return np.asarray(np.array(rows)[self._constraints.active])

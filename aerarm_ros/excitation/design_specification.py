@@ -35,7 +35,8 @@ class DesignSpecification:
     fundamental : f0 [Hz].
     harmonics : N.
     objective : a key of `OBJECTIVES`.
-    condition_limit : what `both` holds the condition number (5.2) below.
+    condition_limit : what `both` holds a smooth upper bound of the condition number (5.2) below;
+        the number itself ends about a tenth lower.
     amplitude : largest coefficient of the random trajectories that designs start from [rad].
     noise : (n,) standard deviation of the torque measurement [Nm]; None: 1 % of the effort limit.
     seed : of the starting points.
@@ -50,7 +51,7 @@ class DesignSpecification:
     fundamental: float = 0.1
     harmonics: int = 5
     objective: str = BOTH
-    condition_limit: float = 24.0
+    condition_limit: float = 26.0
     amplitude: float = 0.35
     noise: FloatArray | None = field(default=None)
     seed: int = 1

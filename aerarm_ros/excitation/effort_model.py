@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.joint_reference import FloatArray
 from aerarm_ros.model.dynamics import Dynamics
@@ -35,11 +34,6 @@ class EffortModel:
         self._torque_per_ampere = (
             np.full(robot.n, np.inf) if torque_per_ampere is None else torque_per_ampere
         )
-
-    @classmethod
-    def of_arm(cls, robot: Robot, config: ArmConfig) -> EffortModel:
-        """Return the model of an arm whose drive train is configured."""
-        return cls(robot, config.column('reflected_inertia'), config.column('torque_per_ampere'))
 
     def effort(
         self, position: FloatArray, velocity: FloatArray, acceleration: FloatArray

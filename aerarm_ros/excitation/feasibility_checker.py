@@ -9,7 +9,7 @@ from aerarm_ros.excitation.effort_model import EffortModel
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.feasibility_report import FeasibilityReport, LimitMargin
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.joint_reference import FloatArray, Motion
+from aerarm_ros.excitation.joint_reference import FloatArray, JointReference, Motion
 from aerarm_ros.excitation.motion_limits import MotionLimits
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation
 
@@ -35,6 +35,9 @@ class FeasibilityChecker:
     ExcitationError
         If the cycle cannot carry the highest frequency (Nyquist, thesis 3.4.2).
     """
+
+    _GLANCE = 25
+    """Every how many cycles a motion is looked at first."""
 
     def __init__(
         self,
@@ -79,29 +82,37 @@ class FeasibilityChecker:
         Parameters
         ----------
         motion : what is checked, from 0 to its duration.
-        stop_early : leave out the dearer checks (torque, then clearance) once a limit is broken.
+        stop_early : look at a few samples first, and leave the rest out once a limit is broken.
         """
         cycles = int(np.ceil(motion.duration / self.cycle))
         times = np.linspace(0.0, motion.duration, cycles + 1)
-        position, velocity, acceleration = motion.evaluate(times)
+        if stop_early:
+            coarse = times[:: self._GLANCE]
+            glance = FeasibilityReport(self._joint_margins(coarse, motion.evaluate(coarse)))
+            if not glance.feasible:
+                return glance
+        states = motion.evaluate(times)
+        near: list[LimitMargin] = []
+        if self.clearance is not None:
+            found = self.clearance.sweep(states.position, stop_below=stop_early)
+            near = [_clearance_margin(kind, c, times) for kind, c in found.items()]
+        if stop_early and not FeasibilityReport(near).feasible:
+            return FeasibilityReport(near)
+        return FeasibilityReport([*self._joint_margins(times, states), *near])
+
+    def _joint_margins(self, times: FloatArray, states: JointReference) -> list[LimitMargin]:
+        position, velocity, acceleration = states
         margins = self._position_margins(times, position)
         margins += self._peaks('velocity', 'rad/s', times, velocity, self.limits.velocity)
         margins += self._peaks(
             'acceleration', 'rad/s^2', times, acceleration, self.limits.acceleration
         )
-        if stop_early and not FeasibilityReport(margins).feasible:
-            return FeasibilityReport(margins)
         if self.effort_model is not None:
-            effort = self.effort_model.effort(position, velocity, acceleration)
+            effort = self.effort_model.effort(*states)
             current = self.effort_model.current(effort)
             margins += self._peaks('torque', 'Nm', times, effort, self.limits.effort)
             margins += self._peaks('motor current', 'A', times, current, self.limits.current)
-            if stop_early and not FeasibilityReport(margins).feasible:
-                return FeasibilityReport(margins)
-        if self.clearance is not None:
-            found = self.clearance.sweep(position, stop_below=stop_early)
-            margins += [_clearance_margin(kind, c, times) for kind, c in found.items()]
-        return FeasibilityReport(margins)
+        return margins
 
     def _position_margins(self, times: FloatArray, position: FloatArray) -> list[LimitMargin]:
         low, high = self.limits.position_min, self.limits.position_max

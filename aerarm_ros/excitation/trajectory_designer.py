@@ -22,6 +22,9 @@ from aerarm_ros.excitation.random_trajectory import RandomTrajectory
 from aerarm_ros.excitation.smooth_regressor import SmoothRegressor
 from aerarm_ros.excitation.state_basis import StateBasis
 
+# SLSQP's exit modes.
+_CONVERGED, _OUT_OF_ITERATIONS = 0, 9
+
 
 @dataclass(frozen=True)
 class Quality:
@@ -71,7 +74,10 @@ class TrajectoryDesigner:
 
     _SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1)
     """Amplitudes tried for a feasible start, times the specification's."""
-    _REPAIR = (1.0, 0.995, 0.99, 0.98, 0.96, 0.93, 0.9)
+    _REPORT_SAMPLES = 2000
+    _RESTARTS = 4
+    """Attempts if the solver's quadratic subproblem fails: a new one forgets the curvature."""
+    _REPAIR = (1.0, 0.995, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8)
     """Scales about the bias tried for an optimum that breaks a limit between its samples."""
 
     def __init__(self, specification: DesignSpecification) -> None:
@@ -85,6 +91,8 @@ class TrajectoryDesigner:
             setup.config.ramp_time,
         )
         self.regressor = SmoothRegressor(setup.robot)
+        # Results are told with the velocity's true sign, and at the rate of a fine plot.
+        self._exact_regressor = SmoothRegressor(setup.robot, width=1e-9)
         everything = slice(None)
         thesis_columns = self.regressor.thesis_columns
         space = IdentifiableSpace.of_regressor(setup.robot, self.regressor, everything)
@@ -92,6 +100,7 @@ class TrajectoryDesigner:
         self._thesis = ConditionCriterion(thesis_space, thesis_columns)
         self._scaled = ConditionCriterion(space, everything, scaled=True)
         self.optimality = InformationCriterion(space, specification.torque_noise())
+        self._criterion = specification.criterion(self._thesis, self._scaled, self.optimality)
         self._problem = self._build_problem()
         self._candidates = RandomTrajectory(
             setup.config.bias_of(setup.robot),
@@ -147,14 +156,15 @@ class TrajectoryDesigner:
         return initial
 
     def stacked(self, trajectory: FourierTrajectory) -> FloatArray:
-        """Return the regressor (M, n, p) along one period."""
-        return self._problem.period_regressor(self._basis.coefficients(trajectory).ravel())
+        """Return the regressor (M, n, p) along one period, not smoothed."""
+        time = np.arange(self._REPORT_SAMPLES) * trajectory.period / self._REPORT_SAMPLES
+        return self._exact_regressor.stack(trajectory.evaluate(time))
 
     def quality(self, trajectory: FourierTrajectory) -> Quality:
         """Return the figures of a trajectory of the specified frequencies."""
         stacked = self.stacked(trajectory)
         return Quality(
-            self._problem.value(self._basis.coefficients(trajectory).ravel()),
+            self._criterion.evaluate(stacked)[0],
             self._thesis.condition_number(stacked),
             self._scaled.condition_number(stacked),
             self.optimality.evaluate(stacked)[0],
@@ -169,17 +179,23 @@ class TrajectoryDesigner:
         )
         low[0] = np.maximum(limits.position_min, -2.0 * np.pi)
         high[0] = np.minimum(limits.position_max, 2.0 * np.pi)
-        result = minimize(
-            problem.value,
-            coefficients.ravel(),
-            jac=problem.gradient,
-            bounds=np.column_stack([low.ravel(), high.ravel()]),
-            constraints={'type': 'ineq', 'fun': problem.constraints, 'jac': problem.jacobian},
-            method='SLSQP',
-            options={'maxiter': 200, 'ftol': 1e-4},
-        )
-        optimum = result.x.reshape(coefficients.shape)
-        return optimum if np.isfinite(optimum).all() else coefficients
+        best = coefficients.ravel()
+        for _ in range(self._RESTARTS):
+            result = minimize(
+                problem.value,
+                best,
+                jac=problem.gradient,
+                bounds=np.column_stack([low.ravel(), high.ravel()]),
+                constraints={'type': 'ineq', 'fun': problem.constraints, 'jac': problem.jacobian},
+                method='SLSQP',
+                options={'maxiter': 200, 'ftol': 1e-4},
+            )
+            if not np.isfinite(result.x).all():
+                break
+            best = result.x
+            if result.status in (_CONVERGED, _OUT_OF_ITERATIONS):
+                break
+        return best.reshape(coefficients.shape)
 
     def _build_problem(self) -> DesignProblem:
         setup, limits = self._setup, self._setup.usable_limits
@@ -192,7 +208,7 @@ class TrajectoryDesigner:
         return DesignProblem(
             self._basis,
             self.regressor,
-            self.specification.criterion(self._thesis, self._scaled, self.optimality),
+            self._criterion,
             DesignConstraints(limits, np.minimum(limits.effort, by_current), setup.clearance),
             prior,
         )

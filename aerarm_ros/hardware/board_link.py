@@ -85,12 +85,13 @@ class BoardLink:
         command.enable_system = enable
         command.enable_motor = self._used if enable else [False, False]
         for joint, channel in self.joints:
-            command.position[channel] = references.position.item(joint)
-            command.velocity[channel] = references.velocity.item(joint)
-            command.current[channel] = references.current.item(joint)
-            command.kp[channel] = references.kp.item(joint)
-            command.kd[channel] = references.kd.item(joint)
-            command.integral_gain[channel] = references.integral_gain.item(joint)
+            motor = references.motors[joint]
+            command.position[channel] = motor.position
+            command.velocity[channel] = motor.velocity
+            command.current[channel] = motor.current
+            command.kp[channel] = motor.kp
+            command.kd[channel] = motor.kd
+            command.integral_gain[channel] = motor.integral_gain
         try:
             frame = self._codec.encode(command)
         except FrameError as error:

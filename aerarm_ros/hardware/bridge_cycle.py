@@ -1,6 +1,6 @@
 """The bridge's cycle of 1 ms, without ROS and without a clock."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from aerarm_ros.hardware.board_link import make_links
 from aerarm_ros.hardware.board_mode import BoardMode
 from aerarm_ros.hardware.bridge_report import BridgeReport
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.command_intake import CommandIntake, Values
+from aerarm_ros.hardware.command_intake import CommandIntake, Source, Values
 from aerarm_ros.hardware.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.homing import Homing
@@ -64,8 +64,6 @@ class BridgeCycle:
         Times and tolerances.
     profile
         Frames of the boards; that of the configuration if not given.
-    allowed_sources
-        Publishers that may command; anybody if empty.
 
     Attributes
     ----------
@@ -91,7 +89,6 @@ class BridgeCycle:
         transport: Transport,
         settings: BridgeSettings | None = None,
         profile: FrameProfile | None = None,
-        allowed_sources: Collection[str] = (),
     ) -> None:
         settings = settings or BridgeSettings()
         profile = profile or load_profile(config.profile)
@@ -107,7 +104,6 @@ class BridgeCycle:
             config.joint_names,
             settings,
             effort_supported=profile.command.has('current'),
-            allowed_sources=allowed_sources,
         )
         self.gate = SafetyGate(config, settings)
         self.links = make_links(config, profile, settings, transport)
@@ -121,6 +117,7 @@ class BridgeCycle:
         self._standstill = JointCommand.standstill(config.n)
         self._homing: Homing | None = None
         self._enabled = False
+        self._aligned = False  # every motor in use, when its board last answered
         self._followed = False  # a command was followed since the arm became ready
         self._now = -np.inf
 
@@ -147,7 +144,9 @@ class BridgeCycle:
         effort: Values,
         age_of_stamp: float,
         now: float,
-        source: str,
+        source: Source,
+        *,
+        allowed: bool = True,
     ) -> bool:
         """Offer a joint command.
 
@@ -163,7 +162,10 @@ class BridgeCycle:
         now
             Time of receipt [s], on the clock of `update`.
         source
-            Who sent it: a second publisher is rejected while the first one's command lasts.
+            Who sent it: a second publisher is rejected while the first one's command lasts;
+            so is None, somebody who cannot be told from another.
+        allowed
+            Whether that publisher may command at all.
 
         Returns
         -------
@@ -172,7 +174,15 @@ class BridgeCycle:
         """
         ready = self.mode in ('ready', 'running', 'damping')
         return self.intake.offer(
-            names, position, velocity, effort, age_of_stamp, now, source, ready=ready
+            names,
+            position,
+            velocity,
+            effort,
+            age_of_stamp,
+            now,
+            source,
+            ready=ready,
+            allowed=allowed,
         )
 
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
@@ -181,6 +191,10 @@ class BridgeCycle:
         Raises ValueError, and changes nothing, if the frame cannot hold one of them.
         """
         self._references.set_gains(kp, kd, integral_gain)
+
+    def check_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
+        """Raise what `set_gains` would raise; may be called from any thread."""
+        self._references.check_gains(kp, kd, integral_gain)
 
     def enable(self) -> Answer:
         """Ask the boards to align and drive the motors. The arm moves: have it supported."""
@@ -257,6 +271,7 @@ class BridgeCycle:
         for link in self.links:
             enable = self._enabled and not (self.gate.stop and not link.may_be_damped(now))
             link.exchange(self._references, now, enable, running)
+        self._aligned = all(link.is_aligned for link in self.links)
         self.state.read(self.links, self._references.zero)
         self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
         self._watch(now)
@@ -288,7 +303,7 @@ class BridgeCycle:
 
     def _current_command(self, now: float) -> JointCommand | None:
         """Return what to follow, None if the arm is to be damped."""
-        if not self._is_aligned:
+        if not self._aligned:
             return None
         if self._homing is not None:
             return self._home_on(self._homing)
@@ -316,7 +331,7 @@ class BridgeCycle:
                 self.gate.trip(link.monitor.fault)
             elif link.monitor.mode is BoardMode.DISCONNECTED:
                 self._enabled = False
-        if self._enabled and self._is_aligned:
+        if self._enabled and self._aligned:
             state = self.state
             text = self._encoders.check(state.motor_position, state.motor_current, state.fresh, now)
             if text:
@@ -332,14 +347,10 @@ class BridgeCycle:
             return 'disconnected'
         if not self._enabled:
             return 'idle'
-        if not self._is_aligned:
+        if not self._aligned:
             return 'aligning'
         if self._homing is not None:
             return 'homing'
         if not self._followed:
             return 'ready'
         return 'running' if self.intake.is_fresh(now) else 'damping'
-
-    @property
-    def _is_aligned(self) -> bool:
-        return all(link.is_aligned for link in self.links)

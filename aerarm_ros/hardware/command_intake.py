@@ -1,7 +1,7 @@
 """Decides which joint commands are let in."""
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.joint_command import JointCommand
 
+# Whoever sent a command; None for somebody who cannot be told from another.
+Source = int | str | None
 Values = Sequence[float] | NDArray[np.float64] | None
 
 # Why a command is not let in, and what to check.
@@ -40,8 +42,6 @@ class CommandIntake:
         `command_timeout` and `stamp_age_max` are used here.
     effort_supported
         False if the boards' frames carry no feed-forward current.
-    allowed_sources
-        Publishers that may command; anybody if empty.
 
     Attributes
     ----------
@@ -61,10 +61,8 @@ class CommandIntake:
         settings: BridgeSettings,
         *,
         effort_supported: bool = True,
-        allowed_sources: Collection[str] = (),
     ) -> None:
         self.command = JointCommand(len(joint_names))
-        self.allowed_sources = frozenset(allowed_sources)
         self.accepted = 0
         self.rejections: Counter[str] = Counter()
         self.last_rejection = ''
@@ -75,7 +73,7 @@ class CommandIntake:
         self._orders: dict[tuple[str, ...], NDArray[np.intp] | None] = {self._names: None}
         self._candidate = JointCommand(len(joint_names))
         self._received = -np.inf
-        self._source = ''
+        self._source: Source = None
 
     def age(self, now: float) -> float:
         """Time since the last accepted command was received [s]; inf without one."""
@@ -88,7 +86,7 @@ class CommandIntake:
     def forget(self) -> None:
         """Drop the last command and its publisher's claim."""
         self._received = -np.inf
-        self._source = ''
+        self._source = None
 
     def offer(
         self,
@@ -98,12 +96,15 @@ class CommandIntake:
         effort: Values,
         age_of_stamp: float,
         now: float,
-        source: str,
+        source: Source,
         *,
         ready: bool = True,
+        allowed: bool = True,
     ) -> bool:
         """Take a command if it is in order; see `BridgeCycle.command`."""
-        reason = 'not_ready' if not ready else self._origin_fault(age_of_stamp, now, source)
+        reason = '' if ready else 'not_ready'
+        reason = reason or ('' if allowed else 'not_allowed')
+        reason = reason or self._origin_fault(age_of_stamp, now, source)
         reason = reason or self._content_fault(names, position, velocity, effort)
         if reason:
             self.rejections[reason] += 1
@@ -116,12 +117,10 @@ class CommandIntake:
         self._source = source
         return True
 
-    def _origin_fault(self, age_of_stamp: float, now: float, source: str) -> str:
+    def _origin_fault(self, age_of_stamp: float, now: float, source: Source) -> str:
         """Return why a command's age or publisher is not accepted, '' if it is."""
-        if self.allowed_sources and source not in self.allowed_sources:
-            return 'not_allowed'
         # A publisher keeps its claim for as long as its last command is followed.
-        if source != self._source and self.is_fresh(now):
+        if source is None or (source != self._source and self.is_fresh(now)):
             return 'source'
         if not age_of_stamp <= self._settings.stamp_age_max:
             return 'stale'

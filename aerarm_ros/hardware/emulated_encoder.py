@@ -47,10 +47,8 @@ class EmulatedEncoder:
         pulse lies at zero, as the firmware's index offset compensation does.
         """
         if self._angle is None:
-            self._angle = angle
-            self._turn = floor(angle / (2.0 * pi))
-            self.position = self._quantised(angle)
-        if self.stuck:
+            self.place(angle)
+        if self.stuck and self._angle is not None:
             angle = self._angle
         self._angle = angle
         turn = floor(angle / (2.0 * pi))
@@ -60,6 +58,13 @@ class EmulatedEncoder:
         position = self._quantised(angle)
         self.velocity += self._gain * ((position - self.position) / self._substep - self.velocity)
         self.position = position
+
+    def place(self, angle: float) -> None:
+        """Go to a true motor angle [rad] unseen, as if turned there between two samples."""
+        self._angle = angle
+        self._turn = floor(angle / (2.0 * pi))
+        self.position = self._quantised(angle)
+        self.velocity = 0.0
 
     def jump(self, angle: float) -> None:
         """Fault: add an angle [rad] to the count at once, as lost or doubled pulses would."""

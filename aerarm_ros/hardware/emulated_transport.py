@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.emulated_board import EmulatedBoard
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant
@@ -38,17 +36,17 @@ class EmulatedTransport:
         self.boards = tuple(boards)
         self.plant = plant
         self.slipped = 0.0
-        ratios = (config.column('sign') / config.column('gear.ratio')).tolist()
+        ratios = config.column('sign') / config.column('gear.ratio')
         motors = [self.boards[joint.board].motors[joint.channel] for joint in config.joints]
         self._angles = [[0.0, 0.0] for _ in self.boards]
         # What each joint turns: where its motor's angle goes, the motor, its gear and its zero.
         self._drives = [
             (self._angles[joint.board], joint.channel, motor, ratio, joint.offset)
-            for joint, motor, ratio in zip(config.joints, motors, ratios, strict=True)
+            for joint, motor, ratio in zip(config.joints, motors, ratios.tolist(), strict=True)
         ]
         efficiency = config.column('gear.efficiency')
         torque_constant = plant.parameters.motor_torque_constant
-        self._effort_per_current = torque_constant * efficiency * np.array(ratios)
+        self._effort_per_current = (torque_constant * efficiency * ratios).tolist()
         self._start = plant.position
         self._now: float | None = None
         self.carry()
@@ -72,7 +70,8 @@ class EmulatedTransport:
         return ''
 
     def carry(self) -> None:
-        """Carry the arm's weight until every motor is ready."""
+        """Stop the arm by hand and carry its weight until every motor is ready."""
+        self.plant.reset(self.plant.position)
         self._carried = True
         self.plant.support = 1.0
 
@@ -80,6 +79,9 @@ class EmulatedTransport:
         """Take the arm back to where it started, and carry it: what to do before enabling again."""
         self.plant.reset(self._start)
         self.carry()
+        positions = self._start.tolist()
+        for (_, _, motor, ratio, offset), q in zip(self._drives, positions, strict=True):
+            motor.encoder.place((q - offset) * ratio)
 
     def advance(self, now: float) -> None:
         """Run boards and arm up to `now` [s], or 10 ms at most."""
@@ -103,8 +105,10 @@ class EmulatedTransport:
             angles[channel] = (q - offset) * ratio
         for board, (first, second) in zip(self.boards, self._angles, strict=True):
             board.step(first, second)
-        currents = [motor.torque_current for _, _, motor, _, _ in drives]
-        self.plant.apply_effort(self._effort_per_current * currents)
+        gains = self._effort_per_current
+        self.plant.apply_effort(
+            [gain * drive[2].torque_current for gain, drive in zip(gains, drives, strict=True)]
+        )
         self.plant.step()
 
     def _let_go(self, duration: float) -> None:

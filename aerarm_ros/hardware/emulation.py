@@ -8,7 +8,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.alignment_timing import AlignmentTiming
 from aerarm_ros.hardware.emulated_board import EmulatedBoard
 from aerarm_ros.hardware.emulated_transport import EmulatedTransport
-from aerarm_ros.hardware.frame_profile import load_profile
+from aerarm_ros.hardware.frame_profile import FrameProfile, load_profile
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant
 from aerarm_ros.simulation.plant_parameters import PlantParameters, Spread
 
@@ -26,6 +26,7 @@ def make_emulated_transport(
     alignment: AlignmentTiming | None = None,
     encoder_zeros: Sequence[float] | None = None,
     parameters: PlantParameters | None = None,
+    profile: FrameProfile | None = None,
 ) -> EmulatedTransport:
     """Return emulated boards that drive a simulated arm.
 
@@ -46,6 +47,8 @@ def make_emulated_transport(
         if not given, which is what the configuration's offsets assume; others need homing.
     parameters
         True parameters of the arm, in place of `seed` and `spread`.
+    profile
+        Frames of the boards; the configuration's if not given.
 
     Raises
     ------
@@ -62,7 +65,7 @@ def make_emulated_transport(
     for i, joint in enumerate(config.joints):
         motors[joint.board][joint.channel] = joint.motor
         zeros[joint.board][joint.channel] = encoder_zeros[i] if encoder_zeros else 0.0
-    profile = load_profile(config.profile)
+    profile = profile or load_profile(config.profile)
     boards = [
         EmulatedBoard(
             profile,

@@ -1,5 +1,7 @@
 """Tells when an encoder cannot be believed."""
 
+from math import nan
+
 import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
@@ -36,21 +38,22 @@ class EncoderMonitor:
 
     def __init__(self, config: ArmConfig, stall_time: float) -> None:
         self.trusted: Mask = np.ones(config.n, dtype=bool)
-        self._names = config.joint_names
-        fastest = config.column('velocity_max') / config.column('gear.ratio')
-        self._fastest = _JUMP_VELOCITY_FACTOR * fastest
-        friction = config.column('coulomb') / config.column('torque_per_ampere')
-        self._held_current = _FRICTION_FACTOR * friction
         self._stall_time = stall_time
-        self._position: Array = np.full(config.n, np.nan)
-        self._seen = np.zeros(config.n)
-        self._moving_current = np.zeros(config.n)
-        self._plausible = np.zeros(config.n)
+        fastest = _JUMP_VELOCITY_FACTOR * config.column('velocity_max')
+        friction = _FRICTION_FACTOR * config.column('coulomb')
+        rows = zip(
+            config.joint_names,
+            (fastest / config.column('gear.ratio')).tolist(),
+            (friction / config.column('torque_per_ampere')).tolist(),
+            strict=True,
+        )
+        self._encoders = [_Encoder(*row) for row in rows]
 
     def clear(self) -> None:
         """Trust every encoder again, wherever it is now."""
         self.trusted[:] = True
-        self._position[:] = np.nan
+        for encoder in self._encoders:
+            encoder.position = nan
 
     def check(self, position: Array, current: Array, fresh: Mask, now: float) -> str:
         """Return what is wrong with an encoder, or ''.
@@ -64,31 +67,50 @@ class EncoderMonitor:
         now
             Time [s].
         """
-        change = np.abs(position - self._position)  # NaN, so no jump, after clear
-        jumped = fresh & (change > self._fastest * (now - self._seen) + _JUMP_ALLOWANCE)
-        stalled = self._stalled(change, current, fresh, now)
-        np.copyto(self._position, position, where=fresh)
-        np.copyto(self._seen, now, where=fresh)
-        if jumped.any():
-            i = int(np.argmax(jumped))
-            self.trusted[jumped] = False
+        first = ''
+        rows = zip(self._encoders, position.tolist(), current.tolist(), fresh.tolist(), strict=True)
+        for i, (encoder, angle, amperes, is_fresh) in enumerate(rows):
+            if not is_fresh:
+                encoder.plausible = now
+                continue
+            fault = encoder.update(angle, amperes, now, self._stall_time)
+            if fault:
+                self.trusted[i] = False
+                first = first or fault
+        return first
+
+
+class _Encoder:
+    """What the monitor knows about one motor's encoder; motor side."""
+
+    __slots__ = ('fastest', 'held', 'moving_current', 'name', 'plausible', 'position', 'seen')
+
+    def __init__(self, name: str, fastest: float, held: float) -> None:
+        self.name = name
+        self.fastest = fastest  # [rad/s]
+        self.held = held  # [A] that dry friction may hold
+        self.position = nan  # [rad] NaN compares as no change, so no jump, after clear
+        self.seen = 0.0
+        self.moving_current = 0.0  # [A] when the angle last changed
+        self.plausible = 0.0
+
+    def update(self, position: float, current: float, now: float, stall_time: float) -> str:
+        """Take an angle [rad] and a current [A]; return what is wrong, or ''."""
+        change = abs(position - self.position)
+        jumped = change > self.fastest * (now - self.seen) + _JUMP_ALLOWANCE
+        self.position, self.seen = position, now
+        if jumped:
             return (
-                f'the encoder of {self._names[i]} jumped by {change[i]:.2f} rad (motor side): '
+                f'the encoder of {self.name} jumped by {change:.2f} rad (motor side): '
                 'check its cable and mounting, then home the arm'
             )
-        if stalled.any():
-            i = int(np.argmax(stalled))
-            self.trusted[stalled] = False
+        if change != 0.0:
+            self.moving_current = current
+        if abs(current - self.moving_current) <= self.held + _LOAD_SHARE * abs(current):
+            self.plausible = now
+        elif now - self.plausible > stall_time:
             return (
-                f'{self._names[i]} does not move although its current changed to '
-                f'{current[i]:.1f} A: check for a stuck encoder or a blocked joint'
+                f'{self.name} does not move although its current changed to '
+                f'{current:.1f} A: check for a stuck encoder or a blocked joint'
             )
         return ''
-
-    def _stalled(self, change: Array, current: Array, fresh: Mask, now: float) -> Mask:
-        """Tell which joints (n,) have stood still against reason for too long."""
-        np.copyto(self._moving_current, current, where=change != 0.0)
-        held = self._held_current + _LOAD_SHARE * np.abs(current)
-        plausible = np.abs(current - self._moving_current) <= held
-        np.copyto(self._plausible, now, where=plausible | ~fresh)
-        return np.asarray(now - self._plausible > self._stall_time)

@@ -38,15 +38,20 @@ def inject(
     FaultInjectionError
         The text lists what there is.
     """
-    if fault not in FAULTS:
-        raise FaultInjectionError(f'no fault {fault!r}: choose one of {", ".join(FAULTS)}')
-    if not 0 <= board < len(transport.boards) or motor not in (0, 1):
-        raise FaultInjectionError(
-            f'no board {board} with motor {motor}: the arm has boards 0 to '
-            f'{len(transport.boards) - 1} with motors 0 and 1'
-        )
+    check(fault, len(transport.boards), board, motor)
     _, default, injection = FAULTS[fault]
     injection(transport.boards[board], motor, default if value is None else value)
+
+
+def check(fault: str, boards: int, board: int = 0, motor: int = 0) -> None:
+    """Raise FaultInjectionError unless there is such a fault, board and motor."""
+    if fault not in FAULTS:
+        raise FaultInjectionError(f'no fault {fault!r}: choose one of {", ".join(FAULTS)}')
+    if not 0 <= board < boards or motor not in (0, 1):
+        raise FaultInjectionError(
+            f'no board {board} with motor {motor}: the arm has boards 0 to {boards - 1} with '
+            'motors 0 and 1'
+        )
 
 
 def _bit_errors(board: EmulatedBoard, _motor: int, value: float) -> None:

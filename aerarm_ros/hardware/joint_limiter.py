@@ -105,8 +105,10 @@ class JointLimiter:
         """Limit references for a joint at q [rad], dq [rad/s], dt [s] after the last call."""
         self.limited.clear()
         zone = self._settings.soft_zone
-        room_up = min(max((self._position_max - q) / zone, 0.0), 1.0)
-        room_down = min(max((q - self._position_min) / zone, 0.0), 1.0)
+        room_up = room_down = 1.0
+        if not self._position_min + zone <= q <= self._position_max - zone:
+            room_up = min(max((self._position_max - q) / zone, 0.0), 1.0)
+            room_down = min(max((q - self._position_min) / zone, 0.0), 1.0)
         fastest, slowest = self._velocity_max * room_up, -self._velocity_max * room_down
         self.position = position if position != position else self._position(position, q, dt)
         self._last_position = self.position

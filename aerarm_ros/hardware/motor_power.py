@@ -33,6 +33,7 @@ class MotorPower:
         self.source = 'voltage' if profile.sensor.has('quadrature_voltage') else 'model'
         self.watts = np.zeros(config.n)
         self.energy = np.zeros(config.n)
+        self._is_known = False  # the boards' last good state stays, so it is known for good
         self._resistance = 1.5 * config.column('motor.resistance')
         self._torque_constant = config.column('motor.torque_constant')
 
@@ -41,8 +42,10 @@ class MotorPower:
 
         While some are NaN, before the boards have answered, power and energy stay zero.
         """
-        if np.isnan(current).any():
-            return
+        if not self._is_known:
+            if np.isnan(current).any():
+                return
+            self._is_known = True
         if self.source == 'voltage':
             self.watts[:] = 1.5 * voltage * current
         else:

@@ -89,6 +89,8 @@ class Conditioner:
         N of the excitation; None if a bag isn't periodic.
     fundamental : float or None
         f0 [Hz] of the first bag; None if a bag isn't periodic.
+    band : float
+        Frequency [Hz] below which the motion lies.
 
     Raises
     ------
@@ -117,6 +119,7 @@ class Conditioner:
             )
         self.band = band
         self.cutoff = self._choose_cutoff(band, max(motion.dt for motion in motions))
+        self._motions.clear()  # from now on with samples that fit the decimation
 
     def candidates(self) -> list[KinematicsFilter]:
         """Return the kinematics filters to choose from, the simplest first."""
@@ -137,7 +140,9 @@ class Conditioner:
         IdentificationError
             If the motion in it is too short.
         """
-        step = max(1, int(1.0 / (sampling_time(recording) * _RATE_PER_CUTOFF * self.cutoff)))
+        rate = 1.0 / sampling_time(recording)
+        # Stamps jitter: a ratio just below a whole number is meant to be one.
+        step = max(1, int(rate / (_RATE_PER_CUTOFF * self.cutoff) + 1e-3))
         return self._samples(self._motion(recording, step), kinematics, step)
 
     def _motion(self, recording: Recording, multiple: int) -> UniformMotion:

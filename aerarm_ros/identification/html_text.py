@@ -15,8 +15,9 @@ p.lead { font-size: 1.1rem; max-width: 60rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .6rem 0; }
 th, td { padding: .22rem .7rem; border-bottom: 1px solid var(--line); text-align: right;
          white-space: nowrap; }
-th { border-bottom: 2px solid var(--line); font-weight: 600; }
-th:first-child, td:first-child, td.text { text-align: left; }
+th { border-bottom: 2px solid var(--line); font-weight: 600; white-space: normal;
+     vertical-align: bottom; max-width: 9rem; }
+th:first-child, td:first-child, .text { text-align: left; }
 td.text { white-space: normal; } tr.best td { color: var(--good); font-weight: 600; }
 ul.warnings { border-left: 4px solid #c77700; padding: .5rem 2rem; background: #fff7e8; }
 details { margin: .6rem 0; } summary { cursor: pointer; color: var(--soft); }
@@ -65,15 +66,23 @@ def table(
     ----------
     headings : sequence
     rows : iterable of sequences
-        Numbers are shown with four digits; texts behind the first column to the left.
+        Numbers are shown with four digits, to the right; texts to the left.
     best : sequence of int
         Rows to emphasise.
     """
-    head = ''.join(f'<th>{markup(heading)}</th>' for heading in headings)
+    rows = list(rows)
+    head = ''.join(
+        _cell(heading, 'th', as_text=bool(rows) and _is_text(rows[0][column]))
+        for column, heading in enumerate(headings)
+    )
     body = []
     for index, row in enumerate(rows):
         kind = ' class="best"' if index in best else ''
-        body.append(f'<tr{kind}>' + ''.join(_cell(value) for value in row) + '</tr>\n')
+        body.append(
+            f'<tr{kind}>'
+            + ''.join(_cell(value, 'td', _is_text(value)) for value in row)
+            + '</tr>\n'
+        )
     return Html(
         f'<div class="scroll"><table><thead><tr>{head}</tr></thead>\n<tbody>\n{"".join(body)}'
         '</tbody></table></div>\n'
@@ -97,9 +106,11 @@ def page(title: str, head: str, body: Iterable[str]) -> str:
     )
 
 
-def _cell(value: object) -> str:
-    if isinstance(value, str) and not isinstance(value, Html):
-        return f'<td class="text">{escape(value)}</td>'
-    if isinstance(value, float) or value is None:
-        return f'<td>{number(value)}</td>'
-    return f'<td>{markup(value)}</td>'
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and not isinstance(value, Html)
+
+
+def _cell(value: object, tag: str, as_text: bool) -> str:
+    kind = ' class="text"' if as_text else ''
+    shown = number(value) if value is None or isinstance(value, float) else markup(value)
+    return f'<{tag}{kind}>{shown}</{tag}>'

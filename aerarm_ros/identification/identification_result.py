@@ -8,18 +8,11 @@ from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.base_parameters import BaseParameters
 from aerarm_ros.identification.conditioning import Conditioner
 from aerarm_ros.identification.estimate import Estimate
+from aerarm_ros.identification.filter_choice import FilterChoice
 from aerarm_ros.identification.joint_model_selection import Comparison
-from aerarm_ros.identification.kinematics_filter import KinematicsFilter
 from aerarm_ros.identification.model_fit import ModelFit
 from aerarm_ros.identification.sample_columns import SampleColumns
-
-
-@dataclass(frozen=True)
-class FilterTrial:
-    """A way to clean the kinematics, and the torque error [%] that least squares leaves then."""
-
-    kinematics: KinematicsFilter
-    error: float
+from aerarm_ros.identification.solvers import RECOMMENDED
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +34,9 @@ class IdentificationResult:
     cad : ArmParameters
     conditioner : Conditioner
         Cut-off, period and harmonics.
-    filter_trials : list of FilterTrial
-    kinematics : KinematicsFilter
-        The one chosen.
-    identification, validation : list of SampleColumns
+    filter_choice : FilterChoice
+        How the kinematics were cleaned; holds the identification bags.
+    validation : list of SampleColumns
     thesis_base, used_base : BaseParameters
         Of links, viscous and Coulomb friction alone, and of all fitted columns.
     fit : ModelFit
@@ -59,9 +51,7 @@ class IdentificationResult:
     robot: Robot
     cad: ArmParameters
     conditioner: Conditioner
-    filter_trials: list[FilterTrial]
-    kinematics: KinematicsFilter
-    identification: list[SampleColumns]
+    filter_choice: FilterChoice
     validation: list[SampleColumns]
     thesis_base: BaseParameters
     used_base: BaseParameters
@@ -71,9 +61,14 @@ class IdentificationResult:
     warnings: list[str]
 
     @property
+    def identification(self) -> list[SampleColumns]:
+        """The bags identified from."""
+        return self.filter_choice.bags
+
+    @property
     def recommended(self) -> Solution:
         """The solution to use: the physically consistent one."""
-        return self.solutions['sdp']
+        return self.solutions[RECOMMENDED]
 
     @property
     def samples(self) -> int:

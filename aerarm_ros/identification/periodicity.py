@@ -67,7 +67,9 @@ def find_periodic_part(
     PeriodicPart or None
         None if the motion isn't periodic (or too short for one period of `fundamental`).
     """
-    coarse_time = np.arange(time[0], min(time[-1], time[0] + _LONGEST), 1.0 / _RATE)
+    # A recording of whole periods ends one sample before its beginning comes back.
+    end = time[-1] + float(np.median(np.diff(time)))
+    coarse_time = np.arange(time[0], min(end, time[0] + _LONGEST) - 1e-6, 1.0 / _RATE)
     coarse = np.column_stack([np.interp(coarse_time, time, column) for column in q.T])
     if fundamental is None:
         lag = _shortest_repeating_lag(coarse)
@@ -107,16 +109,16 @@ def _mismatch(q: Array, lag: int) -> Array:
     little motion.
     """
     difference = np.concatenate(([0.0], np.cumsum(((q[lag:] - q[:-lag]) ** 2).sum(axis=1))))
-    numerator = (difference[lag:] - difference[:-lag])[:-1]
+    numerator = difference[lag:] - difference[:-lag]
     variance = _moving_variance(q, 2 * lag)
     steps = np.concatenate(([0.0], np.cumsum((np.diff(q, axis=0) ** 2).sum(axis=1))))
-    travel = (steps[2 * lag - 1 :] - steps[: -2 * lag + 1])[: len(variance)]
+    travel = steps[2 * lag - 1 :] - steps[: -2 * lag + 1]
     lively = (travel > _LIVELY * travel.max()) & (variance > 0.0)
     return np.where(lively, numerator / (2.0 * lag * np.where(lively, variance, 1.0)), np.inf)
 
 
 def _shortest_repeating_lag(q: Array) -> int | None:
-    shortest, longest = round(_SHORTEST_PERIOD * _RATE), len(q) // 2
+    shortest, longest = round(_SHORTEST_PERIOD * _RATE), len(q) // 2 + 1
     found: tuple[float, int] | None = None
     for lag in range(shortest, longest):
         worst = float(_mismatch(q, lag).min())
@@ -161,14 +163,13 @@ def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
     """Return where most whole periods fit; of several such places, where they agree best."""
     lag = max(200, round(period * _RATE))
     step = period / lag
-    # A recording of whole periods ends one sample before its beginning comes back.
     length = time[-1] - time[0] + float(np.median(np.diff(time)))
     count = int(length / step + 1e-6) + 1
     if count <= lag + lag // 20:
         return None
     motion = _at(time[0] + step * np.arange(count), time, q)
     difference = ((motion[lag:] - motion[:-lag]) ** 2).sum(axis=1)
-    spread = _moving_variance(motion, lag)
+    spread = _moving_variance(motion, lag)[:-1]
     # Standing still repeats itself too, so a period must also move.
     moves = spread > _LIVELY * spread.max()
     repeats = (difference < 4.0 * _REPEATED * spread.max()) & moves
@@ -197,7 +198,7 @@ def _moving_variance(q: Array, window: int) -> Array:
     second = np.concatenate(([0.0], np.cumsum((centred**2).sum(axis=1))))
     mean = (first[window:] - first[:-window]) / window
     variance = (second[window:] - second[:-window]) / window - (mean**2).sum(axis=1)
-    return np.asarray(variance[:-1])
+    return np.asarray(variance)
 
 
 def _longest_run(flags: npt.NDArray[np.bool_]) -> int:

@@ -112,17 +112,18 @@ def conditioning_tables(result: IdentificationResult) -> Html:
     """Return what was found out about the motion and how it was filtered."""
     conditioner = result.conditioner
     facts: list[list[object]] = [
-        ['samples', Html(str(result.samples))],
+        ['samples', str(result.samples)],
         ['period', _period(result)],
         ['motion lies below', f'{conditioner.band:.3g} Hz'],
         ['torque low-pass', f'{conditioner.cutoff:.3g} Hz, zero phase'],
-        ['kinematics', result.kinematics.label],
+        ['kinematics', result.filter_choice.kinematics.label],
     ]
     for name, base in (('thesis', result.thesis_base), ('used', result.used_base)):
         text = f'{len(base.columns)} columns, rank {base.rank}, '
         facts.append([f'regressor, {name}', text + f'condition number {base.condition_number:.4g}'])
-    trials = [[t.kinematics.label, float(t.error)] for t in result.filter_trials]
-    chosen = [i for i, t in enumerate(result.filter_trials) if t.kinematics == result.kinematics]
+    choice = result.filter_choice
+    trials = [[t.kinematics.label, float(t.error)] for t in choice.trials]
+    chosen = [i for i, t in enumerate(choice.trials) if t.kinematics == choice.kinematics]
     return Html(
         table(['conditioning', ''], facts)
         + table(['filter of the kinematics', 'error left by least squares [%]'], trials, chosen)

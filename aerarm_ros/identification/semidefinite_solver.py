@@ -1,7 +1,6 @@
 """Physically consistent least squares as a semidefinite program, thesis (3.11) with an LMI."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -66,67 +65,90 @@ def solve_semidefinite(system: TriangularSystem, prior: Prior, limits: PhysicalL
     IdentificationError
         If the solver finds no solution.
     """
-    import clarabel
-
-    count, n = len(prior.mean), len(limits.mass)
-    scale = prior.std
-    # Unknowns: deviation from the prior in its standard deviations, and the residual, so that
-    # R is never squared: min |x|^2 + |r|^2 with R (mean + scale x) + r = z.
-    rows = system.R * scale
-    quadratic = CompressedColumns.of(np.eye(2 * count))
-    blocks = [np.hstack([rows, np.eye(count)])]
-    offsets = [system.z - system.R @ prior.mean]
-    cones: list[Any] = [clarabel.ZeroConeT(count)]
-    bounds, bound_offsets = _bounds(prior, limits)
-    blocks.append(np.hstack([-bounds, np.zeros((len(bounds), count))]))
-    offsets.append(bound_offsets)
-    cones.append(clarabel.NonnegativeConeT(len(bounds)))
-    for link in range(n):
+    count = len(prior.mean)
+    # Unknowns: the deviation x from the prior in its standard deviations, and the residual r,
+    # so that R is never squared: min |x|^2 + |r|^2 with R (mean + std x) + r = z.
+    program = _ConeProgram(2 * count)
+    equations = np.hstack([system.R * prior.std, np.eye(count)])
+    program.add('ZeroConeT', equations, system.z - system.R @ prior.mean)
+    for rows, offsets in (_mass_bounds(prior, limits), _sign_bounds(prior, limits)):
+        program.add('NonnegativeConeT', -rows, offsets)
+    for link in range(len(limits.mass)):
         columns, constant = _pseudo_inertia_cone(link, prior, limits)
-        block = np.zeros((10, 2 * count))
-        block[:, 10 * link : 10 * link + 10] = -columns
-        blocks.append(block)
-        offsets.append(constant)
-        cones.append(clarabel.PSDTriangleConeT(4))
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    if hasattr(settings, 'max_threads'):
-        settings.max_threads = 1  # same input, same bits out
-    solver = clarabel.DefaultSolver(
-        quadratic,
-        np.zeros(2 * count),
-        CompressedColumns.of(np.vstack(blocks)),
-        np.concatenate(offsets),
-        cones,
-        settings,
-    )
-    solution = solver.solve()
-    if str(solution.status) not in ('Solved', 'AlmostSolved'):
-        raise IdentificationError(
-            f'the semidefinite program ended with {solution.status}: check that masses and '
-            'inertias of the URDF are plausible'
-        )
-    theta = prior.mean + scale * np.asarray(solution.x)[:count]
+        program.add('PSDTriangleConeT', -columns, constant, dimension=4, first=10 * link)
+    theta = prior.mean + prior.std * program.least_norm()[:count]
     return _inside(theta, limits)
 
 
-def _bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0: masses within their factor, coefficients not negative."""
-    n, count = len(limits.mass), len(prior.mean)
-    rows, offsets = [], []
-    for link, mass in enumerate(limits.mass):
-        index = 10 * link
-        for sign, limit in ((1.0, mass / limits.mass_factor), (-1.0, mass * limits.mass_factor)):
-            row = np.zeros(count)
-            row[index] = sign * prior.std[index] / mass
-            rows.append(row)
-            offsets.append(sign * (prior.mean[index] - limit) / mass)
-    for index in (10 * n + np.flatnonzero(limits.nonnegative)).tolist():
-        row = np.zeros(count)
-        row[index] = 1.0
-        rows.append(row)
-        offsets.append(prior.mean[index] / prior.std[index])
-    return np.array(rows), np.array(offsets)
+class _ConeProgram:
+    """Minimises |y|^2 such that each `offset - rows y` lies in a cone."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._rows: list[Array] = []
+        self._offsets: list[Array] = []
+        self._cones: list[tuple[str, int]] = []
+
+    def add(
+        self, cone: str, rows: Array, offset: Array, dimension: int | None = None, first: int = 0
+    ) -> None:
+        """Add a constraint on the unknowns from `first` on; most cones' dimension is its rows."""
+        if not len(rows):
+            return
+        padded = np.zeros((len(rows), self._count))
+        padded[:, first : first + rows.shape[1]] = rows
+        self._rows.append(padded)
+        self._offsets.append(offset)
+        self._cones.append((cone, dimension or len(rows)))
+
+    def least_norm(self) -> Array:
+        """Return the solution.
+
+        Raises
+        ------
+        IdentificationError
+            If there is none.
+        """
+        import clarabel
+
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        if hasattr(settings, 'max_threads'):
+            settings.max_threads = 1  # same input, same bits out
+        solver = clarabel.DefaultSolver(
+            CompressedColumns.of(np.eye(self._count)),
+            np.zeros(self._count),
+            CompressedColumns.of(np.vstack(self._rows)),
+            np.concatenate(self._offsets),
+            [getattr(clarabel, name)(dimension) for name, dimension in self._cones],
+            settings,
+        )
+        solution = solver.solve()
+        if str(solution.status) not in ('Solved', 'AlmostSolved'):
+            raise IdentificationError(
+                f'the semidefinite program ended with {solution.status}: check that masses and '
+                'inertias of the URDF are plausible'
+            )
+        return np.asarray(solution.x)
+
+
+def _mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
+    """Return G, h of G x + h >= 0, which keeps the masses within their factor of CAD."""
+    n = len(limits.mass)
+    rows, offsets = np.zeros((2, n, len(prior.mean))), np.empty((2, n))
+    links, masses = np.arange(n), 10 * np.arange(n)
+    for side, sign, factor in ((0, 1.0, 1.0 / limits.mass_factor), (1, -1.0, limits.mass_factor)):
+        rows[side, links, masses] = sign * prior.std[masses] / limits.mass
+        offsets[side] = sign * (prior.mean[masses] / limits.mass - factor)
+    return rows.reshape(2 * n, -1), offsets.ravel()
+
+
+def _sign_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
+    """Return G, h of G x + h >= 0, which keeps friction and rotor inertia from being negative."""
+    index = 10 * len(limits.mass) + np.flatnonzero(limits.nonnegative)
+    rows = np.zeros((len(index), len(prior.mean)))
+    rows[np.arange(len(index)), index] = 1.0
+    return rows, prior.mean[index] / prior.std[index]
 
 
 def _pseudo_inertia_cone(link: int, prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:

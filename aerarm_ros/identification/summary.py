@@ -39,10 +39,10 @@ def summarise(
             'cutoff': conditioner.cutoff,
             'fundamental': conditioner.fundamental,
             'harmonics': conditioner.harmonics,
-            'kinematics': result.kinematics.label,
+            'kinematics': result.filter_choice.kinematics.label,
             'trials': [
                 {'kinematics': trial.kinematics.label, 'error': trial.error}
-                for trial in result.filter_trials
+                for trial in result.filter_choice.trials
             ],
         },
         'friction': {

@@ -87,7 +87,7 @@ def load_truth(path: Path, model: JointModel) -> Truth:
         return _truth(document, model)
     except OSError as error:
         raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, ValueError) as error:
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
         reason = ' '.join(str(error).split())
         raise IdentificationError(
             f'{path}: not a file of true parameters of this arm ({reason})'

@@ -11,7 +11,7 @@ from aerarm_ros.identification.recording import Recording
 
 Array = npt.NDArray[np.float64]
 
-_SHORTEST = 2.0  # [s] of motion: a shorter one excites next to nothing
+_SHORTEST = 3.0  # [s] of motion: a shorter one excites next to nothing
 _STANDSTILL = 0.02  # share of the fastest joint's top speed
 
 
@@ -58,8 +58,14 @@ class UniformMotion:
 
 
 def sampling_time(recording: Recording) -> float:
-    """Return the usual time between two samples [s]."""
-    return float(np.median(np.diff(recording.time)))
+    """Return the usual time between two samples [s].
+
+    The mean, unless lost messages make it larger: single differences of stamps since 1970
+    are rounded to 0.2 us.
+    """
+    median = float(np.median(np.diff(recording.time)))
+    mean = recording.duration / (len(recording.time) - 1)
+    return mean if abs(mean - median) < 1e-3 * median else median
 
 
 def periodic_motion(recording: Recording, part: PeriodicPart, multiple: int) -> UniformMotion:
@@ -90,7 +96,7 @@ def aperiodic_motion(recording: Recording) -> UniformMotion:
     Raises
     ------
     IdentificationError
-        If the motion is shorter than 2 s.
+        If the motion is shorter than 3 s.
     """
     dt = sampling_time(recording)
     time = recording.time[0] + dt * np.arange(int(recording.duration / dt + 1e-6) + 1)

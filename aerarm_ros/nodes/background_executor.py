@@ -19,8 +19,7 @@ WAIT = 0.2  # [s]
 class BackgroundExecutor:
     """Context that spins a node in a second thread.
 
-    The thread is started before the caller asks for SCHED_FIFO, so it stays an ordinary
-    thread unless the caller raises it as well.
+    Enter it before `set_fifo`, which then puts the thread one priority below the loop.
 
     Parameters
     ----------

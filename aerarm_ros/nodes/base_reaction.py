@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from std_msgs.msg import Header
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.topic import Topic
 from aerarm_ros.control.acceleration_estimate import AccelerationEstimate
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_reaction import BaseReaction
@@ -27,7 +26,6 @@ from aerarm_ros.nodes.state_node import StateNode
 
 NAME = 'base_reaction'
 BASE_FRAME = 'base_link'
-STATIC_WRENCH = Topic('base_wrench_static', WrenchStamped, topics.NEWEST)
 
 PARAMETERS = (
     Parameter('rate', 100.0, 'how often the wrench is published', 'Hz', 1.0, 1000.0),
@@ -52,7 +50,7 @@ class BaseReactionNode(StateNode):
     def connect(self) -> None:
         """Advertise what the drone wants to know."""
         self._wrench = self.advertise(topics.BASE_WRENCH)
-        self._static = self.advertise(STATIC_WRENCH)
+        self._static = self.advertise(topics.STATIC_WRENCH)
         self._inertia = self.advertise(topics.ARM_INERTIA)
         self._com = self.advertise(topics.ARM_COM)
 

@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.realtime.periodic_loop import PeriodicLoop
-from aerarm_ros.realtime.timing_assessment import assess_timing
-from aerarm_ros.realtime.timing_statistics import TimingStatistics
-from aerarm_ros.realtime.timing_summary import TimingSummary
+from aerarm_ros.hardware.command_publishers import CommandPublishers
+from aerarm_ros.nodes.bridge_timing import BridgeTiming
 
-_LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
+_POWER_SOURCES = {
+    'voltage': 'power from the voltages that the boards report',
+    'model': 'power computed from current, resistance and speed: the frames carry none',
+}
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What there is to report while the bridge is active."""
+
+    joint_names: Sequence[str]
+    cycle: BridgeCycle
+    timing: BridgeTiming
+    publishers: CommandPublishers
 
 
 class BridgeDiagnostics:
-    """Publishes two statuses: what the arm does and how the loop keeps its time.
+    """Publishes three statuses: what the arm does, its motors, how the loop keeps its time.
 
     Parameters
     ----------
@@ -30,72 +44,27 @@ class BridgeDiagnostics:
         self._publisher = node.create_publisher(
             DiagnosticArray, topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.qos
         )
-        self.command_age = TimingStatistics()
-        self._cycle: BridgeCycle | None = None
-        self._loop: PeriodicLoop | None = None
-        self._answered = 0
+        self._watched: Watched | None = None
         node.create_timer(1.0, self.publish)
 
-    def watch(self, cycle: BridgeCycle | None, loop: PeriodicLoop | None) -> None:
-        """Report on a cycle and its loop from now on, or on nothing."""
-        self._cycle, self._loop = cycle, loop
-        self.command_age.reset()
-        self._answered = 0
-
-    def add_command(self, age_ns: int, answers_last_state: bool) -> None:
-        """Count a command: time since the state it answers [ns], and whether that was the last."""
-        self.command_age.add(age_ns)
-        self._answered += answers_last_state
-
-    def account(self) -> str:
-        """Return one line about the loop, for the log's end."""
-        loop = self._loop
-        if loop is None:
-            return 'no cycle ran'
-        total = loop.cycles + loop.missed
-        share = 100.0 * loop.missed / total if total else 0.0
-        lateness = loop.lateness.summary()
-        return (
-            f'{loop.cycles} cycles, {loop.missed} missed ({share:.3f} %), woken '
-            f'{_us(lateness.p50)} us late (median), {_us(lateness.p999)} us (99.9 %)'
-        )
+    def watch(self, watched: Watched | None) -> None:
+        """Report on a cycle from now on, or on nothing."""
+        self._watched = watched
 
     def publish(self) -> None:
         """Publish the statuses."""
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
-        if self._cycle is None or self._loop is None:
+        watched = self._watched
+        if watched is None:
             message.status = [self._status('arm', DiagnosticStatus.STALE, 'not active', {})]
         else:
-            message.status = [self._arm(self._cycle), self._timing(self._loop)]
+            message.status = [
+                self._status('arm', *_arm(watched)),
+                self._status('motors', *_motors(watched)),
+                self._status('timing', *watched.timing.status()),
+            ]
         self._publisher.publish(message)
-
-    def _arm(self, cycle: BridgeCycle) -> DiagnosticStatus:
-        faults = cycle.faults
-        level = DiagnosticStatus.OK
-        if cycle.mode in ('fault', 'disconnected'):
-            level = DiagnosticStatus.ERROR
-        elif faults:
-            level = DiagnosticStatus.WARN
-        text = '; '.join(faults) or cycle.mode
-        return self._status('arm', level, text, {'mode': cycle.mode, **cycle.counters})
-
-    def _timing(self, loop: PeriodicLoop) -> DiagnosticStatus:
-        interval, execution = loop.interval.summary(), loop.execution.summary()
-        level, text = assess_timing(loop.period_ns * 1e-9, interval, execution)
-        values: dict[str, object] = {
-            'cycles': loop.cycles,
-            'missed cycles': loop.missed,
-            'commands answering the last state': self._answered,
-        }
-        for name, summary in (
-            ('period', interval),
-            ('wake lateness', loop.lateness.summary()),
-            ('execution time', execution),
-            ('command age', self.command_age.summary()),
-        ):
-            values.update(_rows(name, summary))
-        return self._status('timing', _LEVELS[level], text, values)
 
     def _status(
         self, part: str, level: bytes, text: str, values: dict[str, object]
@@ -109,17 +78,27 @@ class BridgeDiagnostics:
         )
 
 
-def _rows(name: str, summary: TimingSummary) -> dict[str, str]:
-    fields = {
-        'mean': summary.mean,
-        'std': summary.std,
-        'p50': summary.p50,
-        'p99': summary.p99,
-        'p99.9': summary.p999,
-        'max': summary.maximum,
+def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
+    cycle, publishers = watched.cycle, watched.publishers
+    texts = [*cycle.faults, *filter(None, [publishers.warning])]
+    level = DiagnosticStatus.WARN if texts else DiagnosticStatus.OK
+    if cycle.mode in ('fault', 'disconnected'):
+        level = DiagnosticStatus.ERROR
+    values = {
+        'mode': cycle.mode,
+        'publishers of joint_command': ', '.join(publishers.names) or 'none',
+        **cycle.counters,
     }
-    return {f'{name} {key} [us]': _us(value) for key, value in fields.items()}
+    return level, '; '.join(texts) or cycle.mode, values
 
 
-def _us(seconds: float) -> str:
-    return f'{seconds * 1e6:.0f}'
+def _motors(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
+    power = watched.cycle.power
+    values: dict[str, object] = {}
+    for name, watts, joules in zip(
+        watched.joint_names, power.watts.tolist(), power.energy.tolist(), strict=True
+    ):
+        values[f'{name} power [W]'] = f'{watts:.2f}'
+        values[f'{name} energy [J]'] = f'{joules:.1f}'
+    values['energy [J]'] = f'{power.energy.sum():.1f}'
+    return DiagnosticStatus.OK, _POWER_SOURCES[power.source], values

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import SimpleNamespace
+from typing import Any
 
+from numpy.typing import ArrayLike
+
+from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.frame_field import ProfileError
+from aerarm_ros.hardware.frame_profile import FrameProfile, load_profile
 from aerarm_ros.nodes.parameter import Parameter
 
 _DEFAULTS = BridgeSettings()
@@ -51,6 +58,30 @@ BRIDGE_PARAMETERS = (
         [],
         'names of the nodes that may publish joint_command; any if empty',
     ),
+    Parameter('profile', '', "frames of the boards, name or file; the configuration's if empty"),
+    Parameter(
+        'profile_scales',
+        [],
+        'scales that differ from the profile, as QUANTITY=VALUE_OF_ONE_COUNT, such as '
+        'bus_voltage=0.001',
+    ),
+    *(
+        Parameter(
+            name,
+            [],
+            f"{what} of the boards' law (4.4), motor side: one, or one a joint; the "
+            "configuration's if empty",
+            unit,
+            minimum=0.0,
+            live=True,
+            element=float,
+        )
+        for name, what, unit in (
+            ('board_kp', 'stiffness', 'A/rad'),
+            ('board_kd', 'damping', 'A s/rad'),
+            ('board_ki', 'integral gain, where the profile carries it,', 'A/(rad s)'),
+        )
+    ),
     *(
         Parameter(
             name,
@@ -67,3 +98,30 @@ BRIDGE_PARAMETERS = (
 def bridge_settings(values: SimpleNamespace) -> BridgeSettings:
     """Return the cycle's settings out of a node's parameter values."""
     return BridgeSettings(**{name: getattr(values, name) for name in _SETTINGS})
+
+
+def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
+    """Return the boards' frames; raises ProfileError with what to check."""
+    profile = load_profile(values.profile or config.profile)
+    for entry in values.profile_scales:
+        name, _, lsb = entry.partition('=')
+        try:
+            profile = profile.with_lsb(name.strip(), float(lsb))
+        except ProfileError as error:
+            raise ProfileError(f'parameter profile_scales: {error}') from None
+        except ValueError:
+            raise ProfileError(
+                f'parameter profile_scales: {entry!r} is not of the form QUANTITY=NUMBER'
+            ) from None
+    return profile
+
+
+def board_gains(
+    values: Mapping[str, Any], config: ArmConfig
+) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
+    """Return kp, kd and integral gain out of parameter values, empty ones filled in."""
+    return (
+        values['board_kp'] or config.column('board_kp'),
+        values['board_kd'] or config.column('board_kd'),
+        values['board_ki'] or 0.0,
+    )

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import TimeoutError as NoAnswer
+from collections.abc import Callable, Mapping
 
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.answer import Answer
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-
-Action = Callable[[BridgeCycle], Answer]
+from aerarm_ros.nodes.cycle_requests import Action
 
 ACTIONS: dict[str, Action] = {
     'enable': BridgeCycle.enable,
@@ -29,14 +27,18 @@ class BridgeServices:
     ----------
     node
         Owner of the services.
-    request
-        Runs an action in the cycle's thread; raises RuntimeError if there is no cycle.
+    ask
+        Runs an action in the cycle's thread, as `CycleRequests.ask` does.
+    actions
+        What there is, by name.
     """
 
-    def __init__(self, node: Node, request: Callable[[Action], Answer]) -> None:
+    def __init__(
+        self, node: Node, ask: Callable[[Action], Answer], actions: Mapping[str, Action]
+    ) -> None:
         self._node = node
-        self._request = request
-        for name, action in ACTIONS.items():
+        self._ask = ask
+        for name, action in actions.items():
             node.create_service(Trigger, f'~/{name}', self._handler(name, action))
 
     def _handler(
@@ -44,10 +46,10 @@ class BridgeServices:
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def handle(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             try:
-                answer = self._request(action)
-            except RuntimeError as error:
+                answer = self._ask(action)
+            except (RuntimeError, ValueError) as error:
                 answer = Answer(False, str(error))
-            except NoAnswer:
+            except TimeoutError:
                 answer = Answer(False, 'the cycle did not answer: see /diagnostics')
             response.success, response.message = answer.accepted, answer.message
             log = self._node.get_logger()

@@ -31,7 +31,7 @@ class BridgeStreams:
     """
 
     def __init__(self, node: Node, names: Sequence[str]) -> None:
-        self._names = list(names)
+        self._names = tuple(names)
         self._cdr = JointStateCdr(names)
         self._power_cdr = Float64ArrayCdr(len(self._names))
         self._node = node
@@ -61,15 +61,20 @@ class BridgeStreams:
         self._motor_states.publish(self._cdr.pack(stamp_ns, *motors))
         self._motor_power.publish(self._power_cdr.pack(power))
 
-    def newest_command(self) -> tuple[Sequence[str], JointSample] | None:
-        """Return names and numbers of the newest joint command, or None if there is none."""
+    def newest_command(self) -> tuple[Sequence[str], JointSample, int] | None:
+        """Return names, content and sequence number of the newest joint command, if there is one.
+
+        The number is the publisher's own: see `CommandPublishers`.
+        """
         message = self.commands.take_newest()
         if message is None:
             return None
-        sample = self._cdr.unpack(message[0])
+        payload, info = message
+        number = info['publication_sequence_number']
+        sample = self._cdr.unpack(payload)
         if sample is not None:
-            return self._names, sample
-        return _decode(message[0])
+            return self._names, sample, number
+        return (*_decode(payload), number)
 
     def destroy(self) -> None:
         """Destroy publishers and subscription."""

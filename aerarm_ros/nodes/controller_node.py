@@ -5,19 +5,16 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.topic import Topic
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.nodes.state_node import StateNode
 
 # Modes of the bridge in which a command is followed.
 COMMANDABLE = ('ready', 'running', 'damping')
-DISTURBANCE = Topic('disturbance', JointState, topics.NEWEST)
 _DISTURBANCE_PERIOD = 10  # answered states
 
 
@@ -61,7 +58,7 @@ class ControllerNode(StateNode):
     def connect(self) -> None:
         """Publish commands and the disturbance; follow the bridge's mode."""
         self._commands = self.advertise(topics.JOINT_COMMAND)
-        self._disturbance = self.advertise(DISTURBANCE)
+        self._disturbance = self.advertise(topics.DISTURBANCE)
         self.listen(topics.ARM_MODE, self._on_mode)
         self.subscribe()
 

@@ -52,7 +52,7 @@ LOOP_PARAMETERS = (
 
 FRICTION_PARAMETERS = (
     Parameter('friction_fraction', 1.0, "share of the URDF's joint friction compensated", '', 0, 1),
-    Parameter('friction_width', 0.03, 'velocity of 3/4 of the friction', 'rad/s', 1e-4, 1.0),
+    Parameter('friction_width', 0.02, 'velocity of 3/4 of the friction', 'rad/s', 1e-4, 1.0),
     Parameter('rotor_inertia', [], 'rotor inertia at the joints, J_m / k_g^2; from the '
               'configuration if empty', 'kg m^2', 0.0, element=float),
 )  # fmt: skip

@@ -43,6 +43,9 @@ from aerarm_ros.realtime.timing_statistics import TimingStatistics
 NAME = 'excitation'
 VELOCITY, FULL = 'velocity', 'position_velocity_effort'
 MOVABLE = ('ready', 'running')
+# A pause of this process damps the arm; the next command is followed again. What the pause
+# did to the motion is judged by the tracking error.
+PLAYABLE = (*MOVABLE, 'damping')
 # A joint slower than this counts as resting [rad/s]; the velocity filter's noise stays below.
 RESTING = 0.1
 INTERRUPTED = 130
@@ -272,7 +275,7 @@ class ExcitationNode:
                 heard = time.monotonic()
                 if self._stop:
                     player.stop()
-                if self._mode not in MOVABLE:
+                if self._mode not in PLAYABLE:
                     raise ExcitationError(f"arm_mode became '{self._mode}' in the {player.stage}")
                 command = player.update(state.stamp_ns, state.position)
                 self._commands.publish(self._codec.pack(state.stamp_ns, *command))

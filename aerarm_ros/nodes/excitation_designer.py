@@ -58,6 +58,8 @@ class DesignRun:
     def __init__(self, options: argparse.Namespace) -> None:
         self._options = options
         self._periods = _whole_periods(options.duration, options.fundamental)
+        if options.starts < 1 or options.workers < 1:
+            raise ExcitationError('at least one start and one worker are needed')
         self._specification = DesignSpecification(
             _setup(options),
             options.fundamental,
@@ -73,11 +75,10 @@ class DesignRun:
 
     def run(self) -> None:
         """Design until all starts are done, the time is up or the user has had enough."""
-        random = self._designer.initial(0)
-        best = random
-        self._report('random', random, best)
-        self._save(best, self._options.out, self._specification)
         with StopSignals(self._on_stop):
+            random = best = self._designer.initial(0)
+            self._report('random', random, best)
+            self._save(best, self._options.out, self._specification)
             for outcome in design_all(
                 self._specification, self._options.starts, self._options.workers, self._is_over
             ):
@@ -121,7 +122,9 @@ class DesignRun:
             'objective': specification.objective,
             'seed': specification.seed,
             'start': result.start,
-            'periods': max(1, round(self._options.duration * specification.fundamental)),
+            'periods': max(
+                1, round(self._periods * specification.fundamental / self._options.fundamental)
+            ),
             'condition_number': round(quality.condition_number, 3),
             'scaled_condition_number': round(quality.scaled_condition_number, 3),
             'log_deviation': round(quality.log_deviation, 5),
@@ -187,7 +190,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add('--validation', action='store_true', help='also write a slower and a faster trajectory')
     objectives = '; '.join(f'{key}: {text}' for key, text in OBJECTIVES.items())
     add('--objective', choices=list(OBJECTIVES), default=BOTH, help=objectives)
-    add('--condition-limit', type=float, default=24.0, help=f'for {BOTH} (default: %(default)s)')
+    add('--condition-limit', type=float, default=26.0, help=f'for {BOTH} (default: %(default)s)')
     add('--fundamental', type=float, default=0.1, help='f0 [Hz] (default: %(default)s)')
     add('--harmonics', type=int, default=5, help='N (default: %(default)s)')
     add('--duration', type=float, default=20.0, help='whole periods [s] (default: %(default)s)')

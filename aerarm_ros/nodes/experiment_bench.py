@@ -25,10 +25,11 @@ from aerarm_ros.control.momentum_observer import MomentumObserver
 from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.joint_reference import Motion
+from aerarm_ros.excitation.ramped_excitation import RampedExcitation
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.emulation import make_emulated_transport
-from aerarm_ros.nodes.experiment_case import BASES, CAD, GRAVITY, HOST, ExperimentCase
+from aerarm_ros.nodes.experiment_case import BASES, CAD, GRAVITY, HOST, STILL, ExperimentCase
 from aerarm_ros.simulation.moving_base_plant import MovingBasePlant
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
@@ -38,12 +39,14 @@ CYCLE = 1e-3
 SETTLE = 1.0  # [s] at rest before the motion begins, and after it has ended
 _IMU_PERIOD = 4  # cycles: 250 Hz
 _START_LIMIT = 20.0  # [s]
+# A joint that rests while the drone's motion changes its load is no stuck encoder.
+_SETTINGS = BridgeSettings(stall_time=60.0)
 
 
 class MotionSource:
     """A motion of the excitation room as a controller's reference."""
 
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, motion: RampedExcitation) -> None:
         self._motion = motion
         self.begin = np.inf
 
@@ -69,6 +72,8 @@ class ExperimentRun:
         True and desired joint positions [rad].
     effort : (M, n) ndarray
         Torques of the drives [Nm].
+    at_full_speed : (M,) ndarray of bool
+        Whether the periodic part is played, after the run-in has brought the arm onto it.
     """
 
     case: ExperimentCase
@@ -76,6 +81,7 @@ class ExperimentRun:
     q: Array
     qd: Array
     effort: Array
+    at_full_speed: npt.NDArray[np.bool_]
 
 
 class ExperimentBench:
@@ -92,7 +98,7 @@ class ExperimentBench:
     """
 
     def __init__(
-        self, config: ArmConfig, robot: Robot, truth: PlantParameters, motion: Motion
+        self, config: ArmConfig, robot: Robot, truth: PlantParameters, motion: RampedExcitation
     ) -> None:
         self._config = config
         self._robot = robot
@@ -106,19 +112,21 @@ class ExperimentBench:
         transport = make_emulated_transport(
             self._config, self._robot, None, position=start, parameters=self._truth
         )
-        plant = MovingBasePlant(self._robot, self._truth, start, BASES[case.base])
-        transport.plant = plant
-        transport.carry()
-        bridge = BridgeCycle(self._config, transport)
+        if case.base != STILL:
+            transport.plant = MovingBasePlant(self._robot, self._truth, start, BASES[case.base])
+            transport.carry()
+        plant = transport.plant
+        bridge = BridgeCycle(self._config, transport, _SETTINGS)
         transport.open()
         now = self._enable(bridge)
         source, estimator = MotionSource(self._motion), self._estimator(case)
         loop = self._loop(case, source, estimator)
         source.begin = now + SETTLE
-        plant.start()
+        if isinstance(plant, MovingBasePlant):
+            plant.start()
         rows = []
         for cycle in range(round((self._motion.duration + 2.0 * SETTLE) / CYCLE)):
-            if case.aware and cycle % _IMU_PERIOD == 0:
+            if case.aware and cycle % _IMU_PERIOD == 0 and isinstance(plant, MovingBasePlant):
                 estimator.offer(ImuSample(now, *plant.imu), now)
             state = ArmState(bridge.q.copy(), bridge.dq.copy(), bridge.tau.copy())
             command = loop.update(state, now)
@@ -132,7 +140,10 @@ class ExperimentBench:
         if bridge.mode != 'running':
             raise RuntimeError(f'{case.name}: the arm was stopped: {"; ".join(bridge.faults)}')
         table = np.array(rows)
-        return ExperimentRun(case, table[:, 0], *np.split(table[:, 1:], 3, axis=1))
+        time = table[:, 0]
+        ramp = self._motion.ramp_time
+        full_speed = (time >= ramp) & (time <= self._motion.duration - ramp)
+        return ExperimentRun(case, time, *np.split(table[:, 1:], 3, axis=1), full_speed)
 
     def _enable(self, bridge: BridgeCycle) -> float:
         """Align the motors and let the arm rest; return the time [s]."""

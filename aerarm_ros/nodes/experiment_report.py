@@ -42,19 +42,19 @@ class ExperimentReport:
 
     def add(self, run: ExperimentRun) -> tuple[str, ...]:
         """Add a run and return its row of the table."""
-        moving = run.time >= 0.0
-        joints = 1e3 * np.abs(run.qd - run.q)[moving]
-        paths = self._path(run.qd[moving]) - self._path(run.q[moving])
-        tool = 1e3 * np.linalg.norm(paths, axis=1)
+        joints = 1e3 * np.abs(run.qd - run.q)
+        tool = 1e3 * np.linalg.norm(self._path(run.qd) - self._path(run.q), axis=1)
+        final_joints, final_tool = joints[-1].max(), tool[-1]
+        joints, tool = joints[run.at_full_speed], tool[run.at_full_speed]
         rms = np.sqrt((joints**2).mean(axis=0))
         row = (
             run.case.name,
             ' '.join(f'{value:.2f}' for value in rms),
             f'{joints.max():.2f}',
-            f'{joints[-1].max():.2f}',
+            f'{final_joints:.2f}',
             f'{np.sqrt((tool**2).mean()):.2f}',
             f'{tool.max():.2f}',
-            f'{tool[-1]:.2f}',
+            f'{final_tool:.2f}',
         )
         self._runs.append(run)
         self._rows.append(row)
@@ -73,7 +73,7 @@ class ExperimentReport:
             section('Errors', table(HEADINGS, self._rows)),
             section('Path of the tool', Html(self._figure())),
         ]
-        path.write_text(page('Dynamic controllers', *body), encoding='utf-8')
+        path.write_text(page('Dynamic controllers', '', body), encoding='utf-8')
 
     def _figure(self) -> str:
         figure = go.Figure()

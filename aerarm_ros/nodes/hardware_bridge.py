@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import sys
 import threading
-import time
-from collections import deque
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from collections.abc import Mapping, Sequence
+from typing import Any
 
+from numpy.typing import ArrayLike
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from std_msgs.msg import String
 
@@ -17,15 +16,27 @@ from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.hardware.answer import Answer
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.command_publishers import CommandPublishers
+from aerarm_ros.hardware.frame_profile import FrameProfile
+from aerarm_ros.hardware.spi_self_test import self_test
+from aerarm_ros.hardware.spidev_transport import SpidevTransport
 from aerarm_ros.hardware.transport import Transport
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
-from aerarm_ros.nodes.bridge_diagnostics import BridgeDiagnostics
-from aerarm_ros.nodes.bridge_parameters import BRIDGE_PARAMETERS, bridge_settings
-from aerarm_ros.nodes.bridge_services import BridgeServices
+from aerarm_ros.nodes.bridge_diagnostics import BridgeDiagnostics, Watched
+from aerarm_ros.nodes.bridge_parameters import (
+    BRIDGE_PARAMETERS,
+    board_gains,
+    bridge_settings,
+    frame_profile,
+)
+from aerarm_ros.nodes.bridge_services import ACTIONS, BridgeServices
 from aerarm_ros.nodes.bridge_streams import BridgeStreams
+from aerarm_ros.nodes.bridge_timing import BridgeTiming
+from aerarm_ros.nodes.cycle_requests import Action, CycleRequests
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.nodes.publisher_watch import PublisherWatch
 from aerarm_ros.nodes.robot_description import RobotDescription
 from aerarm_ros.nodes.stop_signals import StopSignals
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
@@ -35,13 +46,14 @@ from aerarm_ros.realtime.scheduling import (
     set_affinity,
     set_fifo,
 )
+from aerarm_ros.realtime.steady_clock import SteadyClock
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 # Long enough for the last frames of a cycle, short enough for a lifecycle client.
 _LOOP_END_TIMEOUT = 2.0
-_REQUEST_TIMEOUT = 1.0
 # The arm's mode while no cycle runs; the others are `bridge_cycle.MODES`.
 INACTIVE = 'inactive'
+_GAINS = {'board_kp', 'board_kd', 'board_ki'}
 
 
 class HardwareBridge(LifecycleNode):
@@ -66,59 +78,86 @@ class HardwareBridge(LifecycleNode):
 
     def __init__(self, name: str = 'hardware_bridge', parameters: Sequence[Parameter] = ()) -> None:
         super().__init__(name)
-        self.values = ParameterTable(*BRIDGE_PARAMETERS, *parameters).declare(self)
+        self._cycle: BridgeCycle | None = None
+        self._loop: PeriodicLoop | None = None
+        self._timing: BridgeTiming | None = None
+        self.requests = CycleRequests()
+        table = ParameterTable(*BRIDGE_PARAMETERS, *parameters)
+        self.values = table.declare(self, self.on_parameter, self.check_parameters)
         self._mode_publisher = self.create_publisher(
             String, topics.ARM_MODE.name, topics.ARM_MODE.qos
         )
-        BridgeServices(self, self.request)
+        BridgeServices(self, self.requests.ask, self.actions())
         self._diagnostics = BridgeDiagnostics(self)
-        self._requests: deque[tuple[Callable[[BridgeCycle], Answer], Future[Answer]]] = deque()
         self._work = threading.Event()
-        self._loop: PeriodicLoop | None = None
-        self._loop_ended = threading.Event()
-        self._loop_ended.set()
         self._stopping = False
         self.status = 0  # exit status for run_node
         self._mode = ''
         self._problem = ''
         self._stamp_ns = 0
+        self._stamps = SteadyClock()
 
     # What a derived bridge changes.
 
-    def make_transport(self, config: ArmConfig, robot: Robot) -> Transport:
+    def make_transport(self, config: ArmConfig, robot: Robot, profile: FrameProfile) -> Transport:
         """Return the way to the boards; raises ValueError or OSError with what to check."""
-        from aerarm_ros.hardware.spidev_transport import SpidevTransport
-
         return SpidevTransport(config)
+
+    def actions(self) -> Mapping[str, Action]:
+        """Return what the node's services do."""
+        return ACTIONS
+
+    def check_parameters(self, changes: Mapping[str, Any]) -> str:
+        """Return why live parameters can't be set, or ''; see `ParameterTable.declare`."""
+        if self._cycle is None or not changes.keys() & _GAINS:
+            return ''
+        try:
+            self._cycle.check_gains(*self._gains(changes))
+        except ValueError as error:
+            return f'parameter board_{error}'
+        return ''
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Take over a live parameter."""
+        if name in _GAINS and self.requests.is_open:
+            self.requests.ask(self._set_gains)
 
     # Lifecycle, in the executor's thread.
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the configuration and open the buses."""
+        """Read the configuration, open the buses and try the wires."""
         try:
             config = load_arm_config(self.values.config or None)
             robot = load_robot(self.values.urdf or None, gravity_in_base=config.gravity_in_base)
-            self._transport = self.make_transport(config, robot)
+            profile = frame_profile(self.values, config)
+            self._config = config
+            self._transport = self.make_transport(config, robot, profile)
             self._transport.open()
+            self._cycle = BridgeCycle(
+                config, self._transport, bridge_settings(self.values), profile
+            )
+            self._cycle.check_gains(*self._gains())
         except (ValueError, OSError) as error:
             self._problem = f'not configured: {error}'
             self.get_logger().error(self._problem)
             return FAILURE
-        self._cycle = BridgeCycle(
-            config,
-            self._transport,
-            bridge_settings(self.values),
-            allowed_sources=self.values.allowed_publishers,
-        )
+        self._try_wires(profile)
+        self._command_publishers = CommandPublishers(self.values.allowed_publishers)
         self._streams = BridgeStreams(self, config.joint_names)
+        self._watch = PublisherWatch(self, topics.JOINT_COMMAND, self._command_publishers.look)
         self._description = RobotDescription(self, robot.urdf_text)
         return SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start the cycle; the motors stay off until the enable service is called."""
+        assert self._cycle is not None
+        self._set_gains(self._cycle)
         self._loop = PeriodicLoop(self.values.period)
-        self._diagnostics.watch(self._cycle, self._loop)
-        self._loop_ended.clear()
+        self._timing = BridgeTiming(self._loop)
+        self._diagnostics.watch(
+            Watched(self._config.joint_names, self._cycle, self._timing, self._command_publishers)
+        )
+        self.requests.open()
         self._work.set()
         return SUCCESS
 
@@ -126,21 +165,39 @@ class HardwareBridge(LifecycleNode):
         """Stop the cycle and switch the motors off."""
         if self._loop is not None:
             self._loop.stop()
-        return SUCCESS if self._loop_ended.wait(_LOOP_END_TIMEOUT) else FAILURE
+        return SUCCESS if self.requests.wait_closed(_LOOP_END_TIMEOUT) else FAILURE
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Close the buses."""
-        self._diagnostics.watch(None, None)
+        self._diagnostics.watch(None)
+        self._watch.destroy()
         self._streams.destroy()
         self._description.destroy()
         self._transport.close()
-        self._loop = None
+        self._cycle = self._loop = None
         return SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop for good."""
         self.stop()
         return SUCCESS
+
+    def _try_wires(self, profile: FrameProfile) -> None:
+        """Say how well each board is heard; it may still be without supply."""
+        if not isinstance(self._transport, SpidevTransport):
+            return
+        for answer in self_test(self._transport, self._config, profile):
+            if answer.accepted:
+                self.get_logger().info(answer.message)
+            else:
+                self.get_logger().warning(answer.message)
+
+    def _gains(self, changes: Mapping[str, Any] | None = None) -> tuple[ArrayLike, ...]:
+        return board_gains({**vars(self.values), **(changes or {})}, self._config)
+
+    def _set_gains(self, cycle: BridgeCycle) -> Answer:
+        cycle.set_gains(*self._gains())
+        return Answer(True, 'the gains are set')
 
     # The cycle, in the main thread.
 
@@ -151,28 +208,33 @@ class HardwareBridge(LifecycleNode):
                 raise OSError(self._problem)
             self._prepare_thread()
             self._run_while_active()
-        print(f'{self.get_name()}: {self._diagnostics.account()}', flush=True)
+        account = self._timing.account() if self._timing else 'no cycle ran'
+        print(f'{self.get_name()}: {account}', flush=True)
 
     def close(self) -> None:
         """Destroy the node."""
         self.destroy_node()
 
     def _start(self) -> bool:
-        return self.trigger_configure() == SUCCESS and self.trigger_activate() == SUCCESS
+        return bool(self.trigger_configure() == SUCCESS and self.trigger_activate() == SUCCESS)
 
     def _run_while_active(self) -> None:
         while not self._stopping:
             self._work.wait()
             self._work.clear()
-            if self._loop is None or self._stopping:
-                continue
-            try:
-                self._loop.run(self._run_cycle)
-            finally:
-                # Whatever ended the loop, an exception included, the motors go off.
-                self._cycle.shutdown()
-                self._publish_mode(INACTIVE)
-                self._loop_ended.set()
+            if self.requests.is_open:
+                self._run_loop()
+
+    def _run_loop(self) -> None:
+        loop, cycle, timing = self._loop, self._cycle, self._timing
+        assert loop and cycle and timing  # activation made them
+        try:
+            loop.run(lambda now_ns, index: self._run_cycle(cycle, timing, now_ns * 1e-9))
+        finally:
+            # Whatever ended the loop, an exception included, the motors go off.
+            cycle.shutdown()
+            self._publish_mode(INACTIVE)
+            self.requests.close()
 
     def stop(self) -> None:
         """End `run` after the present cycle; may be called from any thread or signal handler."""
@@ -180,20 +242,6 @@ class HardwareBridge(LifecycleNode):
         if self._loop is not None:
             self._loop.stop()
         self._work.set()
-
-    def request(self, action: Callable[[BridgeCycle], Answer]) -> Answer:
-        """Let the cycle's thread do something between two cycles and return its answer.
-
-        Raises
-        ------
-        RuntimeError
-            If the bridge isn't active.
-        """
-        if self._loop_ended.is_set():
-            raise RuntimeError('the bridge is not active: activate it first (ros2 lifecycle set)')
-        answer: Future[Answer] = Future()
-        self._requests.append((action, answer))
-        return answer.result(_REQUEST_TIMEOUT)
 
     def _prepare_thread(self) -> None:
         """Ask for what real time needs; a refusal is a warning, the arm still runs."""
@@ -207,20 +255,18 @@ class HardwareBridge(LifecycleNode):
         for warning in filter(None, warnings):
             self.get_logger().warning(warning)
 
-    def _run_cycle(self, now_ns: int, index: int) -> None:
-        cycle, now = self._cycle, now_ns * 1e-9
-        while self._requests:
-            action, answer = self._requests.popleft()
-            answer.set_result(action(cycle))
+    def _run_cycle(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
+        self.requests.serve(cycle)
         command = self._streams.newest_command()
         if command is not None:
-            names, sample = command
-            age_ns = time.time_ns() - sample.stamp_ns
+            names, sample, number = command
+            age_ns = self._stamps.now_ns() - sample.stamp_ns
+            source, allowed = self._command_publishers.judge(number, now)
             numbers = (sample.position, sample.velocity, sample.effort)
-            cycle.command(names, *numbers, age_ns * 1e-9, now, 'joint_command')
-            self._diagnostics.add_command(age_ns, sample.stamp_ns == self._stamp_ns)
+            cycle.command(names, *numbers, age_ns * 1e-9, now, source, allowed=allowed)
+            timing.add_command(age_ns, sample.stamp_ns == self._stamp_ns)
         cycle.update(now)
-        self._stamp_ns = time.time_ns()
+        self._stamp_ns = self._stamps.now_ns()
         self._streams.publish(
             self._stamp_ns,
             (cycle.q, cycle.dq, cycle.tau),

@@ -88,69 +88,88 @@ def _optional_path(text: str) -> Path | None:
     return Path(text) if text else None
 
 
+# Option, what argparse needs to know, and help.
+_OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
+    (
+        '--bag',
+        {'nargs': '+', 'type': Path, 'required': True, 'metavar': 'DIR'},
+        'bags to identify from',
+    ),
+    (
+        '--validation',
+        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+        'bags to predict',
+    ),
+    (
+        '--holdout',
+        {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
+        'validate on this last share of each --bag',
+    ),
+    (
+        '--urdf',
+        {'type': _optional_path, 'metavar': 'FILE'},
+        "URDF of the arm (default: this package's)",
+    ),
+    (
+        '--config',
+        {'type': _optional_path, 'metavar': 'FILE'},
+        'motors and gears, as config/aerarm.yaml',
+    ),
+    (
+        '--topic',
+        {'default': '/joint_states', 'metavar': 'NAME'},
+        'JointState topic (default: %(default)s)',
+    ),
+    (
+        '--out',
+        {'type': Path, 'metavar': 'DIR'},
+        'result folder (default: output/identification_...)',
+    ),
+    ('--truth', {'type': Path, 'metavar': 'FILE'}, 'true parameters of a simulated arm'),
+    ('--rename', {'nargs': '+', 'default': [], 'metavar': 'BAG=URDF'}, "names of the bag's joints"),
+    (
+        '--lock',
+        {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
+        'joints of the URDF that do not move',
+    ),
+    (
+        '--ignore',
+        {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
+        'joints of the bag to leave out',
+    ),
+    (
+        '--effort-gain',
+        {'nargs': '+', 'default': [], 'metavar': 'JOINT=GAIN'},
+        'recorded effort to Nm, e.g. Nm/A',
+    ),
+    (
+        '--gravity',
+        {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
+        'in the base frame [m/s^2]',
+    ),
+    ('--fundamental', {'type': float, 'metavar': 'HZ'}, 'f0 of a periodic motion (default: found)'),
+    (
+        '--harmonics',
+        {'type': int, 'metavar': 'N'},
+        'harmonics of a periodic motion (default: found)',
+    ),
+    (
+        '--cutoff',
+        {'type': float, 'metavar': 'HZ'},
+        'low-pass on torque (default: 10 times the motion)',
+    ),
+    (
+        '--friction',
+        {'choices': ('auto', 'coulomb', 'load'), 'default': 'auto'},
+        'joint model (default: %(default)s)',
+    ),
+)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog=_NAME, description=(__doc__ or '').splitlines()[0])
-    add = parser.add_argument
-    add('--bag', nargs='+', type=Path, required=True, metavar='DIR', help='bags to identify from')
-    add('--validation', nargs='+', type=Path, default=[], metavar='DIR', help='bags to predict')
-    add(
-        '--holdout',
-        type=float,
-        default=0.0,
-        metavar='SHARE',
-        help='validate on this last share of each --bag',
-    )
-    add(
-        '--urdf',
-        type=_optional_path,
-        metavar='FILE',
-        help="URDF of the arm (default: this package's)",
-    )
-    add(
-        '--config',
-        type=_optional_path,
-        metavar='FILE',
-        help='motors and gears, as config/aerarm.yaml',
-    )
-    add(
-        '--topic',
-        default='/joint_states',
-        metavar='NAME',
-        help='JointState topic (default: %(default)s)',
-    )
-    add(
-        '--out', type=Path, metavar='DIR', help='result folder (default: output/identification_...)'
-    )
-    add('--truth', type=Path, metavar='FILE', help='true parameters of a simulated arm')
-    add('--rename', nargs='+', default=[], metavar='BAG=URDF', help="joints' names")
-    add(
-        '--lock', nargs='+', default=[], metavar='JOINT', help='joints of the URDF that do not move'
-    )
-    add('--ignore', nargs='+', default=[], metavar='JOINT', help='joints of the bag to leave out')
-    add(
-        '--effort-gain',
-        nargs='+',
-        default=[],
-        metavar='JOINT=GAIN',
-        help='recorded effort to Nm, e.g. Nm/A',
-    )
-    add('--gravity', nargs=3, type=float, metavar=('X', 'Y', 'Z'), help='in the base frame [m/s^2]')
-    add('--fundamental', type=float, metavar='HZ', help='f0 of a periodic motion (default: found)')
-    add(
-        '--harmonics', type=int, metavar='N', help='harmonics of a periodic motion (default: found)'
-    )
-    add(
-        '--cutoff',
-        type=float,
-        metavar='HZ',
-        help='low-pass on torque (default: 10 times the motion)',
-    )
-    add(
-        '--friction',
-        choices=('auto', 'coulomb', 'load'),
-        default='auto',
-        help='joint model (default: %(default)s)',
-    )
+    for name, details, text in _OPTIONS:
+        parser.add_argument(name, help=text, **details)
     parser.set_defaults(started=datetime.now())
     return parser
 

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import sys
-import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from aerarm_msgs_py.bag_reader import BagError, JointStateSeries, read_joint_states
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
 from aerarm_ros.identification.conditioning import ConditioningOptions
@@ -24,15 +21,13 @@ from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.recording import (
     JointMapping,
     Recording,
-    recording_from_states,
 )
 from aerarm_ros.identification.report import DesiredVelocity, ReportExtras, report_html
 from aerarm_ros.identification.result_directory import ResultDirectory
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.identification.summary import summarise
 from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
-
-_COMMAND = 'joint_command'
+from aerarm_ros.nodes.identifier_bags import IdentifierBags
 
 
 class IdentifierRun:
@@ -57,7 +52,7 @@ class IdentifierRun:
         self._names = _bag_names([*options.bag, *options.validation])
         self._config = self._load_config()
         self._robot = self._load_robot()
-        self._mapping = JointMapping(
+        mapping = JointMapping(
             rename=dict(_pair(text, '--rename') for text in options.rename),
             ignored=(*options.ignore, *options.lock),
             effort_gain={
@@ -65,6 +60,7 @@ class IdentifierRun:
                 for joint, gain in (_pair(text, '--effort-gain') for text in options.effort_gain)
             },
         )
+        self._bags = IdentifierBags(options.topic, self._robot.joint_names, mapping)
         self._desired: dict[str, DesiredVelocity] = {}
 
     def execute(self) -> str:
@@ -112,25 +108,11 @@ class IdentifierRun:
     def _recording(self, path: Path) -> Recording:
         name = self._names[path]
         _progress(f'reading {name}')
-        with _bag_warnings() as told:
-            states = read_joint_states(path, self._options.topic)
-        for text in told:
-            print(f'identifier: {text}', file=sys.stderr)
-        recording = recording_from_states(name, states, self._robot.joint_names, self._mapping)
-        desired = self._read_desired(path, recording)
+        recording = self._bags.recording(path, name)
+        desired = self._bags.desired(path, recording)
         if desired is not None:
             self._desired[name] = desired
         return recording
-
-    def _read_desired(self, path: Path, recording: Recording) -> DesiredVelocity | None:
-        """Return the commanded velocities, if the bag has them for every joint."""
-        topic = f'{self._options.topic.rpartition("/")[0]}/{_COMMAND}'
-        try:
-            with _bag_warnings():
-                commands = read_joint_states(path, topic)
-        except BagError:
-            return None
-        return _desired_velocity(commands, recording, self._mapping)
 
     def _identify(
         self, identification: Sequence[Recording], validation: Sequence[Recording]
@@ -148,6 +130,7 @@ class IdentifierRun:
         result = identify(
             self._robot, self._config, identification, validation, chosen, self._stopwatch
         )
+        result.warnings[:0] = self._bags.messages
         for text in result.warnings:
             print(f'identifier: {text}', file=sys.stderr)
         return result
@@ -204,30 +187,6 @@ def _number(text: str, option: str) -> float:
     if not np.isfinite(value) or value == 0.0:
         raise IdentificationError(f'{option}: {text} must be a number other than zero')
     return value
-
-
-def _desired_velocity(
-    commands: JointStateSeries, recording: Recording, mapping: JointMapping
-) -> DesiredVelocity | None:
-    names = [mapping.rename.get(name, name) for name in commands.names]
-    if any(joint not in names for joint in recording.joint_names):
-        return None
-    dq = commands.velocity[:, [names.index(joint) for joint in recording.joint_names]]
-    time, first = np.unique(commands.stamp - recording.start, return_index=True)
-    given = np.isfinite(dq[first]).all(axis=1)
-    if given.sum() < 2:
-        return None
-    return DesiredVelocity(time[given], dq[first][given])
-
-
-@contextlib.contextmanager
-def _bag_warnings() -> Iterator[list[str]]:
-    """Collect what reading a bag warns of, as texts."""
-    texts: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter('always')
-        yield texts
-    texts.extend(str(warning.message) for warning in caught)
 
 
 def _progress(text: str) -> None:

@@ -11,6 +11,7 @@ from rclpy.parameter import Parameter as RosParameter
 from aerarm_ros.nodes.parameter import Parameter
 
 LiveCallback = Callable[[str, Any], None]
+Check = Callable[[dict[str, Any]], str]
 
 
 class ParameterError(ValueError):
@@ -43,7 +44,9 @@ class ParameterTable:
             if problem:
                 raise ValueError(f'the default is not allowed: {problem}')
 
-    def declare(self, node: Node, on_change: LiveCallback | None = None) -> SimpleNamespace:
+    def declare(
+        self, node: Node, on_change: LiveCallback | None = None, check: Check | None = None
+    ) -> SimpleNamespace:
         """Declare the table on a node.
 
         Parameters
@@ -53,6 +56,9 @@ class ParameterTable:
         on_change
             Called with name and value after a live parameter was set. It runs in the
             thread that serves the node's parameter services.
+        check
+            Called before live parameters are stored with the new values that are set
+            together, by name; returns why they can't be taken, or ''. Same thread.
 
         Returns
         -------
@@ -68,9 +74,12 @@ class ParameterTable:
         for parameter in self._parameters.values():
             setattr(values, parameter.name, self._declare_one(node, parameter))
 
-        def check(changes: Sequence[RosParameter]) -> SetParametersResult:
+        def judge(changes: Sequence[RosParameter]) -> SetParametersResult:
             problems = [self._problem(change) for change in changes]
             reason = '; '.join(filter(None, problems))
+            own = {c.name: _plain(c.value) for c in changes if c.name in self._parameters}
+            if check is not None and own and not reason:
+                reason = check(own)
             return SetParametersResult(successful=not reason, reason=reason)
 
         def store(changes: Sequence[RosParameter]) -> None:
@@ -82,7 +91,7 @@ class ParameterTable:
                         on_change(change.name, value)
 
         node.add_pre_set_parameters_callback(self._adapt)
-        node.add_on_set_parameters_callback(check)
+        node.add_on_set_parameters_callback(judge)
         node.add_post_set_parameters_callback(store)
         return values
 

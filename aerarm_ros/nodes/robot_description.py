@@ -6,9 +6,6 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.topic import Topic
-
-ROBOT_DESCRIPTION = Topic('robot_description', String, topics.LATCHED)
 
 
 class RobotDescription:
@@ -24,7 +21,7 @@ class RobotDescription:
 
     def __init__(self, node: Node, urdf_text: str) -> None:
         self._node = node
-        topic = ROBOT_DESCRIPTION
+        topic = topics.ROBOT_DESCRIPTION
         self._publisher = node.create_publisher(topic.type, topic.name, topic.qos)
         self._publisher.publish(String(data=urdf_text))
 

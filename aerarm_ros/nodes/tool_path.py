@@ -16,7 +16,6 @@ from nav_msgs.msg import Path
 from numpy.typing import NDArray
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.topic import Topic
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
@@ -31,7 +30,6 @@ from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 NAME = 'tool_path'
 BASE_FRAME = 'base_link'
 # Sent whole each time, so whoever comes later sees all of it.
-TOOL_PATH = Topic('tool_path', Path, topics.RELIABLE)
 
 PARAMETERS = ParameterTable(
     Parameter('frame', 'tool0', 'frame whose path it is'),
@@ -66,7 +64,9 @@ class ToolPath:
         self._kinematics = Kinematics(robot, values.frame)
         self._distance = values.distance
         self._points: deque[NDArray[np.float64]] = deque(maxlen=values.length)
-        self._publisher = self._node.create_publisher(TOOL_PATH.type, TOOL_PATH.name, TOOL_PATH.qos)
+        self._publisher = self._node.create_publisher(
+            topics.TOOL_PATH.type, topics.TOOL_PATH.name, topics.TOOL_PATH.qos
+        )
         self._states = StateSampler(self._node, robot.joint_names)
         self._loop = PeriodicLoop(1.0 / values.rate)
 

@@ -58,6 +58,7 @@ class ViewScene:
             '/tool_path', np.zeros((1, 2, 3)), _TRAIL_COLOR, line_width=2.0
         )
         self.update(np.clip(np.zeros(robot.n), robot.position_min, robot.position_max))
+        self._path.clear()  # nobody has seen the arm there
 
     def update(self, q: Array) -> None:
         """Move the links to joint angles q (n,) [rad]."""
@@ -73,11 +74,6 @@ class ViewScene:
         points = np.array(self._path)
         if len(points) > 1:
             self._trail.points = np.stack([points[:-1], points[1:]], axis=1)
-
-    def clear_path(self) -> None:
-        """Forget where the tool was."""
-        self._path.clear()
-        self._trail.points = np.zeros((1, 2, 3))
 
     def _prepare(self, server: viser.ViserServer, robot: Robot) -> None:
         gravity = np.array(robot.gravity_in_base)

@@ -1,12 +1,13 @@
 """Files by other writers than this suite's."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from aerarm_msgs_py.bag_error import BagWarning
+from aerarm_msgs_py.bag_error import BagError, BagWarning
 from aerarm_msgs_py.bag_reader import read_joint_states
 from aerarm_msgs_py.mcap_file import McapFile
 
@@ -75,3 +76,26 @@ def test_an_unknown_compression_is_warned_about(tmp_path: Path, recording) -> No
     path.write_bytes(path.read_bytes().replace(b'\x04\0\0\0zstd', b'\x04\0\0\0abcd'))
     with pytest.warns(BagWarning, match="compression 'abcd' is not known"):
         assert list(McapFile(path).blocks()) == []
+
+
+@pytest.mark.filterwarnings('ignore::aerarm_msgs_py.bag_error.BagWarning')
+@pytest.mark.parametrize('chunked', [True, False])
+def test_a_file_with_any_bytes_changed_is_read_or_refused(
+    tmp_path: Path, recording, chunked: bool
+) -> None:
+    path = write(
+        tmp_path / 'a.mcap',
+        recording.messages(20),
+        compression=CompressionType.NONE,
+        use_chunking=chunked,
+        enable_crcs=False,
+    )
+    content = path.read_bytes()
+    rng = np.random.default_rng(5)
+    for _ in range(400):
+        changed = np.frombuffer(content, np.uint8).copy()
+        places = rng.integers(8, len(changed), rng.integers(1, 6))
+        changed[places] = rng.integers(0, 256, len(places))
+        path.write_bytes(changed.tobytes())
+        with suppress(BagError):
+            read_joint_states(path)

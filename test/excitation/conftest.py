@@ -1,17 +1,24 @@
 """The packaged arm and its checks, built once."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.clearance_checker import ClearanceChecker
-from aerarm_ros.excitation.effort_model import EffortModel
+from aerarm_ros.excitation.design_specification import DesignSpecification
 from aerarm_ros.excitation.excitation_config import ExcitationConfig, load_excitation_config
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.motion_limits import MotionLimits
 from aerarm_ros.excitation.random_trajectory import RandomTrajectory
+from aerarm_ros.excitation.trajectory_designer import DesignResult, TrajectoryDesigner
+
+# For mujoco_arm.py, which the benchmark uses too.
+sys.path.append(str(Path(__file__).parent))
 
 
 @pytest.fixture(scope='session')
@@ -30,20 +37,28 @@ def config() -> ExcitationConfig:
 
 
 @pytest.fixture(scope='session')
-def clearance(robot: Robot, config: ExcitationConfig) -> ClearanceChecker:
-    return ClearanceChecker(
-        robot, config.self_clearance, config.ground_clearance, config.ground_height
-    )
+def setup(robot: Robot, arm: ArmConfig, config: ExcitationConfig) -> ExcitationSetup:
+    return ExcitationSetup.of_arm(robot, arm, config)
 
 
 @pytest.fixture(scope='session')
-def checker(
-    robot: Robot, arm: ArmConfig, config: ExcitationConfig, clearance: ClearanceChecker
-) -> FeasibilityChecker:
-    limits = MotionLimits.of_arm(arm).scaled(
-        config.position_share, config.velocity_share, config.effort_share
-    )
-    return FeasibilityChecker(limits, clearance, EffortModel.of_arm(robot, arm))
+def clearance(setup: ExcitationSetup) -> ClearanceChecker:
+    return setup.clearance
+
+
+@pytest.fixture(scope='session')
+def checker(setup: ExcitationSetup) -> FeasibilityChecker:
+    return setup.checker
+
+
+@pytest.fixture(scope='session')
+def designer(setup: ExcitationSetup) -> TrajectoryDesigner:
+    return TrajectoryDesigner(DesignSpecification(setup))
+
+
+@pytest.fixture(scope='session')
+def designed(designer: TrajectoryDesigner) -> DesignResult:
+    return designer.design(0)
 
 
 @pytest.fixture(scope='session')

@@ -1,5 +1,8 @@
 """Distances against geometry done by hand, and the certificate against a dense sweep."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -61,6 +64,26 @@ def test_distance_never_changes_faster_than_the_bound(clearance: ClearanceChecke
         b = a + generator.uniform(-0.2, 0.2, 4)
         change = np.abs(clearance.distances(a) - clearance.distances(b))
         assert (change <= clearance._bounds @ np.abs(a - b) + 1e-6).all()
+
+
+def test_margin_gradient_by_finite_differences(clearance: ClearanceChecker, robot: Robot) -> None:
+    generator, step = np.random.default_rng(6), 1e-4
+    for q in generator.uniform(robot.position_min, robot.position_max, (50, 4)):
+        numeric = [
+            (clearance.margin(q + step * e) - clearance.margin(q - step * e)) / (2.0 * step)
+            for e in np.eye(4)
+        ]
+        np.testing.assert_allclose(clearance.margin_gradient(q), numeric, atol=1e-2)
+
+
+def test_links_built_close_together_keep_what_they_can(
+    example_urdf: Callable[[str], Path],
+) -> None:
+    fingers = ('panda_finger_joint1', 'panda_finger_joint2')
+    panda = ClearanceChecker(load_robot(example_urdf('panda.urdf'), locked=fingers), 0.02)
+    required = dict(zip(panda.pairs, panda.required, strict=True))
+    assert 0.0 < required['panda_link5', 'panda_link7'] < 0.02
+    assert required['panda_link0', 'panda_link7'] == 0.02
 
 
 def test_ground_is_below_along_gravity() -> None:

@@ -6,14 +6,15 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.effort_model import EffortModel
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
 
 
 def test_holding_the_arm_level_takes_its_weight_times_its_lever(
-    robot: Robot, arm: ArmConfig
+    robot: Robot, setup: ExcitationSetup
 ) -> None:
     rest = np.zeros((1, 4))
-    effort = EffortModel.of_arm(robot, arm).effort(rest, rest, rest)[0]
+    effort = setup.effort_model.effort(rest, rest, rest)[0]
     pi = robot.inertial_parameters
     # First moments about joint 2 of links 2, 3 and 4, stretched along the base's x axis.
     moment = pi[1, 1] + (pi[2, 3] + 0.325 * pi[2, 0]) + (pi[3, 1] + 0.65 * pi[3, 0])
@@ -21,11 +22,11 @@ def test_holding_the_arm_level_takes_its_weight_times_its_lever(
 
 
 def test_a_period_only_dissipates(
-    robot: Robot, arm: ArmConfig, trajectory: FourierTrajectory
+    robot: Robot, setup: ExcitationSetup, trajectory: FourierTrajectory
 ) -> None:
     time = np.arange(0.0, trajectory.period, 1e-3)
     reference = trajectory.evaluate(time)
-    effort = EffortModel.of_arm(robot, arm).effort(*reference)
+    effort = setup.effort_model.effort(*reference)
     work = (effort * reference.velocity).sum() * 1e-3
     friction = (
         robot.viscous * reference.velocity**2 + robot.coulomb * np.abs(reference.velocity)
@@ -33,8 +34,9 @@ def test_a_period_only_dissipates(
     assert work == pytest.approx(friction, rel=1e-3)
 
 
-def test_current_follows_the_drive_train(robot: Robot, arm: ArmConfig) -> None:
-    model = EffortModel.of_arm(robot, arm)
-    full = model.current(arm.column('effort_max'))
+def test_current_follows_the_drive_train(
+    robot: Robot, arm: ArmConfig, setup: ExcitationSetup
+) -> None:
+    full = setup.effort_model.current(arm.column('effort_max'))
     np.testing.assert_allclose(full, arm.column('motor.current_max'), rtol=0.01)
     assert (EffortModel(robot).current(np.ones(4)) == 0.0).all()

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.command_law import FeedForwardLaw, VelocityLaw
-from aerarm_ros.excitation.effort_model import EffortModel
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_player import ExcitationPlayer, PlayState
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
 from aerarm_ros.excitation.motion_sequence import MotionSequence, Stage
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation
@@ -106,10 +104,8 @@ def test_nan_is_refused(motion: MotionSequence) -> None:
         player.update(0, np.full(4, np.nan))
 
 
-def test_feed_forward_commands_all_three(
-    motion: MotionSequence, robot: Robot, arm: ArmConfig
-) -> None:
-    model = EffortModel.of_arm(robot, arm)
+def test_feed_forward_commands_all_three(motion: MotionSequence, setup: ExcitationSetup) -> None:
+    model = setup.effort_model
     player = ExcitationPlayer(motion, FeedForwardLaw(model), NAMES)
     player.update(0, motion.evaluate(0.0).position)
     for stamp in range(0, 2_000 * MILLISECOND, 50 * MILLISECOND):

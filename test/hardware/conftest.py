@@ -29,7 +29,6 @@ class Rig:
         *,
         seed: int | None = None,
         settings: BridgeSettings | None = None,
-        allowed_sources: Sequence[str] = (),
         **emulation: object,
     ) -> None:
         self.config = config
@@ -41,7 +40,7 @@ class Rig:
             alignment=QUICK,
             **emulation,  # type: ignore[arg-type]
         )
-        self.bridge = BridgeCycle(config, self.boards, settings, allowed_sources=allowed_sources)
+        self.bridge = BridgeCycle(config, self.boards, settings)
         self.now = 100.0
 
     @property

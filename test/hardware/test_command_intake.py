@@ -108,11 +108,11 @@ def test_a_rejected_command_gives_no_claim(intake):
     assert offer(intake, source='good')
 
 
-def test_list_of_allowed_publishers():
-    intake = CommandIntake(NAMES, BridgeSettings(), allowed_sources=['/controller'])
-    assert not offer(intake, source='/somebody')
-    assert intake.rejections == {'not_allowed': 1}
-    assert offer(intake, source='/controller')
+def test_who_is_not_allowed_or_cannot_be_told_apart_is_rejected(intake):
+    assert not offer(intake, allowed=False)
+    assert not offer(intake, source=None)
+    assert intake.rejections == {'not_allowed': 1, 'source': 1}
+    assert offer(intake)
 
 
 def test_boards_without_feed_forward_take_no_effort():

@@ -32,9 +32,7 @@ def limits(cad: ArmParameters) -> PhysicalLimits:
 @pytest.fixture(scope='module')
 def prior(cad: ArmParameters) -> Prior:
     mean = np.concatenate([cad.inertial.ravel(), np.full(JOINT_COLUMNS, 0.1)])
-    return Prior(
-        mean, np.concatenate([0.3 * cad.inertial_scale().ravel(), np.ones(JOINT_COLUMNS)])
-    )
+    return Prior(mean, np.concatenate([0.3 * cad.inertial_scale().ravel(), np.ones(JOINT_COLUMNS)]))
 
 
 @pytest.fixture(scope='module')

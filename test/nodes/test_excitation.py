@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bridge_client import BridgeClient
+from rclpy.node import Node
 
 from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.excitation_config import load_excitation_config
@@ -108,6 +110,15 @@ def assert_holds_a_period(time: np.ndarray, q: np.ndarray, trajectory: FourierTr
         errors.append(np.abs(q[rows] - wanted).max())
     # The arm is a cycle late, and its velocity loop (K = 1/s) forgives a late message or two.
     assert min(errors) < 0.02
+
+
+def test_drives_the_emulated_boards(tmp_path: Path, environment, ros_node: Node) -> None:
+    hardware = NodeProcess('fake_hardware', (), {'seed': 3}, environment, tmp_path / 'hardware.log')
+    with hardware:
+        BridgeClient(ros_node).make_ready()
+        status, log = run(environment, tmp_path)
+    assert status == 0, log
+    assert 'done' in log
 
 
 def test_full_mode_and_another_joint_order(tmp_path: Path, environment) -> None:

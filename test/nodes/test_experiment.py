@@ -43,13 +43,12 @@ def make_bench(truth: PlantParameters, motion: RampedExcitation) -> ExperimentBe
 
 
 def joint_rms(run: ExperimentRun) -> np.ndarray:
-    moving = run.time > 0.0
-    return np.sqrt(((run.qd - run.q)[moving] ** 2).mean(axis=0))
+    return np.sqrt(((run.qd - run.q)[run.at_full_speed] ** 2).mean(axis=0))
 
 
 def tool_rms(run: ExperimentRun) -> float:
     position = Kinematics(load_robot()).position
-    moving = run.time > 0.0
+    moving = run.at_full_speed
     pairs = zip(run.q[moving], run.qd[moving], strict=True)
     errors = [position(q) - position(qd) for q, qd in pairs]
     return float(np.sqrt((np.array(errors) ** 2).sum(axis=1).mean()))

@@ -1,7 +1,8 @@
 import rclpy
 from rclpy.node import Node
 
-from aerarm_ros.nodes.robot_description import ROBOT_DESCRIPTION, RobotDescription
+from aerarm_msgs_py.topics import ROBOT_DESCRIPTION
+from aerarm_ros.nodes.robot_description import RobotDescription
 
 
 def test_whoever_comes_later_gets_the_urdf(ros_node: Node) -> None:

@@ -8,10 +8,10 @@ from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.topics import TOOL_PATH
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes.node_process import NodeProcess
-from aerarm_ros.nodes.tool_path import TOOL_PATH
 
 STEP = 0.02
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 import json
-import os
 import shutil
 import socket
 import subprocess
@@ -119,15 +118,6 @@ def orange_pixels(picture: np.ndarray) -> int:
 
 
 @pytest.fixture
-def environment() -> dict[str, str]:
-    return {
-        'ROS_DOMAIN_ID': str(60 + os.getpid() % 40),
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        'OPENBLAS_NUM_THREADS': '1',
-    }
-
-
-@pytest.fixture
 def port() -> int:
     with socket.socket() as probe:
         probe.bind(('127.0.0.1', 0))
@@ -135,9 +125,9 @@ def port() -> int:
 
 
 @pytest.fixture
-def page(environment: dict[str, str], port: int, tmp_path: Path) -> Iterator[str]:
+def page(ros_domain: dict[str, str], port: int, tmp_path: Path) -> Iterator[str]:
     log = tmp_path / 'view.log'
-    with NodeProcess('view', parameters={'port': port}, environment=environment, log=log) as node:
+    with NodeProcess('view', parameters={'port': port}, log=log) as node:
         until(lambda: 'the arm is shown at' in log.read_text() or node.returncode is not None)
         assert node.returncode is None, node.tail()
         yield f'http://127.0.0.1:{port}'
@@ -153,10 +143,10 @@ def browser(page: str, tmp_path: Path) -> Iterator[HeadlessBrowser]:
 
 @needs_browser
 def test_shows_the_arm_its_timing_and_stops_it(
-    browser: HeadlessBrowser, environment: dict[str, str], tmp_path: Path
+    browser: HeadlessBrowser, ros_domain: dict[str, str], tmp_path: Path
 ) -> None:
     log = tmp_path / 'fake_hardware.log'
-    with NodeProcess('fake_hardware', environment=environment, log=log):
+    with NodeProcess('fake_hardware', log=log):
         until(lambda: 'idle' in browser.text() and 'joint_states at' in browser.text())
         until(lambda: 'wake lateness' in browser.text())
         for name in ('position [rad]', 'velocity [rad/s]', 'effort [Nm]', 'joint4'):
@@ -194,11 +184,11 @@ def test_serves_on_the_loopback_address_only(page: str, port: int) -> None:
 
 
 def test_a_wrong_frame_is_one_clear_line(
-    environment: dict[str, str], port: int, tmp_path: Path
+    ros_domain: dict[str, str], port: int, tmp_path: Path
 ) -> None:
     log = tmp_path / 'view.log'
     parameters = {'port': port, 'tool': 'gripper'}
-    with NodeProcess('view', parameters=parameters, environment=environment, log=log) as node:
+    with NodeProcess('view', parameters=parameters, log=log) as node:
         assert node.wait(30.0) == 1
     assert "no frame 'gripper'" in log.read_text()
     assert 'Traceback' not in log.read_text()

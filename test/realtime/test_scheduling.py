@@ -37,6 +37,21 @@ def test_an_ordinary_user_gets_advice_instead_of_locked_memory() -> None:
     assert 'memlock unlimited' in said
 
 
+def test_an_ordinary_user_gets_advice_instead_of_cpus_that_stay_awake() -> None:
+    said = run(f'{_IMPORT}{_ORDINARY_USER}print(scheduling.keep_cpus_awake())')
+    assert 'CPUs may sleep between cycles' in said
+    assert 'KERNEL=="cpu_dma_latency"' in said
+
+
+@pytest.mark.skipif(
+    not os.access('/dev/cpu_dma_latency', os.W_OK), reason='/dev/cpu_dma_latency is not writable'
+)
+def test_cpus_stay_awake_as_long_as_the_process_lives() -> None:
+    read = "struct.unpack('=i', open('/dev/cpu_dma_latency', 'rb').read(4))[0]"
+    code = f'{_IMPORT}import struct\nprint(scheduling.keep_cpus_awake(), {read})'
+    assert run(code) == 'None 0'
+
+
 def test_a_cpu_that_is_not_there_is_refused_and_nothing_changes() -> None:
     said = run(
         f'{_IMPORT}before = os.sched_getaffinity(0)\n'

@@ -1,0 +1,74 @@
+"""Choosing the terms of each joint and fitting the model that results."""
+
+from collections.abc import Sequence
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.cross_validation import CrossValidation
+from aerarm_ros.identification.joint_model import JointModel
+from aerarm_ros.identification.joint_model_selection import (
+    Comparison,
+    candidate_terms,
+    select_terms,
+)
+from aerarm_ros.identification.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
+from aerarm_ros.identification.model_fit import ModelFit, fit_model
+from aerarm_ros.identification.prior import LINK_SPREAD
+from aerarm_ros.identification.regression_bank import RegressionBank
+from aerarm_ros.identification.sample_columns import SampleColumns
+
+AUTOMATIC = 'auto'
+
+FRICTION_MODELS: dict[str, tuple[JointTerm, ...]] = {
+    'coulomb': (*THESIS_TERMS, ROTOR),
+    'load': (*THESIS_TERMS, ROTOR, JointTerm(TermKind.LOAD)),
+}
+"""Friction models with a name; 'auto' chooses each joint's terms by cross-validation."""
+
+# What the links weigh decides the load that friction depends on, and the other way round.
+_ROUNDS = 2
+
+
+def choose_model(
+    robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters, friction: str
+) -> tuple[ModelFit, list[Comparison]]:
+    """Fit the joints' terms that were asked for, or those that predict unseen motion best.
+
+    Parameters
+    ----------
+    robot : Robot
+    bags : sequence of SampleColumns
+        To identify from; the choice is made by cross-validation within them.
+    cad : ArmParameters
+    friction : str
+        'auto' or a key of `FRICTION_MODELS`.
+
+    Returns
+    -------
+    ModelFit
+    list of Comparison
+        What was tried in the last round; empty if nothing was chosen.
+    """
+    simple = FRICTION_MODELS['coulomb']
+    fit = fit_model(bags, RegressionBank(bags, simple), _model(robot, [simple] * robot.n), cad)
+    comparisons: list[Comparison] = []
+    if friction == AUTOMATIC:
+        terms: Sequence[Sequence[JointTerm]] = [simple] * robot.n
+        for _ in range(_ROUNDS):
+            bank = RegressionBank(bags, candidate_terms(), fit.inertial)
+            mean, std = cad.inertial.ravel(), LINK_SPREAD * cad.inertial_scale().ravel()
+            validation = CrossValidation(bank, mean, std, fit.noise.weights)
+            terms, comparisons = select_terms(validation, terms)
+            fit = fit_model(bags, bank, _model(robot, terms), cad, fit.noise)
+    elif friction != 'coulomb':
+        chosen = FRICTION_MODELS[friction]
+        bank = RegressionBank(bags, chosen, fit.inertial)
+        fit = fit_model(bags, bank, _model(robot, [chosen] * robot.n), cad, fit.noise)
+    if fit.model.depends_on_load:
+        own = [term for _, term in fit.model.joint_columns]
+        fit = fit_model(bags, RegressionBank(bags, own, fit.inertial), fit.model, cad, fit.noise)
+    return fit, comparisons
+
+
+def _model(robot: Robot, terms: Sequence[Sequence[JointTerm]]) -> JointModel:
+    return JointModel(robot.joint_names, robot.link_names, tuple(tuple(own) for own in terms))

@@ -1,0 +1,78 @@
+"""How the bridge's loop keeps its time, as a diagnostic status."""
+
+from __future__ import annotations
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.realtime.timing_assessment import assess_timing
+from aerarm_ros.realtime.timing_statistics import TimingStatistics
+from aerarm_ros.realtime.timing_summary import TimingSummary
+
+_LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
+
+
+class BridgeTiming:
+    """Statistics of a loop and of the commands that reach it.
+
+    Parameters
+    ----------
+    loop
+        The cycle's loop.
+    """
+
+    def __init__(self, loop: PeriodicLoop) -> None:
+        self._loop = loop
+        self._command_age = TimingStatistics()
+        self._answered = 0
+
+    def add_command(self, age_ns: int, answers_last_state: bool) -> None:
+        """Count a command: time since the state it answers [ns], and whether that was the last."""
+        self._command_age.add(age_ns)
+        self._answered += answers_last_state
+
+    def account(self) -> str:
+        """Return one line about the loop, for the log's end."""
+        loop = self._loop
+        total = loop.cycles + loop.missed
+        share = 100.0 * loop.missed / total if total else 0.0
+        lateness = loop.lateness.summary()
+        return (
+            f'{loop.cycles} cycles, {loop.missed} missed ({share:.3f} %), woken '
+            f'{_us(lateness.p50)} us late (median), {_us(lateness.p999)} us (99.9 %)'
+        )
+
+    def status(self) -> tuple[bytes, str, dict[str, object]]:
+        """Return level, message and values of the status."""
+        loop = self._loop
+        interval, execution = loop.interval.summary(), loop.execution.summary()
+        level, text = assess_timing(loop.period_ns * 1e-9, interval, execution)
+        values: dict[str, object] = {
+            'cycles': loop.cycles,
+            'missed cycles': loop.missed,
+            'commands answering the last state': self._answered,
+        }
+        for name, summary in (
+            ('period', interval),
+            ('wake lateness', loop.lateness.summary()),
+            ('execution time', execution),
+            ('command age', self._command_age.summary()),
+        ):
+            values.update(_rows(name, summary))
+        return _LEVELS[level], text, values
+
+
+def _rows(name: str, summary: TimingSummary) -> dict[str, str]:
+    fields = {
+        'mean': summary.mean,
+        'std': summary.std,
+        'p50': summary.p50,
+        'p99': summary.p99,
+        'p99.9': summary.p999,
+        'max': summary.maximum,
+    }
+    return {f'{name} {key} [us]': _us(value) for key, value in fields.items()}
+
+
+def _us(seconds: float) -> str:
+    return f'{seconds * 1e6:.0f}'

@@ -1,0 +1,67 @@
+"""What other threads want the cycle's thread to do."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from aerarm_ros.hardware.answer import Answer
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+
+Action = Callable[[BridgeCycle], Answer]
+
+_ANSWER_TIMEOUT = 1.0  # [s]
+
+
+class CycleRequests:
+    """Queue of actions that are run between two cycles, so that none needs a lock."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[Action, Future[Answer]]] = deque()
+        self._closed = threading.Event()
+        self._closed.set()
+
+    def ask(self, action: Action) -> Answer:
+        """Let the cycle's thread do something and return its answer.
+
+        Raises
+        ------
+        RuntimeError
+            If no cycle is running.
+        TimeoutError
+            If it does not come to it within a second.
+        """
+        if self._closed.is_set():
+            raise RuntimeError('the bridge is not active: activate it first (ros2 lifecycle set)')
+        answer: Future[Answer] = Future()
+        self._waiting.append((action, answer))
+        return answer.result(_ANSWER_TIMEOUT)
+
+    def serve(self, cycle: BridgeCycle) -> None:
+        """Do what is asked; what an action raises goes to who asked."""
+        while self._waiting:
+            action, answer = self._waiting.popleft()
+            try:
+                answer.set_result(action(cycle))
+            except ValueError as error:
+                answer.set_exception(error)
+
+    def open(self) -> None:
+        """Take requests: a cycle will run from now on."""
+        self._waiting.clear()
+        self._closed.clear()
+
+    def close(self) -> None:
+        """Take no more: the last cycle has run."""
+        self._closed.set()
+
+    def wait_closed(self, timeout: float) -> bool:
+        """Wait up to `timeout` [s]; return whether no cycle runs any more."""
+        return self._closed.wait(timeout)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a cycle runs."""
+        return not self._closed.is_set()

@@ -1,0 +1,228 @@
+"""Design of excitation trajectories: quality, speed, safety.
+
+1. Condition number (5.2) and expected deviations of designed and of random trajectories.
+2. Standard deviations of the parameters identified from the emulated arm after playing them.
+3. A thousand random trajectories around a drone's landing gear: what is let through, checked
+   in MuJoCo, which shares nothing with the checker but the URDF.
+4. FIGAROH's trajectory generator on the same arm, if it and cyipopt are installed.
+"""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+import numpy as np  # noqa: E402
+
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
+from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
+from aerarm_ros.excitation.command_law import VelocityLaw  # noqa: E402
+from aerarm_ros.excitation.design_specification import DesignSpecification  # noqa: E402
+from aerarm_ros.excitation.excitation_config import load_excitation_config  # noqa: E402
+from aerarm_ros.excitation.excitation_player import ExcitationPlayer  # noqa: E402
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup  # noqa: E402
+from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory  # noqa: E402
+from aerarm_ros.excitation.parallel_design import design_all  # noqa: E402
+from aerarm_ros.excitation.ramped_excitation import RampedExcitation  # noqa: E402
+from aerarm_ros.excitation.random_trajectory import RandomTrajectory  # noqa: E402
+from aerarm_ros.excitation.trajectory_designer import (  # noqa: E402
+    DesignResult,
+    TrajectoryDesigner,
+)
+from aerarm_ros.hardware.alignment_timing import AlignmentTiming  # noqa: E402
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle  # noqa: E402
+from aerarm_ros.hardware.emulation import make_emulated_transport  # noqa: E402
+from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402
+from aerarm_ros.identification.recording import Recording  # noqa: E402
+from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
+
+sys.path.append(str(Path(__file__).parents[1] / 'test' / 'excitation'))
+
+from mujoco_arm import MujocoArm  # noqa: E402
+
+RANDOM = 21
+IDENTIFIED_RANDOM = 5
+CHECKED = 1000
+STARTS = 8
+CYCLE = 1e-3
+QUICK_ALIGNMENT = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
+
+
+def design(setup: ExcitationSetup) -> tuple[DesignResult, list[DesignResult]]:
+    """Design from several starts; return the best result and random trajectories."""
+    specification = DesignSpecification(setup)
+    designer = TrajectoryDesigner(specification)
+    random = [designer.initial(1000 + i) for i in range(RANDOM)]
+    conditions = [result.quality.condition_number for result in random]
+    deviation = float(np.median([result.quality.log_deviation for result in random]))
+    print(
+        f'{RANDOM} random trajectories: condition (5.2) median {np.median(conditions):.1f}, '
+        f'{min(conditions):.1f} to {max(conditions):.1f}; the thesis has 47'
+    )
+    began = time.monotonic()
+    best = None
+    for outcome in design_all(specification, STARTS, os.cpu_count() or 1):
+        assert isinstance(outcome, DesignResult), outcome
+        if best is None or outcome.quality.objective < best.quality.objective:
+            best = outcome
+    assert best is not None
+    gain = np.exp(deviation - best.quality.log_deviation)
+    print(
+        f'designed, {STARTS} starts in {time.monotonic() - began:.1f} s: condition (5.2) '
+        f'{best.quality.condition_number:.1f}, scaled {best.quality.scaled_condition_number:.1f}; '
+        f'expected deviations {gain:.2f} times smaller than the median random one (geometric mean)'
+    )
+    return best, random
+
+
+class EmulatedRun:
+    """Plays trajectories on emulated boards faster than real time.
+
+    Parameters
+    ----------
+    setup, arm, robot : the arm.
+    """
+
+    def __init__(self, setup: ExcitationSetup, arm: ArmConfig, robot: Robot) -> None:
+        self._setup, self._arm, self._robot = setup, arm, robot
+
+    def play(self, name: str, trajectory: FourierTrajectory) -> Recording:
+        """Return what joint_states would have held over two periods with run-in and run-out."""
+        boards = make_emulated_transport(self._arm, self._robot, 7, alignment=QUICK_ALIGNMENT)
+        bridge = BridgeCycle(self._arm, boards)
+        now = self._bring_up(bridge)
+        plan = self._setup.planner.plan(trajectory, 2, bridge.q.copy(), go_back=False)
+        names = self._arm.joint_names
+        player = ExcitationPlayer(plan, VelocityLaw(1.0), names)
+        rows = []
+        while not player.done:
+            command = player.update(round(now * 1e9), bridge.q)
+            bridge.command(names, None, command.velocity, None, CYCLE, now, 'benchmark')
+            now += CYCLE
+            bridge.update(now)
+            rows.append(np.concatenate([[now], bridge.q, bridge.dq, bridge.tau]))
+        assert player.fault is None, player.fault
+        data = np.array(rows)
+        stamps, q, dq, tau = np.split(data, [1, 5, 9], axis=1)
+        time_ = stamps[:, 0] - stamps[0, 0]
+        return Recording(name, tuple(names), time_, q, dq, tau, np.zeros(4, dtype=bool))
+
+    def _bring_up(self, bridge: BridgeCycle) -> float:
+        """Connect, enable and align; return the time reached [s]."""
+        now = 100.0
+        for cycle in range(2500):
+            if cycle == 30:
+                answer = bridge.enable()
+                assert answer.accepted, answer.message
+            now += CYCLE
+            bridge.update(now)
+        assert bridge.mode == 'ready', (bridge.mode, bridge.faults)
+        return now
+
+
+def identified_deviations(run: EmulatedRun, arm: ArmConfig, robot: Robot, name, trajectory):
+    """Return the standard deviations of the base parameters by the data alone, no prior."""
+    result = identify(
+        robot,
+        arm,
+        [run.play(name, trajectory)],
+        [],
+        IdentificationOptions(friction='coulomb'),
+        Stopwatch(),
+    )
+    system = result.fit.regression.system(result.fit.noise.information_weights)
+    base = np.linalg.qr(system.R[:, result.used_base.independent], mode='r')
+    return np.linalg.norm(np.linalg.inv(base), axis=1)
+
+
+def compare_identified(
+    setup: ExcitationSetup, arm: ArmConfig, robot: Robot, best: DesignResult, random: list
+) -> None:
+    """Identify from the emulated arm after the designed and after random trajectories."""
+    run = EmulatedRun(setup, arm, robot)
+    designed = identified_deviations(run, arm, robot, 'designed', best.trajectory)
+    # The middle ones of the random trajectories, by what they promise.
+    ranked = sorted(random, key=lambda result: result.quality.log_deviation)
+    middle = len(ranked) // 2 - IDENTIFIED_RANDOM // 2
+    others = [
+        identified_deviations(run, arm, robot, f'random{i}', result.trajectory)
+        for i, result in enumerate(ranked[middle : middle + IDENTIFIED_RANDOM])
+    ]
+    ratio = np.median(others, axis=0) / designed
+    print(
+        f'identified from the emulated arm: standard deviations of the {len(ratio)} base '
+        f'parameters shrink {np.exp(np.log(ratio).mean()):.2f} times in the geometric mean, '
+        f'{np.median(ratio):.2f} in the median, {ratio.min():.2f} to {ratio.max():.2f}'
+    )
+
+
+def with_landing_gear(robot: Robot) -> Robot:
+    """Return the arm on a base with four legs around it."""
+    legs = ''.join(
+        f'<collision name="leg{i}"><origin xyz="{x} {y} 0.1"/>'
+        '<geometry><box size="0.03 0.03 0.5"/></geometry></collision>'
+        for i, (x, y) in enumerate([(0.3, 0.3), (0.3, -0.3), (-0.3, 0.3), (-0.3, -0.3)])
+    )
+    base = '<link name="base_link">'
+    return load_robot(robot.urdf_text.replace(base, base + legs))
+
+
+def check_independently(arm: ArmConfig, robot: Robot, setup: ExcitationSetup) -> None:
+    """Judge random trajectories twice and count where the two disagree."""
+    legged = with_landing_gear(robot)
+    config = setup.config
+    setup = ExcitationSetup.of_arm(legged, arm, config)
+    other = MujocoArm(legged, arm.column('reflected_inertia'), config.ground_height)
+    generator = np.random.default_rng(0)
+    counts = {'accepted, safe': 0, 'accepted, UNSAFE': 0, 'rejected': 0, 'rejected, safe': 0}
+    began = time.monotonic()
+    for _ in range(CHECKED):
+        bias = np.array([0.0, generator.uniform(0.6, 2.5), 0.0, 0.0])
+        trajectory = RandomTrajectory(bias, 0.3, generator.uniform(0.15, 0.5)).draw(generator)
+        accepted = setup.checker.check_trajectory(
+            trajectory, config.ramp_time, stop_early=True
+        ).feasible
+        safe = is_safe(trajectory, setup, other)
+        counts['accepted, safe'] += accepted and safe
+        counts['accepted, UNSAFE'] += accepted and not safe
+        counts['rejected'] += not accepted and not safe
+        counts['rejected, safe'] += not accepted and safe
+    text = ', '.join(f'{count} {name}' for name, count in counts.items())
+    print(f'{CHECKED} random trajectories in {time.monotonic() - began:.0f} s: {text}')
+
+
+def is_safe(trajectory: FourierTrajectory, setup: ExcitationSetup, other: MujocoArm) -> bool:
+    """Return whether MuJoCo finds every limit kept on a grid of 5 ms."""
+    config, limits = setup.config, setup.usable_limits
+    motion = RampedExcitation(trajectory, 1, config.ramp_time)
+    states = motion.evaluate(np.arange(0.0, motion.duration, 5e-3))
+    if (
+        (states.position < limits.position_min).any()
+        or (states.position > limits.position_max).any()
+        or (np.abs(states.velocity) > limits.velocity).any()
+        or (np.abs(states.acceleration) > limits.acceleration).any()
+    ):
+        return False
+    for q, dq, ddq in zip(*states, strict=True):
+        itself, ground = other.distances(q)
+        if itself < config.self_clearance - 1e-5 or ground < config.ground_clearance - 1e-5:
+            return False
+        if (np.abs(other.effort(q, dq, ddq)) > limits.effort).any():
+            return False
+    return True
+
+
+def main() -> int:
+    arm, config = load_arm_config(), load_excitation_config()
+    robot = load_robot(gravity_in_base=arm.gravity_in_base)
+    setup = ExcitationSetup.of_arm(robot, arm, config)
+    best, random = design(setup)
+    compare_identified(setup, arm, robot, best, random)
+    check_independently(arm, robot, setup)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

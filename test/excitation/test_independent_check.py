@@ -1,0 +1,50 @@
+"""Nothing that collides or overloads is ever let through: checked by another engine.
+
+`benchmarks/excitation.py` does the same with a thousand trajectories.
+"""
+
+import numpy as np
+from mujoco_arm import MujocoArm
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.excitation.excitation_config import ExcitationConfig
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.random_trajectory import RandomTrajectory
+
+LEGS = ''.join(
+    f'<collision name="leg{i}"><origin xyz="{x} {y} 0.1"/>'
+    '<geometry><box size="0.03 0.03 0.5"/></geometry></collision>'
+    for i, (x, y) in enumerate([(0.3, 0.3), (0.3, -0.3), (-0.3, 0.3), (-0.3, -0.3)])
+)
+STEP = 0.01
+
+
+def test_accepted_trajectories_are_safe_in_mujoco(
+    robot, arm: ArmConfig, config: ExcitationConfig
+) -> None:
+    base = '<link name="base_link">'
+    with_legs = load_robot(robot.urdf_text.replace(base, base + LEGS))
+    setup = ExcitationSetup.of_arm(with_legs, arm, config)
+    other = MujocoArm(with_legs, arm.column('reflected_inertia'), config.ground_height)
+    generator = np.random.default_rng(0)
+    accepted = close = 0
+    for _ in range(60):
+        bias = np.array([0.0, generator.uniform(0.6, 2.5), 0.0, 0.0])
+        trajectory = RandomTrajectory(bias, 0.3, generator.uniform(0.15, 0.5)).draw(generator)
+        report = setup.checker.check_trajectory(trajectory, config.ramp_time, stop_early=True)
+        motion = RampedExcitation(trajectory, 1, config.ramp_time)
+        states = motion.evaluate(np.arange(0.0, motion.duration, STEP))
+        if report.feasible:
+            accepted += 1
+            itself, ground = np.array([other.distances(q) for q in states.position]).min(axis=0)
+            assert itself >= config.self_clearance - 1e-5
+            assert ground >= config.ground_clearance - 1e-5
+            effort = np.array([other.effort(*s) for s in zip(*states, strict=True)])
+            assert (np.abs(effort) <= setup.usable_limits.effort).all()
+        elif 'clearance' in report.binding.limit:
+            close += 1
+    # Both happen, so the test is one.
+    assert accepted > 5
+    assert close > 5

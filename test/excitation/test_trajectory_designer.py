@@ -1,0 +1,87 @@
+"""A designed trajectory is feasible, better than its start, and repeatable."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.excitation.design_specification import SCALED, DesignSpecification
+from aerarm_ros.excitation.excitation_config import ExcitationConfig
+from aerarm_ros.excitation.excitation_error import ExcitationError, InfeasibleError
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.parallel_design import design_all
+from aerarm_ros.excitation.trajectory_designer import DesignResult, TrajectoryDesigner
+from aerarm_ros.model.regressor import Regressor
+
+
+def test_condition_number_by_the_thesis_definition(designed: DesignResult, robot: Robot) -> None:
+    """Thesis (5.2) on the exact regressor of 20,000 samples' worth of motion; it has 47."""
+    time = np.arange(0.0, 10.0, 0.005)
+    regressor = Regressor(robot)
+    singular = np.linalg.svd(regressor.stack(*designed.trajectory.evaluate(time)), compute_uv=False)
+    assert singular[30] < 1e-9 * singular[0]
+    assert singular[0] / singular[29] < 25.0
+    assert designed.quality.condition_number == pytest.approx(singular[0] / singular[29], rel=0.02)
+
+
+def test_beats_its_start_and_keeps_every_limit(
+    designer: TrajectoryDesigner, designed: DesignResult, setup: ExcitationSetup
+) -> None:
+    start = designer.initial(0)
+    assert designed.report.feasible
+    assert setup.checker.check_trajectory(designed.trajectory, setup.config.ramp_time).feasible
+    # Deviations shrink by e^0.6 = 1.8 times against this start, in the geometric mean.
+    assert designed.quality.log_deviation < start.quality.log_deviation - 0.5
+
+
+def test_can_be_planned_and_played_from_rest(
+    designed: DesignResult, setup: ExcitationSetup, arm
+) -> None:
+    plan = setup.planner.plan(designed.trajectory, 2, np.array(arm.rest_position))
+    assert plan.duration > 24.0
+
+
+def test_results_do_not_depend_on_the_workers(designer: TrajectoryDesigner) -> None:
+    specification = replace(designer.specification, harmonics=2, objective=SCALED)
+    one, two = (
+        {o.start: o.quality.objective for o in design_all(specification, 2, workers)}
+        for workers in (1, 2)
+    )
+    assert one == pytest.approx(two, rel=1e-9)
+    assert one[0] != one[1]
+
+
+def test_a_stop_ends_the_search(designer: TrajectoryDesigner) -> None:
+    assert list(design_all(designer.specification, 4, 1, stop=lambda: True)) == []
+
+
+@pytest.mark.parametrize(
+    ('urdf', 'locked'),
+    [('ur10_robot.urdf', ()), ('panda.urdf', ('panda_finger_joint1', 'panda_finger_joint2'))],
+)
+def test_other_arms(
+    example_urdf: Callable[[str], Path], urdf: str, locked: tuple[str, ...]
+) -> None:
+    robot = load_robot(example_urdf(urdf), locked=locked)
+    setup = ExcitationSetup.of_robot(robot, ExcitationConfig())
+    designer = TrajectoryDesigner(DesignSpecification(setup, harmonics=3, objective=SCALED))
+    start, designed = designer.initial(0), designer.design(0)
+    assert designed.report.feasible
+    assert designed.quality.scaled_condition_number < 0.5 * start.quality.scaled_condition_number
+
+
+def test_infeasible_limits_name_the_one_that_binds(setup: ExcitationSetup) -> None:
+    fast = DesignSpecification(setup, fundamental=0.5, harmonics=5)
+    with pytest.raises(InfeasibleError, match='frequency of highest harmonic'):
+        TrajectoryDesigner(fast).initial(0)
+
+
+@pytest.mark.parametrize(
+    'change', [{'objective': 'beauty'}, {'condition_limit': 0.5}, {'seed': -1}]
+)
+def test_wrong_specifications_are_refused(setup: ExcitationSetup, change: dict) -> None:
+    with pytest.raises(ExcitationError):
+        DesignSpecification(setup, **change)

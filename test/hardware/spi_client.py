@@ -1,0 +1,58 @@
+"""Uses a SpidevTransport and prints what came of it, for test_spidev_bus.py.
+
+Usage: python spi_client.py CONFIG EXCHANGES
+
+Before the first and after half of the exchanges it prints a line and waits for one.
+"""
+
+import json
+import sys
+import time
+
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.hardware.board_command import BoardCommand
+from aerarm_ros.hardware.frame_codec import FrameCodec
+from aerarm_ros.hardware.frame_profile import load_profile
+from aerarm_ros.hardware.spi_self_test import self_test
+from aerarm_ros.hardware.spidev_transport import SpidevTransport
+from aerarm_ros.hardware.transport import TransportError
+
+
+def exchange(transport: SpidevTransport, boards: int, count: int) -> dict:
+    """Exchange frames with every board; return what each answered."""
+    codec = FrameCodec(load_profile())
+    good, indices, slowest = [0] * boards, [0] * boards, [0.0] * boards
+    for index in range(1, count + 1):
+        for board in range(boards):
+            answer = transport.exchange(board, codec.encode(BoardCommand(index=index)))
+            state = codec.decode(answer)
+            if state is not None:
+                good[board] += 1
+                indices[board] = state.index
+            slowest[board] = max(slowest[board], transport.exchange_time(board))
+        time.sleep(1e-3)
+    problems = [transport.problem(board) for board in range(boards)]
+    return {'good': good, 'index': indices, 'problems': problems, 'slowest': slowest}
+
+
+def main(path: str, count: int) -> dict:
+    config = load_arm_config(path or None)
+    transport = SpidevTransport(config)
+    try:
+        transport.open()
+    except TransportError as error:
+        return {'error': str(error)}
+    report = {
+        'self_test': [list(answer) for answer in self_test(transport, config, load_profile())]
+    }
+    report['before'] = exchange(transport, len(config.boards), count)
+    print('half', flush=True)
+    sys.stdin.readline()
+    report['after'] = exchange(transport, len(config.boards), count)
+    transport.close()
+    transport.close()
+    return report
+
+
+if __name__ == '__main__':
+    print(json.dumps(main(sys.argv[1], int(sys.argv[2]))))

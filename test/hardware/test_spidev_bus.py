@@ -1,0 +1,115 @@
+"""The real py-spidev down to the system calls, which a preloaded shim answers."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import spi_boards
+from spi_boards import SpiBoards
+
+from aerarm_ros.description.resources import resource
+
+pytestmark = pytest.mark.skipif(bool(spi_boards.missing()), reason=spi_boards.missing())
+
+DEVICES = ('/dev/spidev0.0', '/dev/spidev0.1')
+COUNT = 100
+
+
+@pytest.fixture
+def boards() -> Iterator[SpiBoards]:
+    with SpiBoards() as boards:
+        yield boards
+
+
+def use(boards: SpiBoards, in_between: Callable[[], None] | None = None, config: str = '') -> dict:
+    """Let a process exchange frames, do something, let it exchange as many; return its report."""
+    command = [sys.executable, spi_boards.HERE / 'spi_client.py', config, str(COUNT)]
+    with subprocess.Popen(
+        command,
+        env={**os.environ, **boards.environment},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        line = process.stdout.readline()
+        if line.strip() != 'half':
+            return json.loads(line)
+        if in_between:
+            in_between()
+        return json.loads(process.communicate('\n')[0])
+
+
+def test_frames_pass_both_ways_with_the_configured_clock_and_mode(boards):
+    report = use(boards)
+    assert report['before']['good'] == report['after']['good'] == [COUNT, COUNT]
+    # A board answers with the frame that was ready before it read the command.
+    assert report['after']['index'] == [COUNT - 1, COUNT - 1]
+    assert report['after']['problems'] == ['', '']
+    for answer, board in zip(report['self_test'], boards.report(), strict=True):
+        assert answer[0], answer
+        assert '50 of 50 answers had a correct check' in answer[1]
+        assert (board['mode'], board['speed']) == (0, 8_000_000)
+        assert board['transfers'] == 50 + 2 * COUNT
+        assert not board['enabled']
+
+
+def test_a_board_of_the_other_mode_is_found_by_the_self_test(boards):
+    boards.set(DEVICES[1], working_mode=1)
+    report = use(boards)
+    assert report['self_test'][0][0]
+    assert not report['self_test'][1][0]
+    assert 'but mode 1 works: set mode: 1' in report['self_test'][1][1]
+    assert report['before']['good'] == [COUNT, 0]
+    assert boards.report()[1]['mode'] == 0
+
+
+def test_mode_and_clock_of_the_configuration_reach_the_driver(boards, tmp_path):
+    text = resource('config', 'aerarm.yaml').read_text()
+    path = tmp_path / 'arm.yaml'
+    path.write_text(text.replace('mode: 0', 'mode: 1').replace('8000000', '4000000'))
+    boards.set(DEVICES[0], working_mode=1)
+    boards.set(DEVICES[1], working_mode=1)
+    assert use(boards, config=str(path))['after']['good'] == [COUNT, COUNT]
+    assert [(b['mode'], b['speed']) for b in boards.report()] == [(1, 4_000_000)] * 2
+
+
+def test_input_output_errors_are_bad_frames_with_a_reason_and_pass(boards):
+    report = use(boards, lambda: boards.set(DEVICES[0], eio=True))
+    assert report['before']['good'] == [COUNT, COUNT]
+    assert report['after']['good'] == [0, COUNT]
+    assert '/dev/spidev0.0 reports: Input/output error' in report['after']['problems'][0]
+    boards.set(DEVICES[0], eio=False)
+    assert use(boards)['before']['good'] == [COUNT, COUNT]
+
+
+def test_short_transfers_are_bad_frames(boards):
+    report = use(boards, lambda: boards.set(DEVICES[1], length_max=20))
+    assert report['before']['good'] == [COUNT, COUNT]
+    assert report['after']['good'] == [COUNT, 0]
+
+
+def test_bit_errors_are_bad_frames_and_lost_commands(boards):
+    report = use(boards, lambda: boards.inject('bit_errors:0:0:0.2'))
+    assert 60 < report['after']['good'][0] < 95
+    assert report['after']['good'][1] == COUNT
+
+
+def test_a_vanished_device_is_reported_and_cannot_be_opened_again(boards):
+    report = use(boards, lambda: boards.vanish(DEVICES[0]))
+    assert report['after']['good'] == [0, COUNT]
+    assert 'does the device still exist?' in report['after']['problems'][0]
+    assert max(report['after']['slowest']) < 1.0
+    error = use(boards)['error']
+    assert error.startswith('cannot open /dev/spidev0.0 for board0: No such file or directory')
+
+
+def test_the_shim_leaves_other_files_alone(boards):
+    script = "print(open('/proc/self/status').readline())"
+    environment = {**os.environ, **boards.environment}
+    run = subprocess.run([sys.executable, '-c', script], env=environment, capture_output=True)
+    assert run.stdout.startswith(b'Name')
+    assert Path(boards.environment['LD_PRELOAD']).exists()

@@ -1,0 +1,153 @@
+"""The whole way from recordings to estimates."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.estimate import Estimate
+from aerarm_ros.identification.identification_error import IdentificationError
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.recording import Recording
+from aerarm_ros.identification.stopwatch import Stopwatch
+
+
+def run(
+    robot: Robot, config: ArmConfig, bag: Recording, validation: list[Recording], friction: str
+) -> IdentificationResult:
+    options = IdentificationOptions(friction=friction)
+    return identify(robot, config, [bag], validation, options, Stopwatch())
+
+
+def base_error(arm, result: IdentificationResult, estimate: Estimate) -> np.ndarray:
+    """Errors of the base parameters, over the size of the terms that make them up."""
+    kinds = {'fv': arm.viscous, 'fs': arm.coulomb, 'Ja': arm.rotor, 'fl': arm.load}
+    joints = [kinds[t.symbol][j] for j, t in estimate.model.joint_columns]
+    true = np.concatenate([arm.inertial.ravel(), joints])
+    base = result.used_base
+    return base.values(estimate.theta) - base.values(true)
+
+
+def test_exact_recovery_from_data_without_noise(
+    make_arm: Callable, robot: Robot, config: ArmConfig
+) -> None:
+    arm = make_arm()
+    result = run(robot, config, arm.recording(1), [], 'coulomb')
+    assert (result.thesis_base.rank, result.used_base.rank) == (30, 32)
+    ols = result.solutions['ols'].estimate
+    assert np.abs(base_error(arm, result, ols)).max() < 2e-4
+    assert result.solutions['ols'].identification[0].filtered < 0.02
+    assert result.recommended.identification[0].filtered < 0.02
+
+
+def test_noisy_data_are_explained_within_their_standard_deviations(
+    arm, result: IdentificationResult
+) -> None:
+    fit = result.fit
+    factor = fit.regression.system(fit.noise.information_weights).R
+    independent = factor[:, result.used_base.independent]
+    covariance = np.linalg.inv(independent.T @ independent)
+    errors = base_error(arm, result, result.solutions['wls'].estimate)
+    normalised = errors / np.sqrt(np.diag(covariance))
+    assert np.abs(normalised).max() < 6.0
+    assert 0.3 < np.sqrt(np.mean(normalised**2)) < 2.5
+
+
+def test_identified_beats_cad_and_is_physical(result: IdentificationResult) -> None:
+    cad, sdp = result.solutions['cad'], result.recommended
+    assert sdp.estimate.physically_consistent
+    assert sdp.estimate.min_pseudo_inertia_eigenvalue > 0.0
+    assert sdp.validation[0].filtered < 0.2 * cad.validation[0].filtered
+    assert np.all(sdp.estimate.std > 0.0)
+    assert np.all((sdp.estimate.determined >= 0.0) & (sdp.estimate.determined <= 1.0))
+
+
+def test_only_the_prior_knows_what_the_motion_cannot_show(result: IdentificationResult) -> None:
+    """The first link's mass doesn't matter on a fixed base."""
+    names = result.fit.model.columns
+    determined = dict(zip(names, result.recommended.estimate.determined, strict=True))
+    assert determined['m_link1'] == pytest.approx(0.0, abs=1e-6)
+    assert determined['fs_joint1'] > 0.99
+    assert determined['Ja_joint4'] > 0.9
+
+
+def test_load_dependent_friction_is_chosen_and_measured(
+    make_arm: Callable, robot: Robot, config: ArmConfig
+) -> None:
+    arm = make_arm(load=0.05)
+    bags = [arm.recording(seed, noise=1.0) for seed in (1, 2)]
+    automatic = run(robot, config, bags[0], bags[1:], 'auto')
+    plain = run(robot, config, bags[0], bags[1:], 'coulomb')
+    load = automatic.recommended.estimate.joint_values('fl')
+    assert load[1] == pytest.approx(0.05, rel=0.1)
+    errors = [r.recommended.validation[0].filtered for r in (automatic, plain)]
+    assert errors[0] < 0.7 * errors[1]
+    assert automatic.comparisons
+
+
+def test_a_bag_without_velocities_does_as_well(
+    arm, robot: Robot, config: ArmConfig, result: IdentificationResult
+) -> None:
+    bag = replace(arm.recording(1, noise=1.0), dq=None)
+    without = run(robot, config, bag, [], 'coulomb')
+    assert without.filter_choice.kinematics.from_position
+    assert without.recommended.identification[0].filtered < 1.2 * (
+        result.recommended.identification[0].filtered + 0.1
+    )
+
+
+def test_several_bags_are_fitted_together(arm, robot: Robot, config: ArmConfig) -> None:
+    bags = [arm.recording(seed, noise=1.0) for seed in (1, 2)]
+    options = IdentificationOptions(friction='coulomb')
+    both = identify(robot, config, bags, [arm.recording(3, noise=1.0)], options, Stopwatch())
+    assert both.samples == 20_000
+    assert len(both.recommended.identification) == 2
+    assert both.recommended.validation[0].filtered < 1.5
+
+
+def test_a_dead_sensor_leaves_the_other_joints_identified(
+    arm, robot: Robot, config: ArmConfig
+) -> None:
+    bag = arm.recording(1, noise=1.0)
+    tau = bag.tau.copy()
+    tau[:, 3] = 0.3
+    dead = np.array([False, False, False, True])
+    result = run(robot, config, replace(bag, tau=tau, dead_effort=dead), [], 'coulomb')
+    assert result.recommended.identification[0].per_joint_filtered[:3].max() < 8.0
+    assert result.recommended.estimate.physically_consistent
+
+
+def test_same_input_same_bits(arm, robot: Robot, config: ArmConfig) -> None:
+    bag = arm.recording(1, noise=1.0)
+    first, second = (run(robot, config, bag, [], 'auto') for _ in range(2))
+    assert first.fit.model == second.fit.model
+    for name, solution in first.solutions.items():
+        assert np.array_equal(solution.estimate.theta, second.solutions[name].estimate.theta)
+
+
+def test_too_little_motion_is_refused(arm, robot: Robot, config: ArmConfig) -> None:
+    bag = arm.recording(1)
+    short = bag.part(0.4, 0.4 + 1.5 / bag.duration, '')
+    with pytest.raises(IdentificationError, match='too short'):
+        run(robot, config, short, [], 'coulomb')
+
+
+def test_joints_at_rest_are_reported_and_the_rest_identified(
+    make_arm: Callable, robot: Robot, config: ArmConfig
+) -> None:
+    arm = make_arm()
+    bag = arm.recording(1)
+    t, q, dq, ddq = arm.motion(1)
+    q[:, 2] = q[0, 2]
+    dq[:, 2] = ddq[:, 2] = 0.0
+    still = replace(bag, time=t, q=q, dq=dq, tau=arm.torque(q, dq, ddq))
+    result = run(robot, config, still, [], 'coulomb')
+    assert any('identifies only' in text for text in result.warnings)
+    moving = result.recommended.identification[0].per_joint_filtered[[0, 1, 3]]
+    assert moving.max() < 0.5
+    estimate = result.recommended.estimate
+    assert estimate.joint_values('fs')[[0, 1, 3]] == pytest.approx(arm.coulomb[[0, 1, 3]], rel=0.05)

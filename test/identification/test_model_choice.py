@@ -1,0 +1,24 @@
+"""Friction models by name and by choice."""
+
+import pytest
+
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.joint_term import TermKind
+from aerarm_ros.identification.model_choice import FRICTION_MODELS, choose_model
+
+
+@pytest.mark.parametrize('name', sorted(FRICTION_MODELS))
+def test_named_models_are_fitted_as_they_are(result: IdentificationResult, name: str) -> None:
+    fit, comparisons = choose_model(result.robot, result.identification, result.cad, name)
+    assert fit.model.terms == (FRICTION_MODELS[name],) * 4
+    assert comparisons == []
+
+
+def test_the_choice_starts_from_the_thesis(result: IdentificationResult) -> None:
+    """The simulated arm has viscous and Coulomb friction and rotors: little is added."""
+    fit, comparisons = choose_model(result.robot, result.identification, result.cad, 'auto')
+    for terms in fit.model.terms:
+        kinds = {term.kind for term in terms}
+        assert {TermKind.VISCOUS, TermKind.COULOMB, TermKind.ROTOR} <= kinds
+    assert len(fit.model.joint_columns) <= 12 + 2
+    assert {comparison.joint for comparison in comparisons} == set(range(4))

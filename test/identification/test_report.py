@@ -1,0 +1,126 @@
+"""The report is one file that opens offline and says what matters."""
+
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.report import DesiredVelocity, ReportExtras, report_html
+from aerarm_ros.identification.truth import Truth, inertial_torque_errors
+
+CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
+VOID = {'meta', 'link', 'br', 'img', 'hr', 'input'}
+
+
+class Page(HTMLParser):
+    """Checks nesting, and collects references, headings and texts outside scripts."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.stack: list[str] = []
+        self.references: list[str] = []
+        self.headings: list[str] = []
+        self.texts: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list) -> None:
+        self.references += [v for k, v in attrs if k in ('src', 'href', 'action', 'data')]
+        if tag not in VOID:
+            self.stack.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.stack.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.stack and self.stack[-1] == 'h2':
+            self.headings.append(data)
+        elif self.stack and self.stack[-1] not in ('script', 'style'):
+            self.texts.append(data)
+
+
+@pytest.fixture(scope='module')
+def extras(result: IdentificationResult, arm) -> ReportExtras:
+    model = result.fit.model
+    values = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
+    truth = Truth(dict(zip(model.columns, values, strict=True)), np.zeros(4), np.ones(4))
+    estimates = [solution.estimate for solution in result.solutions.values()]
+    time = np.linspace(0.0, 26.0, 100)
+    return ReportExtras(
+        {'bag1': DesiredVelocity(time, np.zeros((100, 4)))},
+        truth,
+        inertial_torque_errors(truth, estimates, result.validation),
+    )
+
+
+@pytest.fixture(scope='module')
+def html(result: IdentificationResult, extras: ReportExtras) -> str:
+    return report_html(result, extras)
+
+
+def test_it_is_well_formed_and_needs_no_network(html: str) -> None:
+    page = Page(html)
+    assert not page.stack
+    assert page.references == []
+    assert len(html) < 8e6
+
+
+def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) -> None:
+    page = Page(html)
+    assert page.headings == [
+        'Torque errors',
+        'Torque errors joint by joint',
+        'Against the true parameters',
+        'Identification bag1: measured and predicted torque',
+        'Identification bag1: velocities',
+        'Validation bag2: measured and predicted torque',
+        'Validation bag2: velocities',
+        'Parameters',
+        'Base parameters',
+        'Friction models',
+        'Conditioning and excitation',
+    ]
+    assert html.count('Plotly.newPlot(') == 4
+    assert '"name":"desired"' in html
+    text = ' '.join(page.texts)
+    sdp, cad = (result.solutions[name].validation[0].filtered for name in ('sdp', 'cad'))
+    assert f'Torque error on validation: {sdp:.2f} %' in text
+    assert f'{cad / sdp:.1f} times less' in text
+    for column in result.fit.model.columns:
+        assert column in page.texts
+    for expression in result.used_base.expressions():
+        assert expression in page.texts
+
+
+def test_it_can_do_without_extras(result: IdentificationResult) -> None:
+    page = Page(report_html(result, ReportExtras()))
+    assert 'Against the true parameters' not in page.headings
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='chromium is not installed: apt install chromium')
+def test_a_real_browser_draws_every_figure(html: str, tmp_path: Path) -> None:
+    page = tmp_path / 'report.html'
+    # What the browser says about errors and requests goes into the page it prints.
+    watch = (
+        '<script>window.onerror = m => document.documentElement.dataset.error = m;'
+        'new PerformanceObserver(l => document.documentElement.dataset.fetched ='
+        'l.getEntries().map(e => e.name).join()).observe({type: "resource"});</script>'
+    )
+    page.write_text(html.replace('<head>', '<head>' + watch))
+    options = ['--headless', '--no-sandbox', '--disable-gpu', '--virtual-time-budget=10000']
+    options += [f'--user-data-dir={tmp_path / "profile"}', '--dump-dom', page.as_uri()]
+    done = subprocess.run([CHROMIUM, *options], capture_output=True, text=True, timeout=120)
+    root = done.stdout[: done.stdout.index('<head>')]
+    assert 'data-error' not in root
+    assert 'data-fetched' not in root
+    body = done.stdout[done.stdout.rindex('<body>') :]
+    # Three curves of torque a bag, two of velocity in the one with commands, and the legends.
+    names = 3 + 2 + 3 + 1
+    assert len(re.findall(r'class="js-line"', body)) == 4 * names + names
+    for joint in ('joint1', 'joint4'):
+        assert f'{joint} [Nm]' in body

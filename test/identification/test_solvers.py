@@ -1,0 +1,35 @@
+"""Every solver solves the same problem."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.solvers import RECOMMENDED, physical_limits, solve_all
+
+
+@pytest.fixture(scope='module')
+def estimates(result: IdentificationResult):
+    return solve_all(result.fit, result.cad)
+
+
+def test_each_does_what_it_is_for(result: IdentificationResult, estimates) -> None:
+    regression = result.fit.regression
+    errors = {name: regression.error(estimate.theta) for name, estimate in estimates.items()}
+    assert min(errors, key=errors.get) == 'ols'
+    assert errors['cad'] > 3.0 * errors['sdp']
+    assert errors['sdp'] < 1.5 * errors['ols']
+    assert np.array_equal(estimates['cad'].theta, result.fit.prior.mean)
+
+
+def test_only_the_recommended_one_has_uncertainty_and_is_physical(estimates) -> None:
+    assert RECOMMENDED == 'sdp'
+    assert estimates['sdp'].physically_consistent
+    assert estimates['sdp'].std is not None
+    assert estimates['ols'].std is None
+
+
+def test_limits_are_those_of_cad(result: IdentificationResult) -> None:
+    limits = physical_limits(result.fit, result.cad)
+    assert np.array_equal(limits.mass, result.cad.inertial[:, 0])
+    assert limits.nonnegative.all()
+    assert np.all((limits.size >= 0.05) & (limits.size < 1.0))
