@@ -1,18 +1,19 @@
 # Two commands a newcomer needs: `make demo` and `make test`. Each sets up what it needs.
 
 PYTHON ?= python3
-VENV   ?= .venv
-BIN    := $(VENV)/bin
 
 # With a ROS 2 Jazzy environment sourced, its packages are used instead of the wheels, Pinocchio
 # included (apt: ros-jazzy-pinocchio).
 ifeq ($(ROS_DISTRO),jazzy)
+VENV       ?= .venv-jazzy
 VENV_FLAGS := --system-site-packages
 EXTRAS     := dev
 else
+VENV       ?= .venv
 VENV_FLAGS :=
 EXTRAS     := ros,dev
 endif
+BIN := $(VENV)/bin
 
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
@@ -25,6 +26,7 @@ $(VENV)/.ready: setup.py pyproject.toml setup.cfg
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v in ((3, 11), (3, 12)) else "Python 3.11 or 3.12 is needed, this is %d.%d: set PYTHON, as in make PYTHON=python3.12 ..." % v)'
 	$(PYTHON) -m venv $(VENV_FLAGS) $(VENV)
 	$(BIN)/python -m pip install --quiet --editable '.[$(EXTRAS)]'
+	@$(BIN)/python -m pip install --quiet 'spidev>=3.5,<4' || echo 'spidev was not built (C compiler, Python headers?): its tests are skipped'
 	@touch $@
 
 demo: setup
@@ -48,5 +50,5 @@ bench: setup
 	$(BIN)/python benchmarks/run.py
 
 clean:
-	rm -rf $(VENV) build install log output .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-jazzy build install log output .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

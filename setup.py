@@ -22,7 +22,7 @@ RUN_TIME = [
 
 # The message modules of an apt ROS are built against NumPy 1.26. Pinocchio's wheels ask for
 # NumPy 2, so beside such a ROS Pinocchio comes from apt as well (ros-jazzy-pinocchio).
-if os.environ.get('ROS_DISTRO'):
+if os.environ.get('ROS_DISTRO') == 'jazzy':
     RUN_TIME += ['numpy>=1.26,<2']
 else:
     RUN_TIME += ['numpy>=1.26,<3', 'pin>=3.3,<5']

@@ -19,6 +19,7 @@ from aerarm_ros.excitation.excitation_planner import ExcitationPlanner
 from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
 from aerarm_ros.excitation.joint_reference import FloatArray
 from aerarm_ros.excitation.motion_limits import MotionLimits
+from aerarm_ros.excitation.random_trajectory import RandomTrajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +105,25 @@ class ExcitationSetup:
         transfers = FeasibilityChecker(self.limits, self.clearance, self.effort_model)
         return ExcitationPlanner(
             self.checker, transfers, self.config.ramp_time, self.config.transfer_share
+        )
+
+    def random_trajectory(
+        self, amplitude: float, fundamental: float, harmonics: int
+    ) -> RandomTrajectory:
+        """Return the distribution of random trajectories about the configured bias.
+
+        Parameters
+        ----------
+        amplitude : largest coefficient [rad].
+        fundamental : f0 [Hz].
+        harmonics : N.
+        """
+        return RandomTrajectory(
+            self.config.bias_of(self.robot),
+            self.config.bias_spread_of(self.robot),
+            amplitude,
+            fundamental,
+            harmonics,
         )
 
     def __getstate__(self) -> dict[str, Any]:

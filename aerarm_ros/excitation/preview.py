@@ -169,7 +169,7 @@ class Preview:
         names = np.array(designer.regressor.columns)
         figure = go.Figure()
         for label, result in (('random start', self._reference), ('this trajectory', self._result)):
-            stacked = designer.stacked(result.trajectory)
+            stacked = designer.stacked(designer.states(result.trajectory))
             deviation = designer.optimality.standard_deviations(stacked, samples)
             seen = deviation > 1e-9 * deviation.max()
             figure.add_bar(name=label, x=names[seen], y=deviation[seen])

@@ -17,8 +17,7 @@ from aerarm_ros.excitation.feasibility_report import FeasibilityReport
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
 from aerarm_ros.excitation.identifiable_space import IdentifiableSpace
 from aerarm_ros.excitation.information_criterion import InformationCriterion
-from aerarm_ros.excitation.joint_reference import FloatArray
-from aerarm_ros.excitation.random_trajectory import RandomTrajectory
+from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
 from aerarm_ros.excitation.smooth_regressor import SmoothRegressor
 from aerarm_ros.excitation.state_basis import StateBasis
 
@@ -102,12 +101,8 @@ class TrajectoryDesigner:
         self.optimality = InformationCriterion(space, specification.torque_noise())
         self._criterion = specification.criterion(self._thesis, self._scaled, self.optimality)
         self._problem = self._build_problem()
-        self._candidates = RandomTrajectory(
-            setup.config.bias_of(setup.robot),
-            setup.config.bias_spread_of(setup.robot),
-            specification.amplitude,
-            specification.fundamental,
-            specification.harmonics,
+        self._candidates = setup.random_trajectory(
+            specification.amplitude, specification.fundamental, specification.harmonics
         )
 
     def initial(self, start: int) -> DesignResult:
@@ -155,14 +150,18 @@ class TrajectoryDesigner:
                 return result if better else initial
         return initial
 
-    def stacked(self, trajectory: FourierTrajectory) -> FloatArray:
-        """Return the regressor (M, n, p) along one period, not smoothed."""
+    def states(self, trajectory: FourierTrajectory) -> JointReference:
+        """Return the states of one period, fine enough to judge the trajectory by."""
         time = np.arange(self._REPORT_SAMPLES) * trajectory.period / self._REPORT_SAMPLES
-        return self._exact_regressor.stack(trajectory.evaluate(time))
+        return trajectory.evaluate(time)
 
-    def quality(self, trajectory: FourierTrajectory) -> Quality:
-        """Return the figures of a trajectory of the specified frequencies."""
-        stacked = self.stacked(trajectory)
+    def stacked(self, states: JointReference) -> FloatArray:
+        """Return the regressor (M, n, p) of (M, n) states, not smoothed."""
+        return self._exact_regressor.stack(states)
+
+    def quality(self, states: JointReference) -> Quality:
+        """Return the figures of a motion, given by (M, n) states at equal intervals."""
+        stacked = self.stacked(states)
         return Quality(
             self._criterion.evaluate(stacked)[0],
             self._thesis.condition_number(stacked),
@@ -217,4 +216,5 @@ class TrajectoryDesigner:
         self, trajectory: FourierTrajectory, report: FeasibilityReport, start: int, began: float
     ) -> DesignResult:
         seconds = time.monotonic() - began
-        return DesignResult(trajectory, self.quality(trajectory), report, start, seconds)
+        quality = self.quality(self.states(trajectory))
+        return DesignResult(trajectory, quality, report, start, seconds)

@@ -16,8 +16,8 @@ class ArmState:
     Attributes
     ----------
     q, dq, tau
-        (n,) joint positions [rad], velocities [rad/s], torques from currents [Nm]; NaN until
-        the first good frame.
+        (n,) joint positions [rad], velocities [rad/s], torques [Nm] as the mean of the last
+        cycle; NaN until the first good frame.
     motor_position, motor_velocity, motor_current, motor_voltage
         (n,) motor side [rad], [rad/s], [A], [V]. Positions count from the motors' zeros.
     reported_position
@@ -40,8 +40,23 @@ class ArmState:
         self.fresh: Mask = np.zeros(config.n, dtype=bool)
         self._drive = DriveTrain(config)
 
-    def read(self, links: Sequence[BoardLink], zero: Array) -> None:
-        """Take the boards' last states; `zero` (n,) are the reported angles of motor zero."""
+    def read(self, links: Sequence[BoardLink], zero: Array, current_droop: Array) -> None:
+        """Take the boards' last states.
+
+        A board holds its position reference for a cycle while the motor turns on, so its
+        current falls by Kp times the angle, and the frame samples it at the end of the hold.
+        Without a correction every moving joint seems to have negative viscous friction.
+
+        Parameters
+        ----------
+        links
+            The boards.
+        zero
+            (n,) reported angles of motor zero [rad].
+        current_droop
+            (n,) by how much the sample lies below the cycle's mean, for each unit of motor
+            velocity [A s/rad].
+        """
         for link in links:
             state = link.state
             for joint, channel in link.joints:
@@ -55,4 +70,5 @@ class ArmState:
         np.subtract(self.reported_position, zero, out=self.motor_position)
         self.q[:] = self._drive.motor_to_joint_position(self.motor_position)
         self.dq[:] = self._drive.motor_to_joint_velocity(self.motor_velocity)
-        self.tau[:] = self._drive.current_to_effort(self.motor_current)
+        mean_current = self.motor_current + current_droop * self.motor_velocity
+        self.tau[:] = self._drive.current_to_effort(mean_current)

@@ -16,7 +16,7 @@ from aerarm_ros.hardware.command_intake import CommandIntake, Source, Values
 from aerarm_ros.hardware.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.homing import Homing
-from aerarm_ros.hardware.joint_command import JointCommand
+from aerarm_ros.hardware.joint_command import Array, JointCommand
 from aerarm_ros.hardware.motor_power import MotorPower
 from aerarm_ros.hardware.motor_references import MotorReferences
 from aerarm_ros.hardware.safety_gate import SafetyGate
@@ -119,6 +119,7 @@ class BridgeCycle:
         self._enabled = False
         self._aligned = False  # every motor in use, when its board last answered
         self._followed = False  # a command was followed since the arm became ready
+        self._current_lag = settings.current_lag
         self._now = -np.inf
 
     @property
@@ -272,7 +273,7 @@ class BridgeCycle:
             enable = self._enabled and not (self.gate.stop and not link.may_be_damped(now))
             link.exchange(self._references, now, enable, running)
         self._aligned = all(link.is_aligned for link in self.links)
-        self.state.read(self.links, self._references.zero)
+        self.state.read(self.links, self._references.zero, self._current_droop(dt))
         self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
         self._watch(now)
         self.mode = self._current_mode(now)
@@ -321,7 +322,7 @@ class BridgeCycle:
             else:
                 self._references.set_zero(homing.zero)
                 self._encoders.clear()
-                self.state.read(self.links, homing.zero)
+                self.state.read(self.links, homing.zero, self._current_droop(0.0))
         return homing.command
 
     def _watch(self, now: float) -> None:
@@ -339,6 +340,13 @@ class BridgeCycle:
             self.gate.check_state(self.q, self.dq)
         if self.gate.stop:
             self._homing = None
+
+    def _current_droop(self, dt: float) -> Array:
+        """Return `ArmState.read`'s correction for references held for `dt` [s]."""
+        # In the middle of the hold the current equals its mean; the current loop's lag has
+        # already made up for a part of the way from there to the sample.
+        share = max(0.5 * dt - self._current_lag, 0.0)
+        return share * self._references.stiffness
 
     def _current_mode(self, now: float) -> str:
         if self.gate.stop:

@@ -33,6 +33,8 @@ class BridgeSettings:
         Multiples of the velocity and effort limits at which the arm is stopped.
     position_error_max
         Distance of a position reference from the arm at which the arm is stopped [rad].
+    current_lag
+        Time constant of the boards' current loop, for the mean torque of a cycle [s].
     stall_time
         Standstill under a torque that must move the joint that is a fault [s].
     """
@@ -51,6 +53,7 @@ class BridgeSettings:
     velocity_factor: float = 1.25
     effort_factor: float = 2.0
     position_error_max: float = 0.5
+    current_lag: float = 0.2e-3
     stall_time: float = 0.05
 
     def __post_init__(self) -> None:

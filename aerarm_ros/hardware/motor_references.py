@@ -54,6 +54,11 @@ class MotorReferences:
         self._reach_max = reach_max
         self.set_gains(config.column('board_kp'), config.column('board_kd'))
 
+    @property
+    def stiffness(self) -> Array:
+        """Proportional gains that the boards have now, (n,) [A/rad], motor side."""
+        return np.array([motor.kp for motor in self.motors])
+
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
         """Set the boards' gains, motor side: (n,) or one for all [A/rad], [A s/rad], [A/(rad s)].
 

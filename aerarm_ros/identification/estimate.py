@@ -18,7 +18,7 @@ class Estimate:
     Attributes
     ----------
     solver : str
-        'cad', 'ols', 'wls', 'sdp'.
+        A name in `solvers.SOLVERS`.
     model : JointModel
         Gives the meaning of the columns.
     theta : (p,) ndarray

@@ -9,6 +9,7 @@ import yaml
 from aerarm_ros.identification.estimate import Estimate
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.joint_term import TermKind
+from aerarm_ros.identification.payload import Payload
 
 Array = npt.NDArray[np.float64]
 
@@ -18,6 +19,13 @@ _HEADER = """\
 # joint's frame. viscous and coulomb: friction (2.6) nearest to the model in `friction`, which
 # is complete: viscous dq + coulomb s(dq) + load |links' torque| s(dq) + creep
 # tanh(dq / creep_width) + offset, with s(dq) = tanh(dq / coulomb_width), sgn(dq) for width 0.
+# from_data: share of each value that comes from data (1) rather than from CAD (0).
+# base_parameters: the sums that the torque depends on, which the data determine.
+"""
+
+_PAYLOAD_HEADER = """\
+# What the last link carries, identified from recorded motion. SI units, in the frame of that
+# link's joint. inertial_parameters: of the whole arm with the payload, as in estimate.yaml.
 """
 
 _NAMES = {
@@ -56,7 +64,14 @@ def estimate_yaml(
         'friction': _friction(estimate),
     }
     if estimate.std is not None:
-        parameters['standard_deviation'] = _deviations(estimate)
+        parameters['standard_deviation'] = _per_kind(estimate, estimate.std)
+    if estimate.determined is not None:
+        parameters['from_data'] = _per_kind(estimate, estimate.determined)
+    if result.used_base.rank:
+        parameters['base_parameters'] = {
+            'expressions': result.used_base.expressions(),
+            'values': _floats(result.used_base.values(estimate.theta)),
+        }
     document = {'/**': {'ros__parameters': parameters}}
     return _HEADER + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
 
@@ -75,14 +90,41 @@ def _friction(estimate: Estimate) -> dict[str, list[float]]:
     return friction
 
 
-def _deviations(estimate: Estimate) -> dict[str, list[float]]:
-    assert estimate.std is not None
-    spread = Estimate(estimate.solver, estimate.model, estimate.std)
-    deviations = {'inertial_parameters': _floats(spread.inertial)}
-    for kind, name in _NAMES.items():
-        deviations[name] = _floats(spread.joint_values(kind.value))
-    return deviations
+def _per_kind(estimate: Estimate, values: Array) -> dict[str, list[float]]:
+    """Return something known of every parameter in the shape of the parameters."""
+    spread = Estimate(estimate.solver, estimate.model, values)
+    kinds = {name: _floats(spread.joint_values(kind.value)) for kind, name in _NAMES.items()}
+    return {'inertial_parameters': _floats(spread.inertial), **kinds}
 
 
 def _floats(values: npt.ArrayLike) -> list[float]:
     return [float(value) for value in np.ravel(values)]
+
+
+def payload_yaml(estimate: Estimate, payload: Payload) -> str:
+    """Return the text of payload.yaml: the payload, and the arm with it.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of the arm alone.
+    payload : Payload
+    """
+    together = np.array(estimate.inertial)
+    together[-1] += payload.inertial
+    parameters: dict[str, Any] = {
+        'link_names': list(estimate.model.link_names),
+        'inertial_parameters': _floats(together),
+        'payload': {
+            'link': payload.link,
+            'mass': payload.mass,
+            'mass_standard_deviation': float(payload.std[0]),
+            'centre': _floats(payload.centre),
+            'centre_standard_deviation': _floats(payload.centre_std),
+            'inertial_parameters': _floats(payload.inertial),
+            'standard_deviation': _floats(payload.std),
+        },
+    }
+    document = {'/**': {'ros__parameters': parameters}}
+    text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
+    return _PAYLOAD_HEADER + text

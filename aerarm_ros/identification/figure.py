@@ -32,9 +32,20 @@ class StackedFigure:
         Titles of the axes, top to bottom.
     unit : str
         Of all vertical axes.
+    x_title : str
+        Of the common axis.
+    logarithmic : bool
+        All axes.
     """
 
-    def __init__(self, rows: tuple[str, ...], unit: str, x_title: str = 'time [s]') -> None:
+    def __init__(
+        self,
+        rows: tuple[str, ...],
+        unit: str,
+        x_title: str = 'time [s]',
+        logarithmic: bool = False,
+    ) -> None:
+        self._kind = 'log' if logarithmic else 'linear'
         self._rows = rows
         self._unit = unit
         self._x_title = x_title
@@ -87,15 +98,20 @@ class StackedFigure:
             'legend': {'orientation': 'h', 'y': 1.0 + 0.12 / count, 'yanchor': 'bottom'},
             'hovermode': 'x unified',
             'template': 'none',
-            'xaxis': {'title': {'text': self._x_title}, 'anchor': f'y{count if count > 1 else ""}'},
+            'xaxis': {
+                'title': {'text': self._x_title},
+                'anchor': f'y{count if count > 1 else ""}',
+                'type': self._kind,
+            },
         }
         gap = 0.2 / count
         for row, title in enumerate(self._rows):
             top = 1.0 - row / count
             layout[f'yaxis{"" if row == 0 else row + 1}'] = {
                 'domain': [max(0.0, top - 1.0 / count + gap), top],
-                'title': {'text': f'{_plain(title)} [{self._unit}]'},
+                'title': {'text': f'{plain_text(title)} [{self._unit}]'},
                 'zerolinecolor': '#c9ced6',
+                'type': self._kind,
             }
         return layout
 
@@ -140,7 +156,7 @@ def _script(value: object) -> str:
     return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')
 
 
-def _plain(text: str) -> str:
+def plain_text(text: str) -> str:
     """Return a text that the plotting script shows as it is: it reads some HTML tags itself."""
     return text.replace('&', '&amp;').replace('<', '&lt;').replace('>', '&gt;')
 

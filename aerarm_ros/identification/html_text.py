@@ -13,10 +13,10 @@ p.note { color: var(--soft); max-width: 60rem; }
 p.lead { font-size: 1.1rem; max-width: 60rem; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .6rem 0; }
-th, td { padding: .22rem .7rem; border-bottom: 1px solid var(--line); text-align: right;
+th, td { padding: .22rem .5rem; border-bottom: 1px solid var(--line); text-align: right;
          white-space: nowrap; }
 th { border-bottom: 2px solid var(--line); font-weight: 600; white-space: normal;
-     vertical-align: bottom; max-width: 9rem; }
+     vertical-align: bottom; max-width: 8rem; overflow-wrap: anywhere; }
 th:first-child, td:first-child, .text { text-align: left; }
 td.text { white-space: normal; } tr.best td { color: var(--good); font-weight: 600; }
 ul.warnings { border-left: 4px solid #c77700; padding: .5rem 2rem; background: #fff7e8; }

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.assessment import BagAssessment
+from aerarm_ros.identification.bag_demand import BagDemand
 from aerarm_ros.identification.base_parameters import BaseParameters
 from aerarm_ros.identification.conditioning import Conditioner
 from aerarm_ros.identification.estimate import Estimate
@@ -13,6 +14,8 @@ from aerarm_ros.identification.joint_model_selection import Comparison
 from aerarm_ros.identification.model_fit import ModelFit
 from aerarm_ros.identification.sample_columns import SampleColumns
 from aerarm_ros.identification.solvers import RECOMMENDED
+
+_UNKNOWN = 0.01  # share from data below which a parameter is the prior's
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +48,8 @@ class IdentificationResult:
         Friction models tried.
     solutions : dict of str to Solution
         By solver.
+    demands : list of BagDemand
+        What each bag, of identification and then of validation, asks of the model.
     warnings : list of str
     """
 
@@ -58,6 +63,7 @@ class IdentificationResult:
     fit: ModelFit
     comparisons: list[Comparison]
     solutions: dict[str, Solution]
+    demands: list[BagDemand]
     warnings: list[str]
 
     @property
@@ -69,6 +75,15 @@ class IdentificationResult:
     def recommended(self) -> Solution:
         """The solution to use: the physically consistent one."""
         return self.solutions[RECOMMENDED]
+
+    @property
+    def only_prior(self) -> tuple[str, ...]:
+        """Parameters of the recommended estimate that the data say next to nothing about."""
+        determined = self.recommended.estimate.determined
+        if determined is None:
+            return ()
+        pairs = zip(self.fit.model.columns, determined, strict=True)
+        return tuple(name for name, share in pairs if share < _UNKNOWN)
 
     @property
     def samples(self) -> int:

@@ -1,12 +1,13 @@
 """From recordings to estimates: the offline flow of the architecture in one function."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.assessment import assess
+from aerarm_ros.identification.bag_demand import bag_demand, extrapolation_warnings
 from aerarm_ros.identification.base_parameters import BaseParameters, find_base_parameters
 from aerarm_ros.identification.conditioning import Conditioner, ConditioningOptions
 from aerarm_ros.identification.excitation_check import excitation_warnings
@@ -14,11 +15,12 @@ from aerarm_ros.identification.filter_choice import choose_filter
 from aerarm_ros.identification.identification_result import IdentificationResult, Solution
 from aerarm_ros.identification.joint_model import JointModel
 from aerarm_ros.identification.joint_term import THESIS_TERMS
+from aerarm_ros.identification.link_bounds import LinkBounds
 from aerarm_ros.identification.model_choice import AUTOMATIC, choose_model
 from aerarm_ros.identification.recording import Recording
 from aerarm_ros.identification.regression_bank import RegressionBank
 from aerarm_ros.identification.sample_columns import SampleColumns
-from aerarm_ros.identification.solvers import solve_all
+from aerarm_ros.identification.solvers import FAST, RECOMMENDED, solve_all
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.regressor import Regressor
 
@@ -32,10 +34,19 @@ class IdentificationOptions:
     conditioning : ConditioningOptions
     friction : str
         'auto' or a key of `model_choice.FRICTION_MODELS`.
+    solvers : tuple of str
+        Names in `solvers.SOLVERS`; those of `solvers.ALWAYS` run in any case.
+    progress : callable or None
+        Is told what takes its time.
+    bounds : LinkBounds
+        Of total mass and centres of mass.
     """
 
     conditioning: ConditioningOptions = field(default_factory=ConditioningOptions)
     friction: str = AUTOMATIC
+    solvers: tuple[str, ...] = FAST
+    progress: Callable[[str], None] | None = None
+    bounds: LinkBounds = field(default_factory=LinkBounds)
 
 
 def identify(
@@ -84,12 +95,15 @@ def identify(
         warnings = [text for bag in (*identification, *validation) for text in bag.warnings]
         warnings += excitation_warnings(thesis_base, regressor)
     with stopwatch.stage('solvers'):
-        estimates = solve_all(fit, cad)
+        estimates = solve_all(fit, cad, bags, options.solvers, options.progress, options.bounds)
+        warnings += estimates[RECOMMENDED].notes
     with stopwatch.stage('assessment'):
         solutions = {
             name: Solution(estimate, assess(estimate, bags), assess(estimate, held_out))
             for name, estimate in estimates.items()
         }
+        demands = [[bag_demand(fit, bags, bag) for bag in group] for group in (bags, held_out)]
+        warnings += extrapolation_warnings(fit, *demands)
     return IdentificationResult(
         robot=robot,
         cad=cad,
@@ -101,6 +115,7 @@ def identify(
         fit=fit,
         comparisons=comparisons,
         solutions=solutions,
+        demands=demands[0] + demands[1],
         warnings=list(dict.fromkeys(warnings)),
     )
 

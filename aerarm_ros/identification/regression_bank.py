@@ -27,6 +27,8 @@ class RegressionBank:
         Candidates of every joint.
     inertial : (10 n,) ndarray, optional
         Inertial parameters that give the load of terms that depend on it.
+    row_weights : sequence of (M, n) arrays, optional
+        Factor of each bag's rows.
     """
 
     def __init__(
@@ -34,6 +36,7 @@ class RegressionBank:
         bags: Sequence[SampleColumns],
         terms: Sequence[JointTerm],
         inertial: Array | None = None,
+        row_weights: Sequence[Array] | None = None,
     ) -> None:
         self.terms = tuple(dict.fromkeys(terms))
         self.n = bags[0].samples.n
@@ -49,6 +52,11 @@ class RegressionBank:
                 )
                 for bag, own in zip(bags, columns, strict=True)
             ]
+            if row_weights is not None:
+                blocks = [
+                    weights[:, joint, None] * block
+                    for weights, block in zip(row_weights, blocks, strict=True)
+                ]
             self._factors.append([])
             for fold in range(FOLDS):
                 rows = np.vstack(

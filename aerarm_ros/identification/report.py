@@ -9,16 +9,21 @@ import numpy.typing as npt
 from aerarm_ros.identification.figure import StackedFigure, plotting_script
 from aerarm_ros.identification.html_text import Html, bullets, page, paragraph, section
 from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.inertia_view import inertia_view
+from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.report_tables import (
     bags_of,
     base_parameter_table,
     conditioning_tables,
     error_table,
+    excitation_table,
     friction_tables,
     joint_error_table,
     parameter_table,
+    payload_table,
     truth_table,
 )
+from aerarm_ros.identification.residual_spectrum import amplitude_density
 from aerarm_ros.identification.sample_columns import SampleColumns
 from aerarm_ros.identification.truth import InertialTorqueError, Truth
 
@@ -44,11 +49,14 @@ class ReportExtras:
     truth : Truth or None
         True parameters of a simulated arm.
     truth_errors : sequence of InertialTorqueError
+    payload : Payload or None
+        What the arm carried in another recording.
     """
 
     desired: Mapping[str, DesiredVelocity] = field(default_factory=dict)
     truth: Truth | None = None
     truth_errors: Sequence[InertialTorqueError] = ()
+    payload: Payload | None = None
 
 
 def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
@@ -75,16 +83,27 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
                 truth_table(extras.truth_errors, robot.joint_names),
             )
         )
+    if extras.payload is not None:
+        body.append(section('Payload', payload_table(extras.payload)))
     body += _figures(result, extras)
     body += [
+        section('Inertia boxes', paragraph(_BOXES, 'note'), inertia_view(result)),
         section(
-            'Parameters', paragraph(_PARAMETERS, 'note'), parameter_table(result, extras.truth)
+            'Parameters',
+            paragraph(_PARAMETERS, 'note'),
+            paragraph(_only_prior(result), 'note'),
+            parameter_table(result, extras.truth),
         ),
         section(
             'Base parameters', paragraph(_BASE, 'note'), base_parameter_table(result, extras.truth)
         ),
         section('Friction models', friction_tables(result)),
-        section('Conditioning and excitation', conditioning_tables(result)),
+        section(
+            'Conditioning and excitation',
+            conditioning_tables(result),
+            paragraph(_EXCITATION, 'note'),
+            excitation_table(result),
+        ),
     ]
     return page(f'Identification of {robot.model.name}', plotting_script(), body)
 
@@ -94,13 +113,20 @@ _METRIC = (
     'torque and prediction have passed the same zero-phase low-pass. Raw: torque as recorded. '
     'cad: as drawn; ols: ordinary least squares on the base parameters; wls: weighted by each '
     "joint's noise; sdp: semidefinite program, every link physically consistent, close to CAD "
-    'where the motion says nothing. sdp is the one written to estimate.yaml and identified.urdf.'
+    'where the motion says nothing; huber: the same with outliers weighted down; slsqp and '
+    'annealing: the solvers of the thesis, (3.11) with (3.9), (3.12), (3.13), which do not ensure '
+    'bodies that can exist. sdp is the one written to estimate.yaml and identified.urdf.'
 )
 _TRUTH = (
     'Torque that links and rotors need along each motion, against that of the true parameters '
     'of the simulated arm. Measured torque is current times the nominal torque constant; the '
     'truth is scaled by what this constant is off, because no data can show it. The last '
     'column compares without this scaling.'
+)
+_BOXES = (
+    'Homogeneous boxes with the mass and inertia of each link, as in thesis figure 5.2c, in the '
+    'middle of the identification motion: CAD before, sdp after. Drag to turn; click a name to '
+    'hide it.'
 )
 _PARAMETERS = (
     "About the frame of each link's joint, in the order of thesis (3.3), (3.5). From data: 0 % "
@@ -109,7 +135,13 @@ _PARAMETERS = (
 )
 _BASE = (
     'Combinations that the torque depends on, each named after its first parameter. Standard '
-    'deviations by the data alone, with correlated residuals taken into account.'
+    'deviations by the data alone, with correlated residuals taken into account. Excitation: how '
+    'many times less that is than what CAD leaves open; below about 3 the motion says little.'
+)
+_EXCITATION = (
+    'How far each bag leaves the range of the identification motion, and how uncertain the '
+    "predicted torque is because the parameters are: above the noise, the bag's motion asks for "
+    'what the identification motion has not shown.'
 )
 
 
@@ -130,6 +162,12 @@ def _headline(result: IdentificationResult) -> str:
     )
 
 
+def _only_prior(result: IdentificationResult) -> str:
+    if not result.only_prior:
+        return 'The data say something about every parameter.'
+    return f'Only the prior about CAD determines {", ".join(result.only_prior)}.'
+
+
 def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
     parts = []
     assessments = bags_of(result.recommended)
@@ -146,6 +184,14 @@ def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
             )
         )
         desired = extras.desired.get(assessment.bag)
+        parts.append(
+            section(
+                f'{title}: spectrum of the residual',
+                _spectrum_figure(result, bag, assessment.prediction.filtered).html(
+                    f'spectrum-{index}'
+                ),
+            )
+        )
         parts.append(
             section(
                 f'{title}: velocities',
@@ -165,6 +211,25 @@ def _torque_figure(
         figure.add(joint, time, samples.tau[kept, joint], 'measured, filtered', 'measured')
         figure.add(joint, time, cad[kept, joint], 'predicted, CAD', 'reference', 'dot')
         figure.add(joint, time, predicted[kept, joint], 'predicted, sdp', 'predicted')
+    return figure
+
+
+def _spectrum_figure(
+    result: IdentificationResult, bag: SampleColumns, predicted: Array
+) -> StackedFigure:
+    figure = StackedFigure(result.robot.joint_names, 'Nm/√Hz', 'frequency [Hz]', logarithmic=True)
+    samples, kept = bag.samples, bag.samples.kept
+    dt = float(np.median(np.diff(samples.time)))
+    below = 1.5 * result.conditioner.cutoff
+    for joint in range(result.robot.n):
+        tau = samples.tau[kept, joint]
+        for values, name, colour in (
+            (tau, 'measured, filtered', 'measured'),
+            (tau - predicted[kept, joint], 'residual of sdp', 'residual'),
+        ):
+            frequency, density = amplitude_density(values, dt)
+            shown = (frequency > 0.0) & (frequency < below)
+            figure.add(joint, frequency[shown], density[shown], name, colour)
     return figure
 
 

@@ -7,8 +7,10 @@ import numpy as np
 from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.html_text import Html, folded, number, paragraph, table
 from aerarm_ros.identification.identification_result import IdentificationResult, Solution
+from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.summary import term_text
 from aerarm_ros.identification.truth import InertialTorqueError, Truth
+from aerarm_ros.model.inertia import PARAMETER_NAMES
 
 _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
 
@@ -85,14 +87,18 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
     solutions = result.solutions
     columns = {name: base.values(solutions[name].estimate.theta) for name in ('cad', 'ols', 'sdp')}
     std = base_deviations(result)
-    headings = ['base parameter', 'CAD', 'ols', 'sdp', 'standard deviation']
+    prior = np.sqrt(
+        result.fit.prior.std[base.independent] ** 2
+        + base.combination**2 @ result.fit.prior.std[base.dependent] ** 2
+    )
+    headings = ['base parameter', 'CAD', 'ols', 'sdp', 'standard deviation', 'excitation']
     if truth:
         headings += ['true', 'sdp - true, in standard deviations']
         true = base.values(truth.vector(result.recommended.estimate.model))
     rows = []
     for i, expression in enumerate(base.expressions()):
         row: list[object] = [expression, *(float(values[i]) for values in columns.values())]
-        row.append(float(std[i]))
+        row += [float(std[i]), float(prior[i] / max(std[i], 1e-300))]
         if truth:
             row += [float(true[i]), float((columns['sdp'][i] - true[i]) / max(std[i], 1e-300))]
         rows.append(row)
@@ -135,6 +141,31 @@ def _period(result: IdentificationResult) -> str:
     if conditioner.fundamental is None:
         return 'not periodic'
     return f'f0 = {conditioner.fundamental:.4g} Hz, {conditioner.harmonics} harmonics'
+
+
+def payload_table(payload: Payload) -> Html:
+    """Return what the last link carries, with standard deviations."""
+    centre = zip('xyz', payload.centre, payload.centre_std, strict=True)
+    rows: list[list[object]] = [
+        [f'centre of mass {axis}', Html('m'), float(value), float(std)]
+        for axis, value, std in centre
+    ]
+    entries = zip(PARAMETER_NAMES, _RIGID_UNITS, payload.inertial, payload.std, strict=True)
+    rows += [[name, Html(unit), float(value), float(std)] for name, unit, value, std in entries]
+    return table([f'carried by {payload.link}', 'unit', 'value', 'standard deviation'], rows)
+
+
+def excitation_table(result: IdentificationResult) -> Html:
+    """Return what each bag asks of the model, joint by joint."""
+    headings = ['bag', 'joint', 'beyond the identified range: q [%]', 'dq [%]', 'ddq [%]']
+    headings += ['uncertainty of predicted torque [Nm]', 'noise [Nm]']
+    rows: list[list[object]] = []
+    for demand in result.demands:
+        for joint, name in enumerate(result.robot.joint_names):
+            row: list[object] = [demand.bag, name, *map(float, 100.0 * demand.beyond[:, joint])]
+            row += [float(demand.uncertainty[joint]), float(result.fit.noise.std[joint])]
+            rows.append(row)
+    return table(headings, rows)
 
 
 def friction_tables(result: IdentificationResult) -> Html:

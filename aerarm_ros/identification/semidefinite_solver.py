@@ -1,12 +1,13 @@
 """Physically consistent least squares as a semidefinite program, thesis (3.11) with an LMI."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.identification.compressed_columns import CompressedColumns
 from aerarm_ros.identification.identification_error import IdentificationError
+from aerarm_ros.identification.link_bounds import LinkBounds
 from aerarm_ros.identification.prior import Prior
 from aerarm_ros.identification.reduced_regression import TriangularSystem
 from aerarm_ros.model.inertia import minimum_eigenvalue, pseudo_inertia
@@ -34,12 +35,34 @@ class PhysicalLimits:
         Which of the joints' coefficients cannot be negative.
     mass_factor : float
         Masses lie within this factor of `mass`, thesis (3.11).
+    centre, reach : (n, 3) ndarray, optional
+        Centres of mass according to CAD, and how far from there they may lie along each axis of
+        the link's frame [m]. By default within `size` of the frame's origin.
+    bounds : LinkBounds
+        Which further constraints the program has.
     """
 
     mass: Array
     size: Array
     nonnegative: npt.NDArray[np.bool_]
     mass_factor: float = MASS_FACTOR
+    centre: Array | None = None
+    reach: Array | None = None
+    bounds: LinkBounds = field(default_factory=LinkBounds)
+
+    @property
+    def centre_box(self) -> tuple[Array, Array]:
+        """(n, 3) least and largest coordinates of the centres of mass (3.12) [m]."""
+        centre = np.zeros((len(self.mass), 3)) if self.centre is None else self.centre
+        reach = np.repeat(self.size[:, None], 3, axis=1) if self.reach is None else self.reach
+        return centre - reach, centre + reach
+
+    @property
+    def total_mass(self) -> Array:
+        """(2,) least and largest mass of all links together (3.13) [kg]."""
+        if self.bounds.total_mass is not None:
+            return np.array(self.bounds.total_mass)
+        return np.asarray(self.mass.sum() * np.array([1.0 / self.mass_factor, self.mass_factor]))
 
 
 def solve_semidefinite(system: TriangularSystem, prior: Prior, limits: PhysicalLimits) -> Array:
@@ -71,7 +94,12 @@ def solve_semidefinite(system: TriangularSystem, prior: Prior, limits: PhysicalL
     program = _ConeProgram(2 * count)
     equations = np.hstack([system.R * prior.std, np.eye(count)])
     program.add('ZeroConeT', equations, system.z - system.R @ prior.mean)
-    for rows, offsets in (_mass_bounds(prior, limits), _sign_bounds(prior, limits)):
+    linear = [_mass_bounds(prior, limits), _sign_bounds(prior, limits)]
+    if limits.bounds.total_mass is not None:
+        linear.append(_total_mass_bounds(prior, limits))
+    if limits.bounds.centres:
+        linear.append(_centre_bounds(prior, limits))
+    for rows, offsets in linear:
         program.add('NonnegativeConeT', -rows, offsets)
     for link in range(len(limits.mass)):
         columns, constant = _pseudo_inertia_cone(link, prior, limits)
@@ -141,6 +169,30 @@ def _mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
         rows[side, links, masses] = sign * prior.std[masses] / limits.mass
         offsets[side] = sign * (prior.mean[masses] / limits.mass - factor)
     return rows.reshape(2 * n, -1), offsets.ravel()
+
+
+def _total_mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
+    """Return G, h of G x + h >= 0, which keeps the sum of the masses in its range (3.13)."""
+    masses, unit = 10 * np.arange(len(limits.mass)), limits.mass.sum()
+    row = np.zeros(len(prior.mean))
+    row[masses] = prior.std[masses] / unit
+    low, high = limits.total_mass / unit
+    total = prior.mean[masses].sum() / unit
+    return np.array([row, -row]), np.array([total - low, high - total])
+
+
+def _centre_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
+    """Return G, h of G x + h >= 0, which keeps centres of mass in their boxes (3.12)."""
+    rows, offsets = [], []
+    for sign, box in zip((1.0, -1.0), limits.centre_box, strict=True):
+        for link, corner in enumerate(box):
+            for axis in range(3):
+                row = np.zeros(len(prior.mean))
+                row[10 * link + 1 + axis], row[10 * link] = sign, -sign * corner[axis]
+                row /= limits.mass[link] * limits.size[link]
+                rows.append(row * prior.std)
+                offsets.append(float(row @ prior.mean))
+    return np.array(rows), np.array(offsets)
 
 
 def _sign_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:

@@ -1,26 +1,51 @@
 """Every solver on one reduced regression."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.identification.annealing_solver import solve_annealing
 from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.estimate import Estimate
+from aerarm_ros.identification.huber_solver import solve_huber
+from aerarm_ros.identification.identification_error import IdentificationError
+from aerarm_ros.identification.inertia_boxes import inertia_boxes
 from aerarm_ros.identification.least_squares_solver import solve_least_squares
+from aerarm_ros.identification.link_bounds import LinkBounds
 from aerarm_ros.identification.model_fit import ModelFit
 from aerarm_ros.identification.regularised_solver import posterior_covariance
-from aerarm_ros.identification.semidefinite_solver import PhysicalLimits, solve_semidefinite
+from aerarm_ros.identification.relaxation import solve_relaxed
+from aerarm_ros.identification.sample_columns import SampleColumns
+from aerarm_ros.identification.semidefinite_solver import PhysicalLimits
+from aerarm_ros.identification.slsqp_solver import solve_slsqp
+from aerarm_ros.identification.thesis_problem import ThesisProblem
 
 Array = npt.NDArray[np.float64]
 
 RECOMMENDED = 'sdp'
 """The solver whose estimate is physically consistent."""
 
+SOLVERS = ('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', RECOMMENDED)
+"""All solvers, in the order of tables."""
 
-def solve_all(fit: ModelFit, cad: ArmParameters) -> dict[str, Estimate]:
+ALWAYS = ('cad', 'ols', RECOMMENDED)
+"""Those that the report compares."""
+
+FAST = (*ALWAYS, 'wls')
+"""Those that take milliseconds."""
+
+
+def solve_all(
+    fit: ModelFit,
+    cad: ArmParameters,
+    bags: Sequence[SampleColumns] = (),
+    names: Collection[str] = FAST,
+    progress: Callable[[str], None] | None = None,
+    bounds: LinkBounds | None = None,
+) -> dict[str, Estimate]:
     """Return the estimate of each solver.
 
     Parameters
@@ -29,38 +54,76 @@ def solve_all(fit: ModelFit, cad: ArmParameters) -> dict[str, Estimate]:
         Regression, prior and noise.
     cad : ArmParameters
         Gives the physical limits.
+    bags : sequence of SampleColumns
+        To identify from; only 'huber' needs them.
+    names : collection of str
+        Solvers to run besides `ALWAYS`.
+    progress : callable, optional
+        Is told the name of each solver that takes its time.
+    bounds : LinkBounds, optional
+        Given up where they contradict: the recommended estimate's notes say so.
 
     Raises
     ------
     IdentificationError
-        If the semidefinite program has no solution.
+        If a solver is unknown, or the semidefinite program has no solution.
     """
-    regression, prior, weights = fit.regression, fit.prior, fit.noise.weights
-    solvers: dict[str, Callable[[], Array]] = {
-        'cad': lambda: prior.mean,
-        'ols': lambda: solve_least_squares(regression, prior.mean),
-        'wls': lambda: solve_least_squares(regression, prior.mean, weights),
-        'sdp': lambda: solve_semidefinite(
-            regression.system(weights), prior, physical_limits(fit, cad)
-        ),
-    }
+    unknown = [name for name in names if name not in SOLVERS]
+    if unknown:
+        raise IdentificationError(
+            f'no solver {", ".join(unknown)}: choose among {", ".join(SOLVERS)}'
+        )
+    limits = physical_limits(fit, cad, bounds)
+    solvers = _solvers(fit, limits, bags)
     estimates = {}
-    for name, solve in solvers.items():
+    for name in SOLVERS:
+        if name not in (*names, *ALWAYS):
+            continue
+        if progress is not None and name not in FAST:
+            progress(name)
         begin = time.perf_counter()
-        theta = solve()
+        theta, notes = solvers[name]()
         seconds = time.perf_counter() - begin
-        estimates[name] = Estimate(name, fit.model, theta, seconds=seconds)
+        estimates[name] = Estimate(name, fit.model, theta, seconds=seconds, notes=notes)
     estimates[RECOMMENDED] = _with_uncertainty(estimates[RECOMMENDED], fit)
     return estimates
 
 
-def physical_limits(fit: ModelFit, cad: ArmParameters) -> PhysicalLimits:
+def _solvers(
+    fit: ModelFit, limits: PhysicalLimits, bags: Sequence[SampleColumns]
+) -> dict[str, Callable[[], tuple[Array, tuple[str, ...]]]]:
+    """Return functions that give parameters and what the user should know."""
+    regression, prior, weights = fit.regression, fit.prior, fit.noise.weights
+    plain = replace(limits, bounds=LinkBounds())
+    return {
+        'cad': lambda: (prior.mean, ()),
+        'ols': lambda: (solve_least_squares(regression, prior.mean), ()),
+        'wls': lambda: (solve_least_squares(regression, prior.mean, weights), ()),
+        'huber': lambda: (solve_huber(fit, bags, plain), ()),
+        'slsqp': lambda: (solve_slsqp(thesis_problem(fit, limits)), ()),
+        'annealing': lambda: (solve_annealing(thesis_problem(fit, limits)), ()),
+        RECOMMENDED: lambda: solve_relaxed(regression.system(weights), prior, limits),
+    }
+
+
+def thesis_problem(fit: ModelFit, limits: PhysicalLimits) -> ThesisProblem:
+    """Return (3.11) for the solvers of the thesis."""
+    return ThesisProblem(fit.regression.system(), fit.prior.mean, fit.prior.std, limits)
+
+
+def physical_limits(
+    fit: ModelFit, cad: ArmParameters, bounds: LinkBounds | None = None
+) -> PhysicalLimits:
     """Return what the parameters of a real arm with these joints obey."""
     scale = cad.inertial_scale()
+    boxes = inertia_boxes(cad.inertial)
     return PhysicalLimits(
         mass=cad.inertial[:, 0],
         size=scale[:, 1] / scale[:, 0],
         nonnegative=np.array([term.nonnegative for _, term in fit.model.joint_columns], dtype=bool),
+        centre=boxes.centre,
+        reach=boxes.reach,
+        bounds=bounds or LinkBounds(),
     )
 
 

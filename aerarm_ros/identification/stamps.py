@@ -11,6 +11,8 @@ Array = npt.NDArray[np.float64]
 _TOLERATED_SHARE = 1e-3
 # A gap up to this is bridged by interpolation: arms move little in it.
 _LONGEST_GAP = 0.1  # [s]
+# Messages in a row behind one that came before: more are a clock set back, not a late message.
+_LATE_IN_A_ROW = 2
 _LONGEST_GAP_PERIODS = 5.0
 
 _ADVICE = 'check the clock of the node that stamps the topic, or record again'
@@ -58,7 +60,10 @@ def _check_order(bag: str, stamp: Array) -> list[str]:
     if not len(back):
         return []
     farthest = float(-np.diff(stamp)[back].min())
-    if len(back) > _TOLERATED_SHARE * len(stamp) or farthest > _LONGEST_GAP:
+    behind = stamp < np.maximum.accumulate(stamp)
+    window = np.ones(_LATE_IN_A_ROW + 1)
+    set_back = np.convolve(behind, window).max() > _LATE_IN_A_ROW
+    if len(back) > _TOLERATED_SHARE * len(stamp) or farthest > _LONGEST_GAP or set_back:
         raise IdentificationError(
             f'{bag}: stamps jump back {len(back)} times, by up to {farthest:.3f} s, first at '
             f'message {back[0] + 1}: {_ADVICE}'

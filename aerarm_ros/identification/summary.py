@@ -8,6 +8,7 @@ from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.base_parameters import BaseParameters
 from aerarm_ros.identification.identification_result import IdentificationResult, Solution
 from aerarm_ros.identification.joint_term import JointTerm
+from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.truth import InertialTorqueError
 
 
@@ -15,6 +16,7 @@ def summarise(
     result: IdentificationResult,
     seconds: Mapping[str, float],
     truth: Sequence[InertialTorqueError] = (),
+    payload: Payload | None = None,
 ) -> dict[str, Any]:
     """Return the summary: torque errors in percent, times in seconds.
 
@@ -25,6 +27,7 @@ def summarise(
         Stage to time [s]; their sum is added as 'total'.
     truth : sequence of InertialTorqueError
         Comparison with a simulated arm's true parameters, if there is one.
+    payload : Payload, optional
     """
     conditioner = result.conditioner
     summary: dict[str, Any] = {
@@ -35,6 +38,19 @@ def summarise(
             'thesis': _regressor(result.thesis_base),
             'used': _regressor(result.used_base),
         },
+        'base_parameters': result.used_base.expressions(),
+        'only_prior': list(result.only_prior),
+        'excitation': [
+            {
+                'bag': demand.bag,
+                'beyond_identified_range': {
+                    name: row.tolist()
+                    for name, row in zip(('q', 'dq', 'ddq'), demand.beyond, strict=True)
+                },
+                'torque_uncertainty': demand.uncertainty.tolist(),
+            }
+            for demand in result.demands
+        ],
         'conditioning': {
             'cutoff': conditioner.cutoff,
             'fundamental': conditioner.fundamental,
@@ -53,6 +69,16 @@ def summarise(
         'solvers': {name: _solver(solution) for name, solution in result.solutions.items()},
         'warnings': list(result.warnings),
     }
+    if payload is not None:
+        summary['payload'] = {
+            'link': payload.link,
+            'mass': payload.mass,
+            'mass_std': float(payload.std[0]),
+            'centre': payload.centre.tolist(),
+            'centre_std': payload.centre_std.tolist(),
+            'inertial_parameters': payload.inertial.tolist(),
+            'inertial_parameters_std': payload.std.tolist(),
+        }
     if truth:
         summary['inertial_torque_error'] = [
             {

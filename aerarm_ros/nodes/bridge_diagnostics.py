@@ -1,4 +1,4 @@
-"""What the bridge tells about itself on /diagnostics, once a second."""
+"""What the bridge tells about itself on /diagnostics, once a second and at every new mode."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.command_publishers import CommandPublishers
 from aerarm_ros.nodes.bridge_timing import BridgeTiming
 
+_LOOK = 0.1  # [s] between two looks at the mode
+_LOOKS_MAX = 10  # without a message
 _POWER_SOURCES = {
     'voltage': 'power from the voltages that the boards report',
     'model': 'power computed from current, resistance and speed: the frames carry none',
@@ -45,14 +47,22 @@ class BridgeDiagnostics:
             DiagnosticArray, topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.qos
         )
         self._watched: Watched | None = None
-        node.create_timer(1.0, self.publish)
+        self._looks = 0
+        self._mode = ''
+        node.create_timer(_LOOK, self._look)
 
     def watch(self, watched: Watched | None) -> None:
         """Report on a cycle from now on, or on nothing."""
         self._watched = watched
 
-    def publish(self) -> None:
-        """Publish the statuses."""
+    def _look(self) -> None:
+        mode = self._watched.cycle.mode if self._watched else ''
+        self._looks += 1
+        if mode != self._mode or self._looks >= _LOOKS_MAX:
+            self._mode, self._looks = mode, 0
+            self._publish()
+
+    def _publish(self) -> None:
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         watched = self._watched

@@ -35,6 +35,7 @@ _SETTINGS = {
     'velocity_factor': ('', 'multiple of the velocity limits at which the arm is stopped'),
     'effort_factor': ('', 'multiple of the effort limits at which the arm is stopped'),
     'position_error_max': ('rad', 'distance of a reference from the arm at which it is stopped'),
+    'current_lag': ('s', "time constant of the boards' current loop, for the mean torque"),
     'stall_time': ('s', 'time at the current limit without motion that is a fault'),
 }
 

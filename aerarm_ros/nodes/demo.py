@@ -44,10 +44,14 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parse(arguments)
     _isolate_from_other_ros_graphs()
     out: Path = options.out
-    if out.exists() and any(out.iterdir()):
-        print(f'demo: {out} is not empty: name another folder with --out', file=sys.stderr)
+    try:
+        if out.is_dir() and any(out.iterdir()):
+            raise FileExistsError('it is not empty')
+        (out / 'logs').mkdir(parents=True)
+    except OSError as error:
+        reason = error.strerror or error
+        print(f'demo: {out} cannot be used ({reason}): name another with --out', file=sys.stderr)
         return 2
-    (out / 'logs').mkdir(parents=True)
     started = time.monotonic()
     motions = [
         Motion('identification', options.seed, out / 'identification_bag'),
@@ -81,12 +85,22 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument('--seed', type=int, default=1, help='seed of the trajectories')
     parser.add_argument('--arm-seed', type=int, default=7, help="seed of the arm's true parameters")
     parser.add_argument(
-        '--periods', type=int, default=2, help='periods of 10 s in each trajectory (default: 2)'
+        '--periods',
+        type=_at_least_one,
+        default=2,
+        help='periods of 10 s in each trajectory (default: 2)',
     )
     parser.add_argument(
         '--priority', type=int, default=80, help='SCHED_FIFO priority of the bridge, 0 for none'
     )
     return parser.parse_args(arguments)
+
+
+def _at_least_one(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f'{value} is below 1')
+    return value
 
 
 def _isolate_from_other_ros_graphs() -> None:
@@ -148,6 +162,7 @@ def _run_motion(motion: Motion, logs: Path, options: argparse.Namespace) -> None
                     'seed': motion.seed,
                     'periods': options.periods,
                     'subscribers': 2,
+                    'wait_for_recorder': True,
                     'realtime_priority': max(0, options.priority - 1),
                 },
             )
@@ -168,9 +183,12 @@ def _identify(motions: list[Motion], out: Path) -> None:
         if identifier.wait(timeout=120.0) != 0:
             raise DemoError(f'identifier ended with {identifier.returncode}')
     # The promise of the demo, checked and not only printed.
-    summary = json.loads((out / 'result' / 'summary.json').read_text())
-    if not summary['solvers']['sdp']['physically_consistent']:
+    solvers = json.loads((out / 'result' / 'summary.json').read_text())['solvers']
+    if not solvers['sdp']['physically_consistent']:
         raise DemoError('the identified model is not physically consistent: see the report')
+    cad, identified = (solvers[name]['validation'][0]['filtered'] for name in ('cad', 'sdp'))
+    if identified > 0.5 * cad:
+        raise DemoError(f'the identified model ({identified:.1f} %) does not beat CAD clearly')
 
 
 def _recorder_summary(logs: Path, motion: Motion) -> str:

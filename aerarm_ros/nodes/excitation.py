@@ -5,7 +5,6 @@ Usage: ros2 run aerarm_ros excitation --ros-args -p seed:=1 -p periods:=2
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -14,13 +13,10 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from numpy.typing import NDArray
-from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.joint_sample import JointSample
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.joint_state_conversion import decode_joint_state, in_order
-from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.excitation.command_law import CommandLaw, FeedForwardLaw, VelocityLaw
@@ -29,20 +25,20 @@ from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_player import ExcitationPlayer
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.random_trajectory import RandomTrajectory
 from aerarm_ros.excitation.trajectory_file import TrajectoryFile, describe_margins
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.parameters import ParameterTable
 from aerarm_ros.nodes.progress_line import ProgressLine
+from aerarm_ros.nodes.start_conditions import MOVABLE, StartConditions
+from aerarm_ros.nodes.state_diagnostics import StateDiagnostics
+from aerarm_ros.nodes.state_stream import StateStream
 from aerarm_ros.nodes.stop_signals import StopSignals
 from aerarm_ros.realtime.scheduling import freeze_garbage_collector, lock_memory, set_fifo
-from aerarm_ros.realtime.timing_statistics import TimingStatistics
 
 NAME = 'excitation'
 VELOCITY, FULL = 'velocity', 'position_velocity_effort'
-MOVABLE = ('ready', 'running')
 # A pause of this process damps the arm; the next command is followed again. What the pause
 # did to the motion is judged by the tracking error.
 PLAYABLE = (*MOVABLE, 'damping')
@@ -109,16 +105,17 @@ class ExcitationNode:
         self._codec = JointStateCdr(self._names)
         command = topics.JOINT_COMMAND
         self._commands = self._node.create_publisher(command.type, command.name, command.qos)
-        self._states = RawReader(self._node, topics.JOINT_STATES)
-        self._mode = ''
-        self._recorded: set[str] = set()
-        for topic, callback in (
-            (topics.ARM_MODE, self._on_mode),
-            (topics.RECORDER_STATUS, self._on_recorder_status),
-        ):
-            self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
+        self._conditions = StartConditions(
+            self._node,
+            self._commands,
+            self._parameters.subscribers,
+            self._parameters.wait_for_recorder,
+        )
+        self._diagnostics = StateDiagnostics(self._node, lambda: '', self._diagnostic_values)
+        self._states = StateStream(self._node, self._names, self._diagnostics.add_rejection)
+        self._diagnostics.watch(self._states)
+        self._player: ExcitationPlayer | None = None
         self._stop = False
-        self._latency = TimingStatistics()
 
     def run(self) -> None:
         """Play the trajectory; `status` says how it ended."""
@@ -144,7 +141,7 @@ class ExcitationNode:
             start,
             go_back=self._parameters.return_to_start,
         )
-        player = ExcitationPlayer(
+        self._player = ExcitationPlayer(
             motion,
             self._law(),
             self._names,
@@ -153,8 +150,8 @@ class ExcitationNode:
             self._parameters.stop_time,
         )
         self._prepare_real_time()
-        self._play(player)
-        self._conclude(player)
+        self._play(self._player)
+        self._conclude(self._player)
 
     def _get_trajectory(self) -> FourierTrajectory:
         """Load or draw the trajectory, inside the limits, and save it if asked to."""
@@ -165,12 +162,8 @@ class ExcitationNode:
             report.require(values.trajectory)
             made_with = {'source': Path(values.trajectory).name}
         else:
-            candidates = RandomTrajectory(
-                setup.config.bias_of(setup.robot),
-                setup.config.bias_spread,
-                values.amplitude,
-                values.fundamental,
-                values.harmonics,
+            candidates = setup.random_trajectory(
+                values.amplitude, values.fundamental, values.harmonics
             )
             trajectory, report = candidates.draw_feasible(
                 values.seed, setup.checker, setup.config.ramp_time
@@ -189,63 +182,20 @@ class ExcitationNode:
     def _wait_for_arm(self) -> NDArray[np.float64] | None:
         """Return the posture [rad] once everything is there; None if asked to stop."""
         deadline = time.monotonic() + self._parameters.wait_timeout
-        posture, resting = None, False
+        state: ArmState | None = None
         while not self._stop:
-            missing = self._missing(posture is not None, resting)
-            if not missing:
-                return posture
+            missing = [*_missing_rest(state), *self._conditions.missing()]
+            if not missing and state is not None:
+                return state.q
             if time.monotonic() > deadline:
                 raise ExcitationError(
-                    f'waited {self._parameters.wait_timeout:g} s, and {"; ".join(missing)}'
+                    f'waited {self._parameters.wait_timeout:g} s, and '
+                    f'{"; ".join([*missing, self._diagnostics.last_rejection]).rstrip("; ")}'
                 )
-            state = self._next_state(0.1)
-            if state is not None:
-                posture, resting = state.position, bool(np.abs(state.velocity).max() < RESTING)
+            self._states.wait(0.1)
+            newest = self._states.newest_state()
+            state = state if newest is None else newest[1]
         return None
-
-    def _missing(self, has_state: bool, resting: bool) -> list[str]:
-        """Return what the motion cannot start without, in words."""
-        if self._mode == 'fault':
-            raise ExcitationError('arm_mode is fault: see /diagnostics, then call clear_fault')
-        wanted = self._parameters.subscribers
-        missing = []
-        if not has_state:
-            missing.append('no joint_states arrived: is the bridge running in this domain?')
-        elif not resting:
-            missing.append(f'the arm does not rest (below {RESTING} rad/s)')
-        if self._mode not in MOVABLE:
-            missing.append(f"arm_mode is '{self._mode}': call the bridge's enable service")
-        matched = self._commands.get_subscription_count()
-        if matched < wanted:
-            missing.append(f'joint_command has {matched} of {wanted} subscribers')
-        matched = self._node.count_subscribers(topics.JOINT_STATES.name)
-        if matched < wanted:
-            missing.append(f'joint_states has {matched} of {wanted} subscribers')
-        if self._parameters.wait_for_recorder:
-            missing += [
-                f'{topic.name} is not being recorded: is the recorder running?'
-                for topic in (topics.JOINT_STATES, topics.JOINT_COMMAND)
-                if self._node.resolve_topic_name(topic.name) not in self._recorded
-            ]
-        return missing
-
-    def _next_state(self, timeout: float) -> JointSample | None:
-        """Return the newest state with its joints in order, None if none came in time [s]."""
-        self._states.wait(timeout)
-        message = self._states.take_newest()
-        if message is None:
-            return None
-        sample = self._codec.unpack(message[0])
-        try:
-            if sample is None:
-                sample = in_order(*decode_joint_state(message[0]), self._names)
-        except ValueError as error:
-            raise ExcitationError(f'joint_states: {error}: check what publishes it') from error
-        if sample.position is None or sample.velocity is None:
-            raise ExcitationError(
-                'joint_states lacks position or velocity: check what publishes it'
-            )
-        return sample
 
     def _prepare_real_time(self) -> None:
         values = self._parameters
@@ -264,53 +214,63 @@ class ExcitationNode:
         heard = time.monotonic()
         try:
             while not player.done:
-                state = self._next_state(timeout)
-                if state is None:
-                    if time.monotonic() - heard > timeout:
-                        raise ExcitationError(
-                            f'no joint state for {timeout:g} s in the {player.stage}: did the '
-                            'bridge end?'
-                        )
+                self._states.wait(timeout)
+                newest = self._states.newest_state()
+                if newest is None:
+                    self._check_silence(heard, timeout, player.stage)
                     continue
                 heard = time.monotonic()
                 if self._stop:
                     player.stop()
-                if self._mode not in PLAYABLE:
-                    raise ExcitationError(f"arm_mode became '{self._mode}' in the {player.stage}")
-                command = player.update(state.stamp_ns, state.position)
-                self._commands.publish(self._codec.pack(state.stamp_ns, *command))
-                self._latency.add(time.time_ns() - state.stamp_ns)
-                if progress.due(state.stamp_ns):
+                if self._conditions.mode not in PLAYABLE:
+                    raise ExcitationError(
+                        f"arm_mode became '{self._conditions.mode}' in the {player.stage}"
+                    )
+                stamp_ns, state = newest
+                command = player.update(stamp_ns, state.q)
+                self._commands.publish(self._codec.pack(stamp_ns, *command))
+                self._diagnostics.latency.add(time.time_ns() - stamp_ns)
+                if progress.due(stamp_ns):
                     progress.show(_progress_text(player))
         finally:
             progress.close()
 
+    def _check_silence(self, heard: float, timeout: float, stage: str) -> None:
+        """Raise if the last joint state came too long ago."""
+        if time.monotonic() - heard > timeout:
+            why = self._diagnostics.last_rejection or 'did the bridge end?'
+            raise ExcitationError(f'no joint state for {timeout:g} s in the {stage}: {why}')
+
     def _conclude(self, player: ExcitationPlayer) -> None:
         if player.fault is not None:
             raise ExcitationError(player.fault)
-        error = player.largest_error.max()
-        latency = self._latency.summary()
         print(
-            f'{NAME}: {"stopped" if self._stop else "done"}: {latency.count} states answered, '
-            f'{self._states.lost() or 0} lost; answer p50 {latency.p50 * 1e6:.0f} us, p99 '
-            f'{latency.p99 * 1e6:.0f} us after the stamp; largest tracking error {error:.3f} rad',
+            f'{NAME}: {"stopped" if self._stop else "done"}: {self._diagnostics.account()}; '
+            f'largest tracking error {player.largest_error.max():.3f} rad',
             flush=True,
         )
         self.status = INTERRUPTED if self._stop else 0
 
-    def _on_mode(self, message: String) -> None:
-        self._mode = message.data
-
-    def _on_recorder_status(self, message: String) -> None:
-        try:
-            status = json.loads(message.data)
-            recording = status['state'] == 'recording'
-            self._recorded = set(status['matched']) if recording else set()
-        except (ValueError, KeyError, TypeError) as error:
-            self._node.get_logger().warning(f'recorder_status is not understood: {error}')
+    def _diagnostic_values(self) -> dict[str, object]:
+        player = self._player
+        if player is None:
+            return {'stage': 'waiting'}
+        return {
+            'stage': player.stage,
+            'played [%]': round(100.0 * player.progress, 1),
+            'largest tracking error [rad]': round(float(player.largest_error.max()), 4),
+        }
 
     def _on_stop(self) -> None:
         self._stop = True
+
+
+def _missing_rest(state: ArmState | None) -> list[str]:
+    if state is None:
+        return ['no joint_states arrived: is the bridge running in this domain?']
+    if np.abs(state.dq).max() >= RESTING:
+        return [f'the arm does not rest (below {RESTING} rad/s)']
+    return []
 
 
 def _progress_text(player: ExcitationPlayer) -> str:

@@ -114,7 +114,7 @@ class HardwareBridge(LifecycleNode):
         try:
             self._cycle.check_gains(*self._gains(changes))
         except ValueError as error:
-            return f'parameter board_{error}'
+            return f'gains of the boards: {error}'
         return ''
 
     def on_parameter(self, name: str, value: Any) -> None:
@@ -163,13 +163,13 @@ class HardwareBridge(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the cycle and switch the motors off."""
+        self._diagnostics.watch(None)
         if self._loop is not None:
             self._loop.stop()
         return SUCCESS if self.requests.wait_closed(_LOOP_END_TIMEOUT) else FAILURE
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Close the buses."""
-        self._diagnostics.watch(None)
         self._watch.destroy()
         self._streams.destroy()
         self._description.destroy()

@@ -101,6 +101,11 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         'bags to predict',
     ),
     (
+        '--payload',
+        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+        'bags of the same arm carrying something: its mass, centre of mass and inertia',
+    ),
+    (
         '--holdout',
         {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
         'validate on this last share of each --bag',
@@ -162,6 +167,26 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         '--friction',
         {'choices': ('auto', 'coulomb', 'load'), 'default': 'auto'},
         'joint model (default: %(default)s)',
+    ),
+    (
+        '--total-mass',
+        {'nargs': 2, 'type': float, 'metavar': ('MIN', 'MAX')},
+        'of all moving links, from weighing [kg]',
+    ),
+    (
+        '--bound-centres',
+        {'action': 'store_true'},
+        "keep each centre of mass in the box of the link's inertia in the URDF",
+    ),
+    (
+        '--solvers',
+        {
+            'nargs': '+',
+            'choices': ('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'sdp'),
+            'default': ['wls'],
+            'metavar': 'NAME',
+        },
+        'besides cad, ols and sdp: wls (default), huber, slsqp, annealing (these two take seconds)',
     ),
 )
 

@@ -41,7 +41,7 @@ class IdentifierBags:
     """
 
     def __init__(self, topic: str, joint_names: tuple[str, ...], mapping: JointMapping) -> None:
-        self._topic = topic
+        self._topic = '/' + topic.lstrip('/')
         self._joint_names = joint_names
         self._mapping = mapping
         self.messages: list[str] = []
@@ -113,7 +113,8 @@ def _check_complete(path: Path, topic: str, count: int) -> None:
 def _recorded_count(path: Path, topic: str) -> int:
     """Return how many messages metadata.yaml lists, 0 if it doesn't say."""
     try:
-        document = yaml.safe_load((path / 'metadata.yaml').read_text(encoding='utf-8'))
+        folder = path if path.is_dir() else path.parent
+        document = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))
         topics = document['rosbag2_bagfile_information']['topics_with_message_count']
         counts = {entry['topic_metadata']['name']: entry['message_count'] for entry in topics}
         return int(counts.get(topic, 0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,14 @@ from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
 from aerarm_ros.identification.conditioning import ConditioningOptions
 from aerarm_ros.identification.equivalent_friction import equivalent_friction
-from aerarm_ros.identification.estimate_file import estimate_yaml
+from aerarm_ros.identification.estimate_file import estimate_yaml, payload_yaml
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identified_urdf import identified_urdf
 from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify_payload import identify_payload
+from aerarm_ros.identification.link_bounds import LinkBounds
+from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.recording import (
     JointMapping,
     Recording,
@@ -49,7 +53,7 @@ class IdentifierRun:
         self._stopwatch = Stopwatch()
         if not 0.0 <= options.holdout < 1.0:
             raise IdentificationError(f'--holdout {options.holdout:g} must lie in 0 .. 1')
-        self._names = _bag_names([*options.bag, *options.validation])
+        self._names = _bag_names([*options.bag, *options.validation, *options.payload])
         self._config = self._load_config()
         self._robot = self._load_robot()
         mapping = JointMapping(
@@ -76,8 +80,12 @@ class IdentifierRun:
         with ResultDirectory(options.out or default) as directory:
             identification, validation = self._read()
             result = self._identify(identification, validation)
-            self._write(result, directory)
-        return _terminal_table(result) + f'\nReport: {directory.target / "report.html"}'
+            payload = self._payload(result)
+            self._write(result, payload, directory)
+        lines = [_terminal_table(result)]
+        if payload is not None:
+            lines.append(f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg')
+        return '\n'.join(lines) + f'\nReport: {directory.target / "report.html"}'
 
     def _load_config(self) -> ArmConfig | None:
         options = self._options
@@ -126,6 +134,11 @@ class IdentifierRun:
                 cutoff=options.cutoff,
             ),
             friction=options.friction,
+            solvers=tuple(options.solvers),
+            bounds=LinkBounds(
+                tuple(options.total_mass) if options.total_mass else None, options.bound_centres
+            ),
+            progress=lambda solver: _progress(f'solving by {solver}'),
         )
         result = identify(
             self._robot, self._config, identification, validation, chosen, self._stopwatch
@@ -135,7 +148,18 @@ class IdentifierRun:
             print(f'identifier: {text}', file=sys.stderr)
         return result
 
-    def _write(self, result: IdentificationResult, directory: ResultDirectory) -> None:
+    def _payload(self, result: IdentificationResult) -> Payload | None:
+        if not self._options.payload:
+            return None
+        _progress('identifying the payload')
+        with self._stopwatch.stage('reading'):
+            recordings = [self._recording(path) for path in self._options.payload]
+        with self._stopwatch.stage('payload'):
+            return identify_payload(result, recordings)
+
+    def _write(
+        self, result: IdentificationResult, payload: Payload | None, directory: ResultDirectory
+    ) -> None:
         _progress('writing the report')
         with self._stopwatch.stage('writing'):
             estimate = result.recommended.estimate
@@ -146,9 +170,11 @@ class IdentifierRun:
                 print(f'identifier: {text}', file=sys.stderr)
             result.warnings.extend(urdf.warnings)
             directory.write('identified.urdf', urdf.text)
-            extras = self._extras(result)
+            if payload is not None:
+                directory.write('payload.yaml', payload_yaml(estimate, payload))
+            extras = replace(self._extras(result), payload=payload)
             directory.write('report.html', report_html(result, extras))
-        summary = summarise(result, self._stopwatch.seconds, extras.truth_errors)
+        summary = summarise(result, self._stopwatch.seconds, extras.truth_errors, payload)
         directory.write_json('summary.json', summary)
 
     def _extras(self, result: IdentificationResult) -> ReportExtras:
@@ -207,7 +233,7 @@ def _terminal_table(result: IdentificationResult) -> str:
     width = max(18, *(len(bag) for bag in bags)) + 2
     lines = [
         'Torque error [%], filtered (raw)',
-        ' ' * 6 + ''.join(bag.rjust(width) for bag in bags),
+        ' ' * 10 + ''.join(bag.rjust(width) for bag in bags),
     ]
     for name, solution in result.solutions.items():
         cells = [
@@ -215,5 +241,5 @@ def _terminal_table(result: IdentificationResult) -> str:
             for bag in (*solution.identification, *solution.validation)
         ]
         consistent = '' if solution.estimate.physically_consistent else '  not a physical arm'
-        lines.append(name.ljust(6) + ''.join(cells) + consistent)
+        lines.append(name.ljust(10) + ''.join(cells) + consistent)
     return '\n'.join(lines)

@@ -78,7 +78,13 @@ class SpiServer:
             return
         connection.sendall(COUNT.pack(0))
         device.connection = connection
-        self.selector.register(connection, selectors.EVENT_READ, lambda: self.transfer(device))
+        self.selector.register(connection, selectors.EVENT_READ, lambda: self.serve(device))
+
+    def serve(self, device: Device) -> None:
+        try:
+            self.transfer(device)
+        except ConnectionError:  # its process was killed
+            self.hang_up(device)
 
     def transfer(self, device: Device) -> None:
         header = device.connection.recv(HEADER.size, socket.MSG_WAITALL)

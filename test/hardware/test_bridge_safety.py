@@ -111,6 +111,20 @@ def test_shutdown_survives_a_lost_frame(rig):
     assert not board.system_enabled
 
 
+def test_boards_switch_off_by_themselves_when_the_bridge_is_gone(rig):
+    rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.5, 0.5], None))
+    for _ in range(18):
+        rig.now += 1e-3
+        rig.boards.advance(rig.now)
+    assert all(board.system_enabled for board in rig.boards.boards)
+    for _ in range(5):
+        rig.now += 1e-3
+        rig.boards.advance(rig.now)
+    assert not any(board.system_enabled for board in rig.boards.boards)
+    assert {board.error for board in rig.boards.boards} == {2}
+    assert not any(motor.target_current for board in rig.boards.boards for motor in board.motors)
+
+
 def test_enabling_outside_the_limits_is_refused(make_rig):
     rig = make_rig(position=[0.0, 3.73, 0.0, 0.0])
     rig.run(0.02)

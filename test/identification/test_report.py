@@ -77,15 +77,18 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
         'Torque errors joint by joint',
         'Against the true parameters',
         'Identification bag1: measured and predicted torque',
+        'Identification bag1: spectrum of the residual',
         'Identification bag1: velocities',
         'Validation bag2: measured and predicted torque',
+        'Validation bag2: spectrum of the residual',
         'Validation bag2: velocities',
+        'Inertia boxes',
         'Parameters',
         'Base parameters',
         'Friction models',
         'Conditioning and excitation',
     ]
-    assert html.count('Plotly.newPlot(') == 4
+    assert html.count('Plotly.newPlot(') == 7
     assert '"name":"desired"' in html
     text = ' '.join(page.texts)
     sdp, cad = (result.solutions[name].validation[0].filtered for name in ('sdp', 'cad'))
@@ -113,14 +116,17 @@ def test_a_real_browser_draws_every_figure(html: str, tmp_path: Path) -> None:
     )
     page.write_text(html.replace('<head>', '<head>' + watch))
     options = ['--headless', '--no-sandbox', '--disable-gpu', '--virtual-time-budget=10000']
+    options += ['--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader']
     options += [f'--user-data-dir={tmp_path / "profile"}', '--dump-dom', page.as_uri()]
     done = subprocess.run([CHROMIUM, *options], capture_output=True, text=True, timeout=120)
     root = done.stdout[: done.stdout.index('<head>')]
     assert 'data-error' not in root
     assert 'data-fetched' not in root
     body = done.stdout[done.stdout.rindex('<body>') :]
-    # Three curves of torque a bag, two of velocity in the one with commands, and the legends.
-    names = 3 + 2 + 3 + 1
-    assert len(re.findall(r'class="js-line"', body)) == 4 * names + names
+    # A bag has three curves of torque, two of its spectrum, one or two (with commands) of
+    # velocity; all are in legends too, and there the line of the three-dimensional arm.
+    names = 2 * (3 + 2) + 2 + 1
+    assert len(re.findall(r'class="js-line"', body)) == 4 * names + names + 1
+    assert 'WebGL is not supported' not in body
     for joint in ('joint1', 'joint4'):
         assert f'{joint} [Nm]' in body

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.solvers import RECOMMENDED, physical_limits, solve_all
 
@@ -33,3 +34,18 @@ def test_limits_are_those_of_cad(result: IdentificationResult) -> None:
     assert np.array_equal(limits.mass, result.cad.inertial[:, 0])
     assert limits.nonnegative.all()
     assert np.all((limits.size >= 0.05) & (limits.size < 1.0))
+    lower, upper = limits.centre_box
+    centre = result.cad.inertial[:, 1:4] / result.cad.inertial[:, :1]
+    assert np.all((lower < centre) & (centre < upper))
+
+
+def test_slow_ones_run_if_asked_for_and_tell(result: IdentificationResult) -> None:
+    told: list[str] = []
+    estimates = solve_all(result.fit, result.cad, result.identification, ['slsqp'], told.append)
+    assert list(estimates) == ['cad', 'ols', 'slsqp', 'sdp']
+    assert told == ['slsqp']
+
+
+def test_an_unknown_solver_is_refused(result: IdentificationResult) -> None:
+    with pytest.raises(IdentificationError, match='choose among cad, ols'):
+        solve_all(result.fit, result.cad, names=['magic'])

@@ -68,3 +68,18 @@ def test_faults_are_refused_with_advice(kind: str, text: str) -> None:
     with pytest.raises(IdentificationError, match=text) as caught:
         sound_messages('bag', broken(kind))
     assert 'record again' in str(caught.value)
+
+
+def test_a_clock_set_back_by_less_than_a_gap_is_refused() -> None:
+    stamp = 1e-3 * np.arange(20_000)
+    stamp[9_000:] -= 0.0504
+    with pytest.raises(IdentificationError, match='jump back'):
+        sound_messages('bag', stamp)
+
+
+def test_two_swapped_messages_are_put_in_their_place() -> None:
+    stamp = 1e-3 * np.arange(20_000)
+    stamp[[9_000, 9_001]] = stamp[[9_001, 9_000]]
+    order, warnings = sound_messages('bag', stamp)
+    assert np.all(np.diff(stamp[order]) > 0)
+    assert len(warnings) == 1

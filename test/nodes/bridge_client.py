@@ -2,16 +2,22 @@
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
+from aerarm_ros.nodes.node_process import NodeProcess
 
+StartBridge = Callable[..., NodeProcess]  # of fixture start_bridge
 JOINTS = ['joint1', 'joint2', 'joint3', 'joint4']
 
 
@@ -27,8 +33,9 @@ class BridgeClient:
         self.diagnostics: dict[str, dict[str, str]] = {}
         self.messages: dict[str, str] = {}
         self.diagnosed = 0.0  # stamp of the newest diagnostics [s]
-        self.answer: Callable[[JointState], JointState] | None = None
+        self.answer: Callable[[JointState], JointState | None] | None = None
         self.commands = self._publisher()
+        self._parameters = AsyncParameterClient(node, bridge)
         for topic, store in (
             (topics.JOINT_STATES, self._on_state),
             (topics.MOTOR_STATES, self.motors.append),
@@ -41,10 +48,23 @@ class BridgeClient:
     def call(self, service: str) -> Trigger.Response:
         client = self._node.create_client(Trigger, f'{self._bridge}/{service}')
         assert client.wait_for_service(20.0), service
-        future = client.call_async(Trigger.Request())
+        return self._wait_answer(client.call_async(Trigger.Request()))
+
+    def set_parameters(self, **values: object) -> list[str]:
+        """Set parameters of the bridge; return the reasons of those that it rejected."""
+        parameters = [Parameter(name, value=value) for name, value in values.items()]
+        answer = self._wait_answer(self._parameters.set_parameters(parameters))
+        return [result.reason for result in answer.results if not result.successful]
+
+    def get_parameters(self, *names: str) -> list[object]:
+        """Return values of parameters of the bridge."""
+        answer = self._wait_answer(self._parameters.get_parameters(list(names)))
+        return [parameter_value_to_python(value) for value in answer.values]
+
+    def _wait_answer(self, future: Future) -> Any:
         rclpy.spin_until_future_complete(self._node, future, timeout_sec=10.0)
         answer = future.result()
-        assert answer is not None, service
+        assert answer is not None, 'no answer'
         return answer
 
     def spin(self, seconds: float) -> None:
@@ -72,8 +92,9 @@ class BridgeClient:
 
     def _on_state(self, state: JointState) -> None:
         self.states.append(state)
-        if self.answer is not None:
-            self.commands.publish(self.answer(state))
+        command = self.answer(state) if self.answer else None
+        if command is not None:
+            self.commands.publish(command)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self.diagnosed = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec

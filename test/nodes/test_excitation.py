@@ -121,9 +121,14 @@ def test_drives_the_emulated_boards(tmp_path: Path, environment, ros_node: Node)
     assert 'done' in log
 
 
-def test_full_mode_and_another_joint_order(tmp_path: Path, environment) -> None:
+def test_full_mode_from_a_file_with_another_joint_order(tmp_path: Path, environment) -> None:
+    bias = np.array(load_excitation_config().bias)
+    generator = np.random.default_rng(1)
+    coefficients = generator.uniform(-0.2, 0.2, (2, 4, 2))
+    path = tmp_path / 'gentle.yaml'
+    TrajectoryFile(FourierTrajectory(0.5, bias[::-1], *coefficients), NAMES[::-1]).save(path)
     with ideal_arm(tmp_path, environment, '--full', '--reversed') as seen:
-        status, log = run(environment, tmp_path, mode='position_velocity_effort')
+        status, log = run(environment, tmp_path, mode='position_velocity_effort', trajectory=path)
     assert status == 0, log
     np.testing.assert_allclose(seen['trace'][-1, 1:5], START, atol=2e-2)
 
@@ -164,10 +169,13 @@ def test_trouble_ends_the_motion(tmp_path: Path, environment, fault: str, messag
 
 def test_says_what_it_waits_for(tmp_path: Path, environment) -> None:
     with ideal_arm(tmp_path, environment, '--mode', 'idle'):
-        status, log = run(environment, tmp_path, wait_timeout=3, subscribers=2)
+        status, log = run(
+            environment, tmp_path, wait_timeout=3, subscribers=2, wait_for_recorder=True
+        )
     assert status == 1
     assert "arm_mode is 'idle': call the bridge's enable service" in log
     assert 'joint_command has 1 of 2 subscribers' in log
+    assert 'joint_states is not being recorded' in log
 
 
 def test_a_start_in_collision_is_refused(tmp_path: Path, environment) -> None:

@@ -2,29 +2,15 @@
 
 import math
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from bridge_client import JOINTS, BridgeClient, velocity_command
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from aerarm_ros.nodes.node_process import NodeProcess
-
-
-@pytest.fixture
-def bridge(ros_domain: dict[str, str], tmp_path: Path) -> Iterator[NodeProcess]:
-    parameters = {'seed': 3, 'truth_file': tmp_path / 'truth.yaml'}
-    with NodeProcess('fake_hardware', (), parameters, log=tmp_path / 'log') as process:
-        yield process
-
-
-@pytest.fixture
-def client(bridge: NodeProcess, ros_node: Node) -> BridgeClient:
-    return BridgeClient(ros_node)
 
 
 def test_publishes_states_of_all_joints_and_motors(client: BridgeClient) -> None:

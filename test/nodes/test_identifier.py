@@ -140,6 +140,34 @@ def test_summary_tells_what_was_found(run: tuple[str, Path]) -> None:
     )
 
 
+def test_a_payload_is_weighed_and_slow_solvers_run_on_demand(
+    bags: Path, robot: Robot, tmp_path: Path
+) -> None:
+    stamp, q, dq, ddq = motion(3)
+    loaded = np.array(robot.inertial_parameters)
+    point = np.array([0.1, 0.0, 0.0, 1.0])
+    loaded[-1] += from_pseudo_inertia(
+        0.25 * (np.outer(point, point) + 1e-3 * np.diag([1, 1, 1, 0]))
+    )
+    # `measured` makes the arm a fifth heavier, and displaces its matter, as without payload.
+    tau = measured(robot.with_inertial_parameters(loaded), q, dq, ddq)
+    write_bag(tmp_path / 'carrying', stamp, (q, dq, tau))
+    out = tmp_path / 'out'
+    done = identifier(
+        *('--bag', bags / 'identification', '--payload', tmp_path / 'carrying', '--out', out),
+        *('--solvers', 'huber'),
+    )
+    assert done.returncode == 0, done.stderr
+    assert 'Payload: 0.' in done.stdout
+    payload = yaml.safe_load((out / 'payload.yaml').read_text())['/**']['ros__parameters']
+    assert payload['payload']['mass'] == pytest.approx(0.3, rel=0.02)
+    assert len(payload['inertial_parameters']) == 40
+    summary = json.loads((out / 'summary.json').read_text())
+    assert summary['payload']['mass'] == payload['payload']['mass']
+    assert set(summary['solvers']) == {'cad', 'ols', 'huber', 'sdp'}
+    assert 'carried by link4' in (out / 'report.html').read_text()
+
+
 def test_urdf_reloads_and_is_physical(run: tuple[str, Path], robot: Robot) -> None:
     identified = load_robot(run[1] / 'identified.urdf')
     assert identified.joint_names == robot.joint_names

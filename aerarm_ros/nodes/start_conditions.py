@@ -1,0 +1,85 @@
+"""What has to be there before a node moves the arm."""
+
+from __future__ import annotations
+
+import json
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_ros.excitation.excitation_error import ExcitationError
+
+MOVABLE = ('ready', 'running')
+
+
+class StartConditions:
+    """Follows arm_mode and recorder_status, and says in words what is missing.
+
+    Its callbacks need an executor that spins the node.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscriptions.
+    commands
+        Publisher of joint_command.
+    subscribers
+        How many subscribers joint_command and joint_states must have.
+    recorder
+        Whether the recorder must have found both.
+
+    Attributes
+    ----------
+    mode
+        Last arm_mode, '' before the first.
+    """
+
+    def __init__(self, node: Node, commands: Publisher, subscribers: int, recorder: bool) -> None:
+        self.mode = ''
+        self._node = node
+        self._commands = commands
+        self._subscribers = subscribers
+        self._recorder = recorder
+        self._recorded: set[str] = set()
+        for topic, callback in (
+            (topics.ARM_MODE, self._on_mode),
+            (topics.RECORDER_STATUS, self._on_recorder_status),
+        ):
+            node.create_subscription(topic.type, topic.name, callback, topic.qos)
+
+    def missing(self) -> list[str]:
+        """Return what is missing, a phrase each.
+
+        Raises
+        ------
+        ExcitationError
+            If the arm is in fault, which waiting does not mend.
+        """
+        if self.mode == 'fault':
+            raise ExcitationError('arm_mode is fault: see /diagnostics, then call clear_fault')
+        missing = []
+        if self.mode not in MOVABLE:
+            missing.append(f"arm_mode is '{self.mode}': call the bridge's enable service")
+        matched = {
+            topics.JOINT_COMMAND.name: self._commands.get_subscription_count(),
+            topics.JOINT_STATES.name: self._node.count_subscribers(topics.JOINT_STATES.name),
+        }
+        for name, count in matched.items():
+            if count < self._subscribers:
+                missing.append(f'{name} has {count} of {self._subscribers} subscribers')
+            if self._recorder and self._node.resolve_topic_name(name) not in self._recorded:
+                missing.append(f'{name} is not being recorded: is the recorder running?')
+        return missing
+
+    def _on_mode(self, message: String) -> None:
+        self.mode = message.data
+
+    def _on_recorder_status(self, message: String) -> None:
+        try:
+            status = json.loads(message.data)
+            recording = status['state'] == 'recording'
+            self._recorded = set(status['matched']) if recording else set()
+        except (ValueError, KeyError, TypeError) as error:
+            self._node.get_logger().warning(f'recorder_status is not understood: {error}')

@@ -1,0 +1,220 @@
+"""The bridge at 1 kHz: cost of its cycle, and how it keeps its time with a controller attached.
+
+First, in this process: the frame codec, the cycle with emulated boards, and 100,000 cycles of
+it, whose memory and cost must not grow. Then three processes over real DDS: fake_hardware,
+computed_torque, and a client that gets and sets parameters of the bridge ten times a second.
+"""
+
+import argparse
+import gc
+import os
+import resource
+import sys
+import time
+import timeit
+from contextlib import ExitStack
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+
+from aerarm_msgs_py.topics import DIAGNOSTICS
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.hardware.board_command import BoardCommand
+from aerarm_ros.hardware.board_state import BoardState
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation import make_emulated_transport
+from aerarm_ros.hardware.frame_codec import FrameCodec
+from aerarm_ros.hardware.frame_profile import load_profile
+from aerarm_ros.nodes.arm_client import ArmClient
+from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_ros.realtime.timing_statistics import TimingStatistics
+
+PERIOD = 1e-3
+CLIENT_PERIOD = 0.1
+BRIDGE, CONTROLLER = 'fake_hardware', 'computed_torque'
+STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
+SWING = np.array([0.5, 0.1, 0.5, 0.5])
+
+
+class Diagnosed:
+    """Values of the newest diagnostics by status, and a client of the bridge's parameters."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self.values: dict[str, dict[str, str]] = {}
+        self.messages: dict[str, str] = {}
+        self._client = AsyncParameterClient(node, BRIDGE)
+        node.create_subscription(
+            DIAGNOSTICS.type, DIAGNOSTICS.name, self._on_diagnostics, DIAGNOSTICS.qos
+        )
+
+    def spin(self, seconds: float) -> None:
+        """Receive for a time [s]."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            rclpy.spin_once(self._node, timeout_sec=left)
+
+    def wait_for(self, status: str) -> None:
+        """Wait until a status has been received."""
+        end = time.monotonic() + 20.0
+        while status not in self.values:
+            if time.monotonic() > end:
+                raise SystemExit(f'bridge: no diagnostics of {status}')
+            self.spin(0.1)
+
+    def use_parameters(self, seconds: float) -> int:
+        """Get and set a parameter ten times a second; return how many answers came."""
+        answers = 0
+        for step in range(round(seconds / CLIENT_PERIOD)):
+            start = time.monotonic()
+            gains = [Parameter('board_kd', value=[0.1 + 0.001 * (step % 50)])]
+            for future in (
+                self._client.set_parameters(gains),
+                self._client.get_parameters(['board_kd', 'period']),
+            ):
+                rclpy.spin_until_future_complete(self._node, future, timeout_sec=1.0)
+                answers += future.done()
+            self.spin(start + CLIENT_PERIOD - time.monotonic())
+        return answers
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            part = status.name.rsplit(' ', 1)[-1]
+            self.values[part] = {item.key: item.value for item in status.values}
+            self.messages[part] = status.message
+
+
+def codec_costs() -> None:
+    codec = FrameCodec(load_profile())
+    command = BoardCommand(position=[1.0, 2.0], velocity=[3.0, 4.0], kp=[5.0, 5.0], kd=[0.2, 0.2])
+    state = BoardState()
+    frame = codec.encode_state(BoardState(position=[1.0, 2.0], velocity=[3.0, 4.0]))
+    for name, call in (
+        ('encode a command frame', lambda: codec.encode(command)),
+        ('decode a sensor frame', lambda: codec.decode(frame, state)),
+    ):
+        best = min(timeit.repeat(call, number=2000, repeat=5)) / 2000
+        print(f'{name:38}{1e6 * best:8.1f} us')
+
+
+def cycle_costs(cycles: int) -> None:
+    """Run a bridge on emulated boards as fast as it goes; compare its beginning and its end."""
+    config = load_arm_config()
+    boards = make_emulated_transport(config, load_robot(), 1)
+    cycle = BridgeCycle(config, boards)
+    now = 100.0
+    first, last, emulation = TimingStatistics(), TimingStatistics(), TimingStatistics()
+    blocks = 0
+    for index in range(-2000, cycles):
+        now += PERIOD
+        if index == -1980:
+            cycle.enable()
+        if index >= 0:
+            velocity = SWING * np.sin(3.0 * now)
+            cycle.command(config.joint_names, None, velocity, None, PERIOD, now, 1)
+        start = time.perf_counter_ns()
+        boards.advance(now)
+        half = time.perf_counter_ns()
+        cycle.update(now)
+        end = time.perf_counter_ns()
+        if 0 <= index < 1000:
+            first.add(end - start)
+        elif index >= cycles - 1000:
+            last.add(end - start)
+            emulation.add(half - start)
+        if index == 1000:
+            gc.collect()
+            blocks, memory = sys.getallocatedblocks(), peak_memory()
+    gc.collect()
+    print(f'{"cycle, boards emulated: first 1000":38}{1e6 * first.summary().p50:8.1f} us (median)')
+    print(f'{"last 1000":>38}{1e6 * last.summary().p50:8.1f} us')
+    print(f'{"of it physics of arm and motors":>38}{1e6 * emulation.summary().p50:8.1f} us')
+    print(
+        f'{cycles} cycles: {sys.getallocatedblocks() - blocks:+d} memory blocks, '
+        f'{peak_memory() - memory:+d} KiB since the 1000th, mode {cycle.mode}'
+    )
+
+
+def peak_memory() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def processor_time(process: NodeProcess) -> float:
+    """Processor time that a process has used [s]."""
+    with open(f'/proc/{process.pid}/stat') as file:
+        fields = file.read().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def real_time_run(seconds: float) -> None:
+    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    os.environ['OPENBLAS_NUM_THREADS'] = '1'
+    rclpy.init(args=[])
+    node = rclpy.create_node('bench')
+    diagnosed, arm = Diagnosed(node), ArmClient(node, [BRIDGE])
+    with ExitStack() as stack:
+        bridge, controller = (
+            stack.enter_context(
+                NodeProcess(name, (), {'realtime_priority': priority, 'lock_memory': True})
+            )
+            for name, priority in ((BRIDGE, 80), (CONTROLLER, 70))
+        )
+        arm.wait_for_mode(['idle'], 30.0)
+        arm.call('enable')
+        arm.wait_for_mode(['running'], 30.0)
+        diagnosed.wait_for(CONTROLLER)
+        diagnosed.spin(2.0)
+        processes = {'bridge': bridge, 'controller': controller}
+        used = {name: processor_time(process) for name, process in processes.items()}
+        before, start = dict(diagnosed.values['timing']), time.monotonic()
+        answers = diagnosed.use_parameters(seconds)
+        diagnosed.spin(1.1)
+        passed = time.monotonic() - start
+        used = {name: processor_time(p) - used[name] for name, p in processes.items()}
+        report(diagnosed, before, answers)
+        for name, share in used.items():
+            print(f'{"CPU of the " + name:38}{100.0 * share / passed:8.1f} % of a core')
+        print(f'{"mode at the end":38}{diagnosed.values["arm"]["mode"]:>8}')
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def report(diagnosed: Diagnosed, before: dict[str, str], answers: int) -> None:
+    timing = diagnosed.values['timing']
+
+    def counted(name: str) -> int:
+        return int(timing[name]) - int(before[name])
+
+    cycles, missed = counted('cycles'), counted('missed cycles')
+    fresh = counted('commands answering the last state')
+    print(f'{"cycles run, missed":38}{cycles:8d} {missed:7d}')
+    print(f'{"fresh commands":38}{100.0 * fresh / max(cycles, 1):8.2f} % (goal 99.9, idle machine)')
+    print(f'{"parameter answers":38}{answers:8d}')
+    print(f'{"[us]":38}' + ''.join(f'{name:>8}' for name in STATISTICS))
+    for what in ('period', 'wake lateness', 'execution time', 'command age'):
+        row = ''.join(f'{timing[f"{what} {name} [us]"]:>8}' for name in STATISTICS)
+        print(f'{what:38}{row}')
+    controller = diagnosed.values[CONTROLLER]
+    latency = ', '.join(f'{name} {controller[f"answer {name} [us]"]}' for name in ('p50', 'p99'))
+    print(f'{"state to command [us]":38}{latency}')
+    print(f'{"timing status":38}{diagnosed.messages["timing"]}')
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--seconds', type=float, default=60.0, help='length of the run')
+    parser.add_argument('--pure-cycles', type=int, default=100_000, help='cycles without ROS')
+    options, _ = parser.parse_known_args()
+    codec_costs()
+    cycle_costs(options.pure_cycles)
+    real_time_run(options.seconds)
+
+
+if __name__ == '__main__':
+    main()

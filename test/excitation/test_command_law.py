@@ -1,0 +1,30 @@
+"""What each command mode makes of a reference."""
+
+import numpy as np
+
+from aerarm_ros.excitation.command_law import FeedForwardLaw, VelocityLaw
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.joint_reference import JointReference
+
+REFERENCE = JointReference(*np.random.default_rng(0).normal(size=(3, 4)))
+MEASURED = REFERENCE.position + 0.01
+
+
+def test_velocity_law_corrects_the_position_error() -> None:
+    command = VelocityLaw(2.0).command(REFERENCE, MEASURED)
+    np.testing.assert_allclose(command.velocity, REFERENCE.velocity - 0.02)
+    assert command.position is None
+    assert command.effort is None
+
+
+def test_without_gain_it_is_the_thesis_pure_velocity_command() -> None:
+    command = VelocityLaw(0.0).command(REFERENCE, MEASURED)
+    np.testing.assert_array_equal(command.velocity, REFERENCE.velocity)
+
+
+def test_feed_forward_is_the_torque_of_the_reference(setup: ExcitationSetup) -> None:
+    command = FeedForwardLaw(setup.effort_model).command(REFERENCE, MEASURED)
+    np.testing.assert_array_equal(command.position, REFERENCE.position)
+    np.testing.assert_array_equal(command.velocity, REFERENCE.velocity)
+    rows = (part[np.newaxis] for part in REFERENCE)
+    np.testing.assert_allclose(command.effort, setup.effort_model.effort(*rows)[0])

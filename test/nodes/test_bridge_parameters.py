@@ -1,0 +1,105 @@
+"""Parameters of a running bridge: gains, real-time requests, and a busy parameter client."""
+
+import re
+import time
+
+import pytest
+from bridge_client import BridgeClient, StartBridge, velocity_command
+from rclpy.node import Node
+
+STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
+REJECTED = [
+    ('board_kp', [9.0], 'gains of the boards: kp is .* hold 0 to 5.09'),
+    ('board_kd', [0.1, 0.1], 'kd has 2 values: give 1 or 4'),
+    ('board_kd', [-0.1], 'board_kd must be a list of finite numbers .* at least 0'),
+    ('board_kp', 'stiff', 'DOUBLE_ARRAY'),
+    ('board_ki', [1.0], 'integral_gain is .* profile uomodri_v3 hold 0 to 0'),
+    ('period', 0.002, 'period'),
+]
+
+
+def test_gains_are_live_and_bad_ones_are_not_stored(client: BridgeClient) -> None:
+    client.make_ready()
+    for name, value, hint in REJECTED:
+        before = client.get_parameters(name)
+        (reason,) = client.set_parameters(**{name: value})
+        assert re.search(hint, reason), reason
+        assert client.get_parameters(name) == before
+    # Without stiffness the arm gives way to its weight; damping lets it sink slowly.
+    height = client.states[-1].position[1]
+    assert client.set_parameters(board_kp=[0.0], board_kd=[0.2, 0.1, 0.1, 0.1]) == []
+    assert client.get_parameters('board_kp', 'board_kd') == [[0.0], [0.2, 0.1, 0.1, 0.1]]
+    client.answer = lambda state: velocity_command(state, [0.0, -0.5, 0.0, 0.0])
+    client.wait_for(lambda: client.states[-1].position[1] < height - 0.3)
+    assert client.set_parameters(board_kp=[], board_kd=[]) == []
+    client.answer = lambda state: velocity_command(state, [0.0, 0.5, 0.0, 0.0])
+    client.wait_for(lambda: client.states[-1].position[1] > height - 0.05)
+    assert client.modes[-1] == 'running'
+
+
+def test_the_integral_gain_of_the_thesis(start_bridge: StartBridge, ros_node: Node) -> None:
+    start_bridge(profile='laas_power', board_ki=[2.0], profile_scales=['bus_voltage=0.002'])
+    client = BridgeClient(ros_node)
+    client.make_ready()
+    assert client.set_parameters(board_ki=[1.0, 2.0, 1.0, 2.0]) == []
+    client.wait_for(lambda: 'motors' in client.diagnostics)
+    assert 'voltages that the boards report' in client.messages['motors']
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'text'),
+    [
+        ({'profile': 'udriver_v9'}, 'udriver_v9'),
+        ({'profile_scales': ['tension=0.1']}, "profile_scales: profile uomodri_v3 carries no 'te"),
+        ({'board_kp': [9.0]}, 'hold 0 to 5.09'),
+    ],
+)
+def test_what_cannot_be_configured_is_said(
+    start_bridge: StartBridge, parameters: dict, text: str
+) -> None:
+    process = start_bridge(**parameters)
+    assert process.wait(30.0) == 1
+    assert text in process.tail()
+    assert 'Traceback' not in process.tail(100)
+
+
+def test_refused_real_time_requests_are_warnings_with_advice(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    process = start_bridge(cpus=[1000])
+    client = BridgeClient(ros_node)
+    client.wait_for_mode('idle')
+    client.wait_for(lambda: 'CPUs [1000] were refused' in process.tail())
+    assert 'isolcpus' in process.tail()
+
+
+def test_parameters_are_served_ten_times_a_second_while_the_loop_runs(
+    client: BridgeClient,
+) -> None:
+    client.make_ready()
+    client.answer = lambda state: velocity_command(state, [0.1, 0.0, 0.1, 0.1])
+    client.wait_for_mode('running')
+    start = int(client.diagnostics['timing']['cycles'])
+    for step in range(25):
+        kd = [0.1 + 0.004 * step]
+        assert client.set_parameters(board_kd=kd) == []
+        assert client.get_parameters('board_kd', 'period', 'stall_time') == [kd, 0.001, 0.05]
+        client.spin(0.1)
+    client.wait_for(lambda: int(client.diagnostics['timing']['cycles']) > start + 500)
+    timing = client.diagnostics['timing']
+    for what in ('period', 'wake lateness', 'execution time', 'command age'):
+        values = [float(timing[f'{what} {name} [us]']) for name in STATISTICS]
+        assert values[2] <= values[3] <= values[4] <= values[5]
+    assert 'fault' not in client.modes
+
+
+def test_energy_grows_while_the_arm_is_held(client: BridgeClient) -> None:
+    client.make_ready()
+    client.answer = lambda state: velocity_command(state, [0.3, -0.3, 0.0, 0.0])
+    client.wait_for_mode('running')
+    assert 'computed from current, resistance and speed' in client.messages['motors']
+    client.wait_for(lambda: float(client.diagnostics['motors']['joint2 energy [J]']) > 0.1)
+    motors = client.diagnostics['motors']
+    parts = [float(motors[f'joint{k} energy [J]']) for k in (1, 2, 3, 4)]
+    assert float(motors['energy [J]']) == pytest.approx(sum(parts), abs=0.3)
+    assert time.time() - client.diagnosed < 5.0

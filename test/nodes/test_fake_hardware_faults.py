@@ -1,0 +1,133 @@
+"""Every fault that can be injected, through a running bridge: by parameter and by service."""
+
+import re
+
+import numpy as np
+import pytest
+from bridge_client import BridgeClient, StartBridge, velocity_command
+from sensor_msgs.msg import JointState
+
+MOVING = [0.5, 0.0, 0.5, 0.5]
+STILL = [0.0] * 4
+
+# Fault, what the diagnostics say, joints whose states still arrive, whether the board needs a
+# power cycle: whoever hears no frame for board_timeout switches off, and keeps that error.
+FAULTS = [
+    ('bit_errors:1:0:1.0', 'board1: .* frames in a row were bad', [0, 1], True),
+    ('lost_frames:0:0:1.0', 'board0: .* frames in a row were bad', [2, 3], True),
+    ('encoder_jump:1:1:20', 'encoder of joint4 jumped by (19|2[0-2])', [0, 1, 2], False),
+    ('slow_bus:0', 'board0: exchanges take 2.00 ms', [0, 1, 2, 3], False),
+    ('dead_board:1', 'board1: .* frames in a row were bad', [0, 1], True),
+    ('over_temperature:0', r'board0: error 3 \(critical temperature\)', [2, 3], True),
+    ('driver_error:1', r'board1: error 7 \(driver fault\)', [0, 1], True),
+    ('board_timeout:0', r'board0: error 2 \(SPI receive time-out\)', [2, 3], True),
+]
+
+
+@pytest.fixture
+def client(start_bridge: StartBridge, ros_node) -> BridgeClient:
+    # Times that no other work on the machine reaches.
+    start_bridge(command_timeout=0.2, stamp_age_max=0.2)
+    client = BridgeClient(ros_node)
+    client.make_ready()
+    return client
+
+
+def move(client: BridgeClient, velocity: list[float]) -> None:
+    """Have the arm follow a velocity, away from its limits."""
+
+    def answer(state: JointState) -> JointState:
+        away = np.where(np.array(state.position) > 0.6, -1.0, 1.0)
+        away[1] = 1.0
+        return velocity_command(state, (away * velocity).tolist())
+
+    client.answer = answer
+    client.wait_for_mode('running')
+    if any(velocity):
+        client.wait_for(lambda: abs(client.states[-1].velocity[0]) > 0.3)
+
+
+def recover(client: BridgeClient, fault: str, align: bool) -> None:
+    client.answer = None
+    name, board = fault.split(':')[:2]
+    if align:
+        assert client.set_parameters(fault=f'power_cycle:{board}') == []
+        assert client.call('disable').success
+    elif name == 'slow_bus':
+        assert client.set_parameters(fault=f'slow_bus:{board}:0:5e-5') == []
+    client.wait_for(lambda: client.call('clear_fault').success)
+    if align:
+        client.wait_for(lambda: client.call('enable').success)
+    client.wait_for_mode('ready')
+
+
+@pytest.mark.parametrize('velocity', [STILL, MOVING], ids=['at rest', 'in motion'])
+def test_every_fault_stops_the_arm_and_is_told(client: BridgeClient, velocity: list[float]) -> None:
+    for fault, text, heard, align in FAULTS:
+        move(client, velocity)
+        assert client.set_parameters(fault=fault) == []
+        client.wait_for_mode('fault')
+        client.wait_for(lambda: re.search(text, client.messages['arm']))  # noqa: B023
+        assert client.diagnostics['arm']['mode'] == 'fault'
+        client.wait_for(
+            lambda: max(abs(client.states[-1].velocity[joint]) for joint in heard) < 0.05  # noqa: B023
+        )
+        recover(client, fault, align)
+
+
+def test_a_stuck_encoder_is_found_when_the_joint_moves(client: BridgeClient) -> None:
+    assert client.set_parameters(fault='stuck_encoder:0:0') == []
+    client.spin(0.3)
+    assert client.modes[-1] == 'ready'
+    client.answer = lambda state: velocity_command(state, MOVING)
+    client.wait_for_mode('fault')
+    client.wait_for(lambda: 'joint1 does not move' in client.messages['arm'])
+    recover(client, 'stuck_encoder:0', align=True)
+    move(client, MOVING)
+    assert client.set_parameters(fault='stuck_encoder:1:1') == []
+    client.wait_for_mode('fault')
+    client.wait_for(lambda: 'joint4 does not move' in client.messages['arm'])
+    client.wait_for(lambda: max(np.abs(client.states[-1].velocity[:3])) < 0.05)
+
+
+def test_some_bad_frames_are_counted_only(client: BridgeClient) -> None:
+    assert client.set_parameters(fault='bit_errors:1:0:0.1') == []
+    client.wait_for(lambda: int(client.diagnostics['arm']['board1 bad frames']) > 50)
+    assert client.modes[-1] == 'ready'
+    assert client.diagnostics['arm']['board0 bad frames'] == '0'
+
+
+def test_faults_by_service_and_bad_requests(client: BridgeClient) -> None:
+    answer = client.call('inject_fault')
+    assert not answer.success
+    assert 'NAME[:BOARD' in answer.message
+    (reason,) = client.set_parameters(fault='gremlins')
+    assert 'choose one of bit_errors, lost_frames' in reason
+    (reason,) = client.set_parameters(fault='dead_board:7')
+    assert 'boards 0 to 1' in reason
+    assert client.get_parameters('fault') == ['']
+    assert client.set_parameters(fault='encoder_jump:0:0') == []
+    client.wait_for_mode('fault')
+    assert client.call('clear_fault').success
+    client.wait_for_mode('ready')
+    answer = client.call('inject_fault')
+    assert answer.success
+    assert answer.message == "encoder_jump:0:0: a motor's count jumps [rad, motor side]"
+    client.wait_for_mode('fault')
+
+
+def test_a_fallen_arm_is_put_back_when_it_is_enabled(client: BridgeClient) -> None:
+    start = np.array(client.states[-1].position)
+    assert not client.call('put_back').success
+    client.answer = lambda state: velocity_command(state, [0.0, -1.0, 0.0, 0.0])
+    client.wait_for(lambda: client.states[-1].position[1] < 1.2)
+    client.answer = None
+    assert client.call('disable').success
+    client.wait_for(lambda: client.states[-1].position[1] < -0.57)  # on its stop
+    answer = client.call('enable')
+    assert answer.success
+    assert 'put back to where it started' in answer.message
+    client.wait_for_mode('ready')
+    assert client.states[-1].position == pytest.approx(start, abs=0.1)
+    assert client.call('disable').success
+    client.wait_for(lambda: client.call('put_back').success)

@@ -1,0 +1,92 @@
+"""SIGKILL of either side: nobody is left to say goodbye, and the arm comes to rest."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import spi_boards
+from bridge_client import BridgeClient, velocity_command
+from rclpy.node import Node
+from spi_boards import SpiBoards
+
+from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
+
+# In real time on a busy machine: times that its scheduler does not reach.
+PATIENCE = {
+    'board_timeout': 0.2,
+    'state_age_max': 0.15,
+    'bad_frames_max': 100,
+    'command_timeout': 0.2,
+    'stamp_age_max': 0.2,
+    'exchange_time_max': 0.05,
+    'velocity_factor': 4.0,
+}
+
+
+@pytest.fixture
+def boards() -> Iterator[SpiBoards]:
+    if spi_boards.missing():
+        pytest.skip(spi_boards.missing())
+    with SpiBoards() as boards:
+        yield boards
+
+
+@pytest.fixture
+def spi_bridge(
+    boards: SpiBoards, ros_domain: dict[str, str], tmp_path: Path
+) -> Iterator[NodeProcess]:
+    with NodeProcess(
+        'hardware_bridge', (), PATIENCE, boards.environment, tmp_path / 'log'
+    ) as process:
+        yield process
+
+
+def test_when_the_controller_is_killed_the_arm_is_damped(client: BridgeClient) -> None:
+    client.make_ready()
+    script = Path(__file__).with_name('velocity_controller.py')
+    with subprocess.Popen([sys.executable, script], env=ros_environment()) as controller:
+        try:
+            client.wait_for(lambda: client.states[-1].velocity[0] > 0.3)
+        finally:
+            controller.kill()
+    client.wait_for_mode('damping')
+    client.wait_for(lambda: max(np.abs(client.states[-1].velocity)) < 0.05)
+    client.wait_for(lambda: 'is the controller running?' in client.messages['arm'])
+    assert client.call('enable').success
+    client.wait_for_mode('ready')
+
+
+def test_the_real_bridge_over_spidev_until_a_device_vanishes(
+    spi_bridge: NodeProcess, boards: SpiBoards, ros_node: Node
+) -> None:
+    client = BridgeClient(ros_node, 'hardware_bridge')
+    client.make_ready()
+    assert 'board1 on /dev/spidev0.1 at 8 MHz, mode 0: 50 of 50 answers' in spi_bridge.tail(50)
+    assert [board['enabled'] for board in boards.report()] == [True, True]
+    client.answer = lambda state: velocity_command(state, [0.4, 0.0, 0.4, 0.4])
+    client.wait_for(lambda: client.states[-1].velocity[0] > 0.3)
+    boards.vanish('/dev/spidev0.1')
+    client.wait_for_mode('fault')
+    client.wait_for(lambda: '/dev/spidev0.1 reports: Cannot send' in client.messages['arm'])
+    client.wait_for(lambda: max(np.abs(client.states[-1].velocity[:2])) < 0.05)
+    assert spi_bridge.stop(signal.SIGTERM) == 0
+    assert [board['enabled'] for board in boards.report()] == [False, False]
+
+
+def test_when_the_bridge_is_killed_the_boards_switch_off(
+    spi_bridge: NodeProcess, boards: SpiBoards, ros_node: Node
+) -> None:
+    client = BridgeClient(ros_node, 'hardware_bridge')
+    client.make_ready()
+    assert [board['enabled'] for board in boards.report()] == [True, True]
+    os.kill(spi_bridge.pid, signal.SIGKILL)
+    assert spi_bridge.wait(10.0) == -signal.SIGKILL
+    client.spin(0.5)
+    for board in boards.report():
+        assert not board['enabled']
+        assert board['error'] == 2  # SPI receive time-out
