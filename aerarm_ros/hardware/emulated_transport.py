@@ -15,7 +15,8 @@ class EmulatedTransport:
 
     `advance(now)` runs boards and arm in whole sub-steps up to `now`. After a gap of more
     than 10 ms simulated time slips by the rest, so that a host that was late neither bursts
-    to catch up nor lets the boards' time-outs strike for it.
+    to catch up nor lets the boards' time-outs strike for it. It may run ahead of the next
+    exchange, as real boards do beside the host: `advance` to an earlier time then does nothing.
 
     A real arm is carried by hand until its motors hold it, because the alignment of
     unpowered motors cannot lift it. So is this one: its weight is carried at first, and let
@@ -85,13 +86,13 @@ class EmulatedTransport:
 
     def advance(self, now: float) -> None:
         """Run boards and arm up to `now` [s], or 10 ms at most."""
-        if self._now is None or now < self._now:
+        if self._now is None or now < self._now - _CATCH_UP:
             self._now = now
         late = now - self._now - _CATCH_UP
         if late > 0.0:
             self.slipped += late
             self._now += late
-        steps = int((now - self._now) / SUBSTEP + 1e-6)
+        steps = max(0, int((now - self._now) / SUBSTEP + 1e-6))
         self._now += steps * SUBSTEP
         if steps and self.plant.support > 0.0:
             self._let_go(steps * SUBSTEP)

@@ -16,7 +16,7 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .
 th, td { padding: .22rem .5rem; border-bottom: 1px solid var(--line); text-align: right;
          white-space: nowrap; }
 th { border-bottom: 2px solid var(--line); font-weight: 600; white-space: normal;
-     vertical-align: bottom; max-width: 8rem; overflow-wrap: anywhere; }
+     vertical-align: bottom; max-width: 9rem; overflow-wrap: break-word; }
 th:first-child, td:first-child, .text { text-align: left; }
 td.text { white-space: normal; } tr.best td { color: var(--good); font-weight: 600; }
 ul.warnings { border-left: 4px solid #c77700; padding: .5rem 2rem; background: #fff7e8; }
@@ -113,4 +113,6 @@ def _is_text(value: object) -> bool:
 def _cell(value: object, tag: str, as_text: bool) -> str:
     kind = ' class="text"' if as_text else ''
     shown = number(value) if value is None or isinstance(value, float) else markup(value)
+    if tag == 'th':
+        shown = shown.replace('_', '_<wbr>')  # names of joints and bags may break there
     return f'<{tag}{kind}>{shown}</{tag}>'

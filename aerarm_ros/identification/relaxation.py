@@ -40,7 +40,8 @@ def solve_relaxed(
     IdentificationError
         If there is no solution without these bounds either.
     """
-    bounds, notes = limits.bounds, []
+    bounds = limits.bounds
+    notes: list[str] = []
     while True:
         try:
             return solve_semidefinite(system, prior, replace(limits, bounds=bounds)), tuple(notes)

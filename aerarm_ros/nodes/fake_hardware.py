@@ -87,6 +87,11 @@ class FakeHardware(HardwareBridge):
             'put_back': self._put_back,
         }
 
+    def use_slack(self, now: float) -> None:
+        """Run boards and arm on to the next cycle, while the controllers compute."""
+        if self._boards is not None:
+            self._boards.advance(now + self.values.period)
+
     def check_parameters(self, changes: Mapping[str, Any]) -> str:
         """Return why live parameters can't be set, or ''."""
         if self._boards is not None and changes.get('fault'):

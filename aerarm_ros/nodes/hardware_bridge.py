@@ -107,6 +107,9 @@ class HardwareBridge(LifecycleNode):
         """Return what the node's services do."""
         return ACTIONS
 
+    def use_slack(self, now: float) -> None:
+        """Do what may take time, once the cycle that began at `now` [s, monotonic] is over."""
+
     def check_parameters(self, changes: Mapping[str, Any]) -> str:
         """Return why live parameters can't be set, or ''; see `ParameterTable.declare`."""
         if self._cycle is None or not changes.keys() & _GAINS:
@@ -275,6 +278,7 @@ class HardwareBridge(LifecycleNode):
         )
         if cycle.mode != self._mode:
             self._publish_mode(cycle.mode)
+        self.use_slack(now)
 
     def _publish_mode(self, mode: str) -> None:
         self._mode = mode

@@ -23,6 +23,17 @@ def test_advances_in_whole_substeps_to_the_given_time(boards):
         assert boards.plant.time == pytest.approx(cycle * 1e-3, abs=1e-9)
 
 
+def test_running_ahead_of_the_next_cycle_neither_gains_nor_loses_time(boards):
+    late = np.random.default_rng(1).uniform(0.0, 2e-4, 1000)
+    boards.advance(50.0)
+    for cycle, delay in enumerate(late.tolist(), start=1):
+        now = 50.0 + cycle * 1e-3 + delay
+        boards.advance(now)
+        boards.advance(now + 1e-3)
+    assert boards.plant.time == pytest.approx(1.001, abs=SUBSTEP)
+    assert boards.slipped == 0.0
+
+
 def test_after_a_gap_time_slips_by_what_exceeds_10_ms(boards):
     boards.advance(0.0)
     boards.advance(0.5)

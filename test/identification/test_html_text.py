@@ -25,3 +25,8 @@ def test_numbers_are_short_and_missing_ones_a_dash() -> None:
     assert number(1234.5678) == '1235'
     assert number(1.23456e-7) == '1.235e-07'
     assert number(None) == number(float('nan')) == number(float('inf')) == '–'
+
+
+def test_long_names_in_headings_may_break() -> None:
+    assert 'shoulder_<wbr>pan_<wbr>joint [%]' in table(['shoulder_pan_joint [%]'], [[1.0]])
+    assert '<wbr>' not in table(['a'], [['left_arm']])

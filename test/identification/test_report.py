@@ -14,7 +14,7 @@ from aerarm_ros.identification.report import DesiredVelocity, ReportExtras, repo
 from aerarm_ros.identification.truth import Truth, inertial_torque_errors
 
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
-VOID = {'meta', 'link', 'br', 'img', 'hr', 'input'}
+VOID = {'meta', 'link', 'br', 'img', 'hr', 'input', 'wbr'}
 
 
 class Page(HTMLParser):
