@@ -35,9 +35,12 @@ class CycleRequests:
         """
         if self._closed.is_set():
             raise RuntimeError('the bridge is not active: activate it first (ros2 lifecycle set)')
-        answer: Future[Answer] = Future()
-        self._waiting.append((action, answer))
-        return answer.result(_ANSWER_TIMEOUT)
+        return self._put(action).result(_ANSWER_TIMEOUT)
+
+    def post(self, action: Action) -> None:
+        """Let the cycle's thread do something soon, if a cycle is running."""
+        if self.is_open:
+            self._put(action)
 
     def serve(self, cycle: BridgeCycle) -> None:
         """Do what is asked; what an action raises goes to who asked."""
@@ -65,3 +68,8 @@ class CycleRequests:
     def is_open(self) -> bool:
         """Whether a cycle runs."""
         return not self._closed.is_set()
+
+    def _put(self, action: Action) -> Future[Answer]:
+        answer: Future[Answer] = Future()
+        self._waiting.append((action, answer))
+        return answer

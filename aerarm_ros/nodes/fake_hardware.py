@@ -104,8 +104,8 @@ class FakeHardware(HardwareBridge):
     def on_parameter(self, name: str, value: Any) -> None:
         """Take over a live parameter."""
         super().on_parameter(name, value)
-        if name == 'fault' and value and self.requests.is_open:
-            self.requests.ask(self._inject_fault)
+        if name == 'fault' and value:
+            self.requests.post(self._inject_fault)
 
     def _enable(self, cycle: BridgeCycle) -> Answer:
         boards = self._boards

@@ -122,8 +122,8 @@ class HardwareBridge(LifecycleNode):
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Take over a live parameter."""
-        if name in _GAINS and self.requests.is_open:
-            self.requests.ask(self._set_gains)
+        if name in _GAINS:
+            self.requests.post(self._set_gains)
 
     # Lifecycle, in the executor's thread.
 

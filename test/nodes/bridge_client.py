@@ -18,6 +18,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.nodes.node_process import NodeProcess
 
 StartBridge = Callable[..., NodeProcess]  # of fixture start_bridge
+SERVICES = ('enable', 'disable', 'clear_fault', 'home', 'e_stop', 'inject_fault', 'put_back')
 JOINTS = ['joint1', 'joint2', 'joint3', 'joint4']
 
 
@@ -25,7 +26,7 @@ class BridgeClient:
     """Listens to all of a bridge's topics; answers every state while `answer` is set."""
 
     def __init__(self, node: Node, bridge: str = 'fake_hardware') -> None:
-        self._node, self._bridge = node, bridge
+        self._node = node
         self.states: list[JointState] = []
         self.motors: list[JointState] = []
         self.powers: list[Float64MultiArray] = []
@@ -36,6 +37,10 @@ class BridgeClient:
         self.answer: Callable[[JointState], JointState | None] | None = None
         self.commands = self._publisher()
         self._parameters = AsyncParameterClient(node, bridge)
+        # Made early: an answer to a client that the bridge has not discovered yet is lost.
+        self._services = {
+            name: node.create_client(Trigger, f'{bridge}/{name}') for name in SERVICES
+        }
         for topic, store in (
             (topics.JOINT_STATES, self._on_state),
             (topics.MOTOR_STATES, self.motors.append),
@@ -46,7 +51,7 @@ class BridgeClient:
             node.create_subscription(topic.type, topic.name, store, topic.qos)
 
     def call(self, service: str) -> Trigger.Response:
-        client = self._node.create_client(Trigger, f'{self._bridge}/{service}')
+        client = self._services[service]
         assert client.wait_for_service(20.0), service
         return self._wait_answer(client.call_async(Trigger.Request()))
 

@@ -16,6 +16,13 @@ class Lifecycle:
         self._state = node.create_client(GetState, f'{name}/get_state')
         assert self._change.wait_for_service(20.0)
         assert self._state.wait_for_service(20.0)
+        # An answer to a client that the node has not discovered yet is lost: ask until one
+        # comes. Clients are discovered in the order in which they were made.
+        answers = 0
+        while not answers:
+            future = self._state.call_async(GetState.Request())
+            rclpy.spin_until_future_complete(node, future, timeout_sec=1.0)
+            answers += future.done()
 
     def trigger(self, transition: int) -> bool:
         request = ChangeState.Request(transition=Transition(id=transition))
