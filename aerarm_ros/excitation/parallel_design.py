@@ -32,20 +32,14 @@ def design_all(
     ----------
     specification : what is to be designed.
     starts : how many random starts.
-    workers : processes; with 1, everything happens in this one.
-    stop : asked between results; True ends the iteration.
+    workers : processes, at least one: this one keeps watching `stop`, and linear algebra on
+        several threads would give other last digits than on one.
+    stop : asked ten times a second; True ends the iteration.
     """
-    if workers <= 1:
-        designer = TrajectoryDesigner(specification)
-        for start in range(starts):
-            if stop():
-                return
-            yield _attempt(designer, start)
-        return
     # Started afresh rather than forked: the parent may have threads (BLAS, a ROS context).
     context = multiprocessing.get_context('spawn')
     with _single_threaded_algebra():
-        pool = context.Pool(min(workers, starts), _prepare_worker, (specification,))
+        pool = context.Pool(max(1, min(workers, starts)), _prepare_worker, (specification,))
     with pool:
         pending = pool.imap_unordered(_work, range(starts))
         for _ in range(starts):

@@ -11,6 +11,7 @@ import json
 import os
 import random
 import re
+import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ from pathlib import Path
 from subprocess import TimeoutExpired
 
 import rclpy
+from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
 from aerarm_ros.nodes.node_process import NodeProcess
@@ -43,6 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the demo; return 0 when the identified model is written."""
     options = _parse(arguments)
     _isolate_from_other_ros_graphs()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     out: Path = options.out
     try:
         if out.is_dir() and any(out.iterdir()):
@@ -136,7 +139,8 @@ def _move_and_record(motions: list[Motion], out: Path, options: argparse.Namespa
 
 @contextmanager
 def _arm_client() -> Iterator[ArmClient]:
-    rclpy.init(args=[])
+    # Ctrl-C and SIGTERM end the demo as KeyboardInterrupt, with the context still valid.
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('demo')
     try:
         yield ArmClient(node, ['fake_hardware'])
