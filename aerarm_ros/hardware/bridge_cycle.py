@@ -236,6 +236,9 @@ class BridgeCycle:
         if silent and self._enabled:
             # Going on without it would switch off the boards that still damp the arm.
             return Answer(False, f'{", ".join(silent)} does not answer: disable first, or mend it')
+        violation = self.gate.state_violation(self.q, self.dq) if self._enabled else ''
+        if violation:
+            return Answer(False, f'the arm would stop again at once, {violation}')
         reasons = [link.monitor.clear(link.state, now) for link in self.links]
         if any(reasons):
             return Answer(False, '; '.join(filter(None, reasons)))
@@ -337,7 +340,9 @@ class BridgeCycle:
             text = self._encoders.check(state.motor_position, state.motor_current, state.fresh, now)
             if text:
                 self.gate.trip(text)
-            self.gate.check_state(self.q, self.dq)
+            violation = self.gate.state_violation(self.q, self.dq)
+            if violation:
+                self.gate.trip(violation)
         if self.gate.stop:
             self._homing = None
 

@@ -68,12 +68,11 @@ class SafetyGate:
             joint.is_inside(value) for joint, value in zip(self._joints, q.tolist(), strict=True)
         )
 
-    def check_state(self, q: Array, dq: Array) -> None:
-        """Stop if a joint left its range [rad] or runs too fast [rad/s]; (n,) each."""
-        for joint, position, velocity in zip(self._joints, q.tolist(), dq.tolist(), strict=True):
-            violation = joint.state_violation(position, velocity)
-            if violation:
-                self.trip(violation)
+    def state_violation(self, q: Array, dq: Array) -> str:
+        """Return which joint left its range [rad] or runs too fast [rad/s], or ''; (n,) each."""
+        rows = zip(self._joints, q.tolist(), dq.tolist(), strict=True)
+        violations = (joint.state_violation(angle, speed) for joint, angle, speed in rows)
+        return next(filter(None, violations), '')
 
     def limit(
         self, command: JointCommand, q: Array, dq: Array, dt: float, now: float

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import inf
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
@@ -13,8 +14,8 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.command_publishers import CommandPublishers
 from aerarm_ros.nodes.bridge_timing import BridgeTiming
 
-_LOOK = 0.1  # [s] between two looks at the mode
-_LOOKS_MAX = 10  # without a message
+_PERIOD = 1.0  # [s]
+_END = object()
 _POWER_SOURCES = {
     'voltage': 'power from the voltages that the boards report',
     'model': 'power computed from current, resistance and speed: the frames carry none',
@@ -34,11 +35,14 @@ class Watched:
 class BridgeDiagnostics:
     """Publishes three statuses: what the arm does, its motors, how the loop keeps its time.
 
+    A message takes most of a millisecond to make. While a cycle runs it is therefore made in
+    pieces, one in each cycle's slack: made by another thread it would hold the interpreter
+    while the cycle wants it, and cost a cycle nearly every time.
+
     Parameters
     ----------
     node
-        Owner of publisher and timer; they are served outside the cycle's thread, which
-        only adds numbers.
+        Owner of the publisher; its executor's thread says once a second that no cycle runs.
     """
 
     def __init__(self, node: Node) -> None:
@@ -47,33 +51,53 @@ class BridgeDiagnostics:
             DiagnosticArray, topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.qos
         )
         self._watched: Watched | None = None
-        self._looks = 0
-        self._mode = ''
-        node.create_timer(_LOOK, self._look)
+        self._pieces: Iterator[None] | None = None
+        self._due = -inf
+        self._timer = node.create_timer(_PERIOD, self._publish_inactive)
 
-    def watch(self, watched: Watched | None) -> None:
-        """Report on a cycle from now on, or on nothing."""
+    def watch(self, watched: Watched) -> None:
+        """Report on a cycle from now on, which calls `step`."""
+        self._timer.cancel()
+        self._pieces = None
         self._watched = watched
+        self.publish_soon()
 
-    def _look(self) -> None:
-        mode = self._watched.cycle.mode if self._watched else ''
-        self._looks += 1
-        if mode != self._mode or self._looks >= _LOOKS_MAX:
-            self._mode, self._looks = mode, 0
-            self._publish()
+    def unwatch(self) -> None:
+        """Report from now on that no cycle runs."""
+        self._watched = None
+        self._timer.reset()
+        self._publish_inactive()
 
-    def _publish(self) -> None:
-        message = DiagnosticArray()
+    def publish_soon(self) -> None:
+        """Report with the next steps: something is new."""
+        self._due = -inf
+
+    def step(self, now: float) -> None:
+        """Do a piece of the work, about 0.1 ms, if there is any at the time `now` [s]."""
+        if self._pieces is None:
+            if now < self._due or self._watched is None:
+                return
+            self._due = now + _PERIOD
+            self._pieces = self._make(self._watched)
+        if next(self._pieces, _END) is _END:
+            self._pieces = None
+
+    def _make(self, watched: Watched) -> Iterator[None]:
+        yield from watched.timing.refresh()
+        timing = self._status('timing', *watched.timing.status())
+        yield
+        motors = self._status('motors', *_motors(watched))
+        yield
+        arm = self._status('arm', *_arm(watched))
+        yield
+        self._publish([arm, motors, timing])
+
+    def _publish_inactive(self) -> None:
+        self._publish([self._status('arm', DiagnosticStatus.STALE, 'not active', {})])
+
+    def _publish(self, statuses: Sequence[DiagnosticStatus]) -> None:
+        message = DiagnosticArray(status=statuses)
         message.header.stamp = self._node.get_clock().now().to_msg()
-        watched = self._watched
-        if watched is None:
-            message.status = [self._status('arm', DiagnosticStatus.STALE, 'not active', {})]
-        else:
-            message.status = [
-                self._status('arm', *_arm(watched)),
-                self._status('motors', *_motors(watched)),
-                self._status('timing', *watched.timing.status()),
-            ]
         self._publisher.publish(message)
 
     def _status(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
@@ -25,6 +27,7 @@ class BridgeTiming:
         self._loop = loop
         self._command_age = TimingStatistics()
         self._answered = 0
+        self._summaries: dict[str, TimingSummary] = {}
 
     def add_command(self, age_ns: int, answers_last_state: bool) -> None:
         """Count a command: time since the state it answers [ns], and whether that was the last."""
@@ -42,22 +45,30 @@ class BridgeTiming:
             f'{_us(lateness.p50)} us late (median), {_us(lateness.p999)} us (99.9 %)'
         )
 
-    def status(self) -> tuple[bytes, str, dict[str, object]]:
-        """Return level, message and values of the status."""
+    def refresh(self) -> Iterator[None]:
+        """Evaluate the statistics for `status`, one between two yields: each takes 0.1 ms."""
         loop = self._loop
-        interval, execution = loop.interval.summary(), loop.execution.summary()
-        level, text = assess_timing(loop.period_ns * 1e-9, interval, execution)
+        for name, statistics in (
+            ('period', loop.interval),
+            ('wake lateness', loop.lateness),
+            ('execution time', loop.execution),
+            ('command age', self._command_age),
+        ):
+            self._summaries[name] = statistics.summary()
+            yield
+
+    def status(self) -> tuple[bytes, str, dict[str, object]]:
+        """Return level, message and values of the status, as of the last `refresh`."""
+        loop, summaries = self._loop, self._summaries
+        level, text = assess_timing(
+            loop.period_ns * 1e-9, summaries['period'], summaries['execution time']
+        )
         values: dict[str, object] = {
             'cycles': loop.cycles,
             'missed cycles': loop.missed,
             'commands answering the last state': self._answered,
         }
-        for name, summary in (
-            ('period', interval),
-            ('wake lateness', loop.lateness.summary()),
-            ('execution time', execution),
-            ('command age', self._command_age.summary()),
-        ):
+        for name, summary in summaries.items():
             values.update(_rows(name, summary))
         return _LEVELS[level], text, values
 

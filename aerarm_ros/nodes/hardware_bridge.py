@@ -166,10 +166,12 @@ class HardwareBridge(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the cycle and switch the motors off."""
-        self._diagnostics.watch(None)
         if self._loop is not None:
             self._loop.stop()
-        return SUCCESS if self.requests.wait_closed(_LOOP_END_TIMEOUT) else FAILURE
+        if not self.requests.wait_closed(_LOOP_END_TIMEOUT):
+            return FAILURE
+        self._diagnostics.unwatch()
+        return SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Close the buses."""
@@ -265,6 +267,8 @@ class HardwareBridge(LifecycleNode):
             names, sample, number = command
             age_ns = self._stamps.now_ns() - sample.stamp_ns
             source, allowed = self._command_publishers.judge(number, now)
+            if not allowed:
+                self._watch.look_soon()
             numbers = (sample.position, sample.velocity, sample.effort)
             cycle.command(names, *numbers, age_ns * 1e-9, now, source, allowed=allowed)
             timing.add_command(age_ns, sample.stamp_ns == self._stamp_ns)
@@ -279,10 +283,13 @@ class HardwareBridge(LifecycleNode):
         if cycle.mode != self._mode:
             self._publish_mode(cycle.mode)
         self.use_slack(now)
+        self._watch.poll()
+        self._diagnostics.step(now)
 
     def _publish_mode(self, mode: str) -> None:
         self._mode = mode
         self._mode_publisher.publish(String(data=mode))
+        self._diagnostics.publish_soon()
 
 
 def main(args: Sequence[str] | None = None) -> int:

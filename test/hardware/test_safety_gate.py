@@ -34,7 +34,7 @@ def test_a_violation_latches_and_the_first_reason_stays(gate):
     gate.limit(command(velocity=[0.0, 0.0, 0.0, 9.0]), Q, DQ, 1e-3, now=3.0)
     reason = gate.stop
     assert 'joint4 was commanded a velocity of 9.00' in reason
-    gate.check_state(np.array([0.0, 9.0, 0.0, 0.0]), DQ)
+    gate.trip('joint2 is at 9.000 rad')
     gate.limit(command(velocity=0.0), Q, DQ, 1e-3, now=3.0)
     assert gate.stop == reason
     gate.release()
@@ -42,10 +42,10 @@ def test_a_violation_latches_and_the_first_reason_stays(gate):
 
 
 def test_state_is_checked(gate):
-    gate.check_state(Q, DQ)
-    assert gate.stop == ''
-    gate.check_state(Q, np.array([0.0, 0.0, 7.0, 0.0]))
-    assert gate.stop.startswith('joint3 runs')
+    assert gate.state_violation(Q, DQ) == ''
+    assert gate.state_violation(Q, np.array([0.0, 0.0, 7.0, 0.0])).startswith('joint3 runs')
+    outside = np.array([0.0, 9.0, 0.0, 0.0])
+    assert gate.state_violation(outside, DQ).startswith('joint2 is at 9.000 rad')
 
 
 def test_is_inside_only_with_every_joint(gate):

@@ -108,7 +108,7 @@ def test_faults_by_service_and_bad_requests(client: BridgeClient) -> None:
     assert client.get_parameters('fault') == ['']
     assert client.set_parameters(fault='encoder_jump:0:0') == []
     client.wait_for_mode('fault')
-    assert client.call('clear_fault').success
+    client.wait_for(lambda: client.call('clear_fault').success)
     client.wait_for_mode('ready')
     answer = client.call('inject_fault')
     assert answer.success
@@ -123,7 +123,8 @@ def test_a_fallen_arm_is_put_back_when_it_is_enabled(client: BridgeClient) -> No
     client.wait_for(lambda: client.states[-1].position[1] < 1.2)
     client.answer = None
     assert client.call('disable').success
-    client.wait_for(lambda: client.states[-1].position[1] < -0.57)  # on its stop
+    client.wait_for(lambda: client.states[-1].position[1] < -0.5)
+    client.wait_for(lambda: abs(client.states[-1].velocity[1]) < 1e-3)  # on its stop
     answer = client.call('enable')
     assert answer.success
     assert 'put back to where it started' in answer.message
