@@ -20,6 +20,7 @@ import numpy as np  # noqa: E402
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
 from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
 from aerarm_ros.excitation.command_law import VelocityLaw  # noqa: E402
+from aerarm_ros.excitation.design_result import DesignResult  # noqa: E402
 from aerarm_ros.excitation.design_specification import DesignSpecification  # noqa: E402
 from aerarm_ros.excitation.excitation_config import load_excitation_config  # noqa: E402
 from aerarm_ros.excitation.excitation_player import ExcitationPlayer  # noqa: E402
@@ -28,13 +29,11 @@ from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory  # noqa: 
 from aerarm_ros.excitation.parallel_design import design_all  # noqa: E402
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation  # noqa: E402
 from aerarm_ros.excitation.random_trajectory import RandomTrajectory  # noqa: E402
-from aerarm_ros.excitation.trajectory_designer import (  # noqa: E402
-    DesignResult,
-    TrajectoryDesigner,
-)
+from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner  # noqa: E402
 from aerarm_ros.hardware.alignment_timing import AlignmentTiming  # noqa: E402
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle  # noqa: E402
 from aerarm_ros.hardware.emulation import make_emulated_transport  # noqa: E402
+from aerarm_ros.hardware.offered_command import OfferedCommand
 from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402
 from aerarm_ros.identification.recording import Recording  # noqa: E402
 from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
@@ -100,7 +99,9 @@ class EmulatedRun:
         rows = []
         while not player.done:
             command = player.update(round(now * 1e9), bridge.q)
-            bridge.command(names, None, command.velocity, None, CYCLE, now, 'benchmark')
+            bridge.command(
+                OfferedCommand(names, None, command.velocity, None, CYCLE, 'benchmark'), now
+            )
             now += CYCLE
             bridge.update(now)
             rows.append(np.concatenate([[now], bridge.q, bridge.dq, bridge.tau]))

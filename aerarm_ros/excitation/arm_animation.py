@@ -65,10 +65,9 @@ class ArmAnimation:
             for i in shown
         ]
         figure.update_layout(
-            scene={'aspectmode': 'data', 'xaxis_title': 'x [m]', 'yaxis_title': 'y [m]',
-                   'zaxis_title': 'z [m]'},
-            height=620,
-            margin={'l': 0, 'r': 0, 't': 20, 'b': 0},
+            scene=scene(),
+            height=680,
+            margin={'l': 0, 'r': 20, 't': 20, 'b': 130},
             updatemenus=[_buttons()],
             sliders=[_slider([frame.name for frame in figure.frames])],
         )  # fmt: skip
@@ -117,14 +116,22 @@ class ArmAnimation:
         return merged
 
 
+def scene() -> dict[str, object]:
+    """Return the layout of a scene in the base frame that shows all of its axes' box."""
+    axes = {f'{axis}axis_title': f'{axis} [m]' for axis in 'xyz'}
+    camera = {'eye': {'x': 1.5, 'y': 1.5, 'z': 0.9}, 'center': {'x': 0.0, 'y': 0.0, 'z': -0.12}}
+    return {'aspectmode': 'data', 'camera': camera, **axes}
+
+
 def _buttons() -> dict[str, object]:
     play = {'frame': {'duration': 120, 'redraw': True}, 'fromcurrent': True}
     pause = {'frame': {'duration': 0, 'redraw': False}, 'mode': 'immediate'}
     return {
         'type': 'buttons',
         'direction': 'left',
-        'x': 0.02,
-        'y': 0.0,
+        'x': 0.13,
+        'y': -0.02,
+        'yanchor': 'top',
         'buttons': [
             {'label': 'Play', 'method': 'animate', 'args': [None, play]},
             {'label': 'Pause', 'method': 'animate', 'args': [[None], pause]},

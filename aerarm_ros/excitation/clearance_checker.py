@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.collision_geometry import (
     build_collision_geometry,
+    link_of,
     motion_bounds,
     touches_ground,
 )
+from aerarm_ros.excitation.collision_pairs import select_pairs
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.joint_reference import FloatArray
 
@@ -51,11 +53,13 @@ class ClearanceChecker:
     ground_clearance : required between moving links and the ground [m].
     ground_height : see `build_collision_geometry`; None without ground.
     package_directories : see `build_collision_geometry`.
+    unchecked_pairs : see `select_pairs`.
 
     Raises
     ------
     ExcitationError
-        If a clearance is negative or not finite, or the shapes cannot be read.
+        If a clearance is negative or not finite, the shapes cannot be read, or a pair cannot
+        keep its clearance in any posture.
     """
 
     RESOLUTION = 2e-3
@@ -68,15 +72,18 @@ class ClearanceChecker:
         ground_clearance: float = 0.05,
         ground_height: float | None = None,
         package_directories: Sequence[Path] = (),
+        unchecked_pairs: Sequence[str] = (),
     ) -> None:
         required = (self_clearance, ground_clearance)
         if not all(np.isfinite(value) and value >= 0.0 for value in required):
             raise ExcitationError(f'clearances must not be negative, got {required} m')
         self._model = robot.model
         self._data = robot.model.createData()
-        self._geometry, self._required = build_collision_geometry(
-            robot, ground_height, required, package_directories
-        )
+        self._geometry = build_collision_geometry(robot, ground_height, package_directories)
+        selected = select_pairs(robot, self._geometry, required, unchecked_pairs)
+        self._required = selected.required
+        self.notes = selected.notes
+        """Pairs that are not checked or keep less than asked for, in words."""
         self._geometry_data = pin.GeometryData(self._geometry)
         # References into the data, taken once: indexing it anew costs more than all distances.
         self._results = [self._geometry_data.distanceResults[i] for i in range(len(self._required))]
@@ -94,9 +101,10 @@ class ClearanceChecker:
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """The links of each checked pair of shapes; 'ground' stands for the ground."""
+        model, geometry = self._model, self._geometry
         return tuple(
-            (self._link(pair.first), self._link(pair.second))
-            for pair in self._geometry.collisionPairs
+            (link_of(model, geometry, pair.first), link_of(model, geometry, pair.second))
+            for pair in geometry.collisionPairs
         )
 
     @property
@@ -195,11 +203,6 @@ class ClearanceChecker:
             required,
             worst.sample,
         )
-
-    def _link(self, index: int) -> str:
-        shape = self._geometry.geometryObjects[index]
-        fixed_to_nothing = shape.parentJoint == 0 and shape.parentFrame == 0
-        return str(shape.name if fixed_to_nothing else self._model.frames[shape.parentFrame].name)
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Collision shapes of an arm, and which pairs of them can meet."""
+"""Collision shapes of an arm and of what surrounds it."""
 
 from __future__ import annotations
 
@@ -13,24 +13,14 @@ from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.joint_reference import FloatArray
 
 GROUND = 'ground'
-_SAMPLES = 300
-_ALWAYS = 0.95  # share of random postures, as MoveIt's setup assistant
-_CONSTANT = 1e-5  # [m]
 
 
 def build_collision_geometry(
-    robot: Robot,
-    ground_height: float | None,
-    clearance: tuple[float, float],
-    package_directories: Sequence[Path] = (),
-) -> tuple[pin.GeometryModel, FloatArray]:
-    """Return the pairs that a motion has to keep apart, and how far.
+    robot: Robot, ground_height: float | None, package_directories: Sequence[Path] = ()
+) -> pin.GeometryModel:
+    """Return the shapes of an arm and its surroundings, without pairs.
 
-    Meshes become their convex hulls. Links joined by one joint are not a pair: they touch by
-    construction. Neither are shapes that overlap in (nearly) every posture, or whose distance
-    never changes, such as the column that turns on the base and the ground below it. Links that
-    are built close together cannot keep more than they have: a pair has to keep the required
-    clearance, or half of its median distance over random postures if that is less.
+    Meshes become their convex hulls.
 
     Parameters
     ----------
@@ -38,14 +28,8 @@ def build_collision_geometry(
         its landing gear) are obstacles.
     ground_height : height of the ground plane along the direction opposite to gravity, from
         the base frame's origin [m]; None if there is no ground below the arm.
-    clearance : required distances [m], (arm to itself, arm to ground).
     package_directories : where `package://` meshes are looked for, besides the folders above
         the URDF.
-
-    Returns
-    -------
-    geometry : Pinocchio's geometry model.
-    required : (pairs,) required distance of each pair [m].
 
     Raises
     ------
@@ -55,11 +39,7 @@ def build_collision_geometry(
     geometry = _read_shapes(robot, package_directories)
     if ground_height is not None:
         geometry.addGeometryObject(_ground(robot, ground_height))
-    _add_pairs(robot.model, geometry)
-    typical = _keep_meaningful_pairs(robot, geometry)
-    own, ground = clearance
-    wanted = [ground if touches_ground(geometry, pair) else own for pair in geometry.collisionPairs]
-    return geometry, np.maximum(np.minimum(wanted, 0.5 * typical), 0.0)
+    return geometry
 
 
 def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.GeometryModel:
@@ -95,49 +75,17 @@ def _ground(robot: Robot, height: float) -> pin.GeometryObject:
     return pin.GeometryObject(GROUND, 0, 0, pin.SE3.Identity(), plane)
 
 
-def _add_pairs(model: pin.Model, geometry: pin.GeometryModel) -> None:
-    shapes = geometry.geometryObjects
-    for b, second in enumerate(shapes):
-        for a, first in enumerate(shapes[:b]):
-            joints = {first.parentJoint, second.parentJoint}
-            low, high = min(joints), max(joints)
-            moving = low != high
-            neighbours = moving and model.parents[high] == low
-            if moving and (not neighbours or GROUND in (first.name, second.name)):
-                geometry.addCollisionPair(pin.CollisionPair(a, b))
-
-
-def _keep_meaningful_pairs(robot: Robot, geometry: pin.GeometryModel) -> FloatArray:
-    """Drop pairs that nearly always overlap or never change; return the others' median distance."""
-    data, geometry_data = robot.model.createData(), pin.GeometryData(geometry)
-    distance = np.empty((_SAMPLES, len(geometry.collisionPairs)))
-    for row, q in enumerate(_random_postures(robot)):
-        pin.computeDistances(robot.model, data, geometry, geometry_data, q)
-        distance[row] = [result.min_distance for result in geometry_data.distanceResults]
-    overlap = (distance < 0.0).mean(axis=0)
-    dropped = (overlap > _ALWAYS) | (np.ptp(distance, axis=0) < _CONSTANT)
-    # Copies: removing a pair moves the ones behind it under any reference held to them.
-    kept = [
-        pin.CollisionPair(pair.first, pair.second)
-        for pair, drop in zip(geometry.collisionPairs, dropped, strict=True)
-        if not drop
-    ]
-    geometry.removeAllCollisionPairs()
-    for pair in kept:
-        geometry.addCollisionPair(pair)
-    return np.asarray(np.median(distance[:, ~dropped], axis=0))
-
-
-def _random_postures(robot: Robot) -> FloatArray:
-    low = np.maximum(robot.position_min, -np.pi)
-    high = np.minimum(robot.position_max, np.pi)
-    return np.random.default_rng(0).uniform(low, high, (_SAMPLES, robot.n))
-
-
 def touches_ground(geometry: pin.GeometryModel, pair: pin.CollisionPair) -> bool:
     """Return whether one of the pair is the ground."""
     shapes = geometry.geometryObjects
     return GROUND in (shapes[pair.first].name, shapes[pair.second].name)
+
+
+def link_of(model: pin.Model, geometry: pin.GeometryModel, shape: int) -> str:
+    """Return the link a shape belongs to; 'ground' for the ground."""
+    found = geometry.geometryObjects[shape]
+    fixed_to_nothing = found.parentJoint == 0 and found.parentFrame == 0
+    return str(found.name if fixed_to_nothing else model.frames[found.parentFrame].name)
 
 
 def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> FloatArray:

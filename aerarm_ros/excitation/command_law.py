@@ -35,15 +35,20 @@ class VelocityLaw:
     Parameters
     ----------
     gain : K [1/s], 0 for the thesis's pure velocity commands.
+    limit : (n,) largest speed commanded [rad/s]. The reference is checked before it is played,
+        the correction cannot be: it depends on how well the arm follows.
     """
 
-    def __init__(self, gain: float) -> None:
+    def __init__(self, gain: float, limit: FloatArray | float = np.inf) -> None:
         self._gain = gain
+        self._limit: FloatArray = np.asarray(limit, dtype=float)
 
     def command(self, reference: JointReference, position: FloatArray) -> JointCommand:
         """Return the velocity command for the measured `position` (n,) [rad]."""
         correction = self._gain * (reference.position - position)
-        return JointCommand(None, reference.velocity + correction, None)
+        # In the 1 kHz loop, where np.clip would take longer than all the rest.
+        velocity = np.minimum(reference.velocity + correction, self._limit)
+        return JointCommand(None, np.maximum(velocity, -self._limit), None)
 
 
 class FeedForwardLaw:

@@ -11,7 +11,7 @@ from aerarm_ros.excitation.bounded_criterion import BoundedCriterion
 from aerarm_ros.excitation.combined_criterion import CombinedCriterion
 from aerarm_ros.excitation.condition_criterion import ConditionCriterion
 from aerarm_ros.excitation.design_criterion import DesignCriterion
-from aerarm_ros.excitation.excitation_error import ExcitationError
+from aerarm_ros.excitation.excitation_error import ExcitationError, InfeasibleError
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.information_criterion import InformationCriterion
 from aerarm_ros.excitation.joint_reference import FloatArray
@@ -43,8 +43,10 @@ class DesignSpecification:
 
     Raises
     ------
-    ExcitationError
+    ExcitationError, ConfigError
         If a value is out of range.
+    InfeasibleError
+        If no trajectory can be feasible: N f0 too high, or a centre the arm may not rest at.
     """
 
     setup: ExcitationSetup
@@ -65,6 +67,24 @@ class DesignSpecification:
             raise ExcitationError(f'condition limit must exceed 1, got {self.condition_limit}')
         if self.seed < 0:
             raise ExcitationError(f'the seed must not be negative, got {self.seed}')
+        # Its own checks see to amplitude, fundamental and harmonics.
+        self.setup.random_trajectory(self.amplitude, self.fundamental, self.harmonics)
+        self._require_frequency()
+        self.setup.require_bias()
+
+    def _require_frequency(self) -> None:
+        checker, highest = self.setup.checker, self.harmonics * self.fundamental
+        limits = {
+            'half the control rate (sampling limit)': 0.5 / checker.cycle,
+            'highest_frequency of the excitation configuration': checker.highest_frequency,
+        }
+        for name, limit in limits.items():
+            if highest > limit * (1.0 + 1e-9):
+                raise InfeasibleError(
+                    f'frequency of highest harmonic: N f0 = {self.harmonics} x '
+                    f'{self.fundamental:g} Hz = {highest:g} Hz exceeds {limit:g} Hz, {name}: '
+                    'lower the harmonics or the fundamental'
+                )
 
     def torque_noise(self) -> FloatArray:
         """Return the standard deviation of each joint's torque measurement [Nm], (n,)."""

@@ -34,6 +34,9 @@ class ExcitationConfig:
     bias_spread : largest random term added to a bias that is given [rad].
     highest_frequency : highest harmonic N f0 allowed [Hz], so that elastic parts are not excited.
     ramp_time : run-in and run-out along the trajectory [s].
+    stop_time : duration of a smooth stop anywhere on the motion [s].
+    unchecked_pairs : pairs of links whose distance is not checked, each as 'one to other': they
+        touch by construction.
 
     Raises
     ------
@@ -46,12 +49,14 @@ class ExcitationConfig:
     effort_share: float = 0.8
     transfer_share: float = 0.3
     self_clearance: float = 0.02
-    ground_clearance: float = 0.05
+    ground_clearance: float = 0.03
     ground_height: float | None = 0.0
     bias: tuple[float, ...] | None = None
     bias_spread: float = 0.1
     highest_frequency: float = 2.0
     ramp_time: float = 2.0
+    stop_time: float = 0.5
+    unchecked_pairs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for key in ('position_share', 'velocity_share', 'effort_share', 'transfer_share'):
@@ -61,8 +66,13 @@ class ExcitationConfig:
         check_range('excitation', 'bias_spread', self.bias_spread, 0.0, np.pi, 'rad')
         check_range('excitation', 'highest_frequency', self.highest_frequency, 1e-3, 499.0, 'Hz')
         check_range('excitation', 'ramp_time', self.ramp_time, 0.1, 60.0, 's')
+        check_range('excitation', 'stop_time', self.stop_time, 0.05, 10.0, 's')
         if self.ground_height is not None:
             check_range('excitation', 'ground_height', self.ground_height, -100.0, 100.0, 'm')
+        pairs = self.unchecked_pairs
+        if not isinstance(pairs, list | tuple) or not all(isinstance(pair, str) for pair in pairs):
+            raise ConfigError("excitation: unchecked_pairs must be a list of 'one to other'")
+        object.__setattr__(self, 'unchecked_pairs', tuple(pairs))
 
     def bias_spread_of(self, robot: Robot) -> FloatArray:
         """Return the largest random term of each joint's bias [rad], (n,).
@@ -90,6 +100,11 @@ class ExcitationConfig:
             raise ConfigError(
                 f'excitation: bias has {len(self.bias)} values, the robot has {robot.n} joints'
             )
+        for name, value in zip(robot.joint_names, self.bias, strict=True):
+            if not np.isfinite(value):
+                raise ConfigError(
+                    f'excitation: bias of {name} must be a finite number, not {value}'
+                )
         return np.array(self.bias)
 
 

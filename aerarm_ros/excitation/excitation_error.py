@@ -7,3 +7,7 @@ class ExcitationError(ValueError):
 
 class InfeasibleError(ExcitationError):
     """No trajectory inside the limits was found; the text names the limit that binds."""
+
+
+class DesignStoppedError(ExcitationError):
+    """A design was stopped before it had a feasible trajectory."""

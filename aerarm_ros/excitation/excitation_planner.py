@@ -16,6 +16,7 @@ from aerarm_ros.excitation.quintic_segment import (
     QuinticSegment,
     at_rest,
     rest_to_rest_duration,
+    standstill,
 )
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation
 
@@ -76,7 +77,7 @@ class ExcitationPlanner:
         self._checker.check_trajectory(trajectory, self._ramp_time, stop_early=True).require(
             'the trajectory'
         )
-        self._transfer_checker.check(_standstill(start)).require('the start posture')
+        self._transfer_checker.check(standstill(start)).require('the start posture')
         excitation = RampedExcitation(trajectory, periods, self._ramp_time)
         first = excitation.evaluate(0.0).position
         last = excitation.evaluate(excitation.duration).position
@@ -123,7 +124,3 @@ def _ways(start: FloatArray, end: FloatArray, centre: FloatArray) -> Iterator[li
             posture[joint] = end[joint]
             way.append(posture)
         yield way
-
-
-def _standstill(posture: FloatArray) -> QuinticSegment:
-    return QuinticSegment(at_rest(posture), at_rest(posture), 1e-3)

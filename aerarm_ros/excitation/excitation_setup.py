@@ -9,17 +9,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.clearance_checker import ClearanceChecker
 from aerarm_ros.excitation.effort_model import EffortModel
 from aerarm_ros.excitation.excitation_config import ExcitationConfig
+from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_planner import ExcitationPlanner
 from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
 from aerarm_ros.excitation.joint_reference import FloatArray
-from aerarm_ros.excitation.motion_limits import MotionLimits
+from aerarm_ros.excitation.motion_limits import MotionLimits, one_a_joint
+from aerarm_ros.excitation.quintic_segment import standstill
 from aerarm_ros.excitation.random_trajectory import RandomTrajectory
+from aerarm_ros.excitation.stop_checker import StopChecker
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,17 +62,35 @@ class ExcitationSetup:
 
     @classmethod
     def of_robot(
-        cls, robot: Robot, config: ExcitationConfig, package_directories: Sequence[Path] = ()
+        cls,
+        robot: Robot,
+        config: ExcitationConfig,
+        package_directories: Sequence[Path] = (),
+        acceleration_limit: ArrayLike = np.inf,
+        current_limit: ArrayLike = np.inf,
+        torque_per_ampere: ArrayLike = np.inf,
     ) -> ExcitationSetup:
-        """Return the setup of any arm from its URDF alone: no rotor inertia, no current limit."""
-        return cls(
-            robot,
-            config,
-            MotionLimits.of_robot(robot),
-            np.zeros(robot.n),
-            np.full(robot.n, np.inf),
-            tuple(package_directories),
-        )
+        """Return the setup of any arm from its URDF, without rotor inertia.
+
+        Parameters
+        ----------
+        robot, config, package_directories : as in the class.
+        acceleration_limit, current_limit : what a URDF does not know, see `MotionLimits`.
+        torque_per_ampere : joint torque per motor current [Nm/A], one for all joints or (n,).
+
+        Raises
+        ------
+        ExcitationError
+            If a number of values fits neither one nor all joints, a value is not positive, or
+            current is limited but cannot be told from the torque.
+        """
+        limits = MotionLimits.of_robot(robot, acceleration_limit, current_limit)
+        per_ampere = one_a_joint('torque per ampere', torque_per_ampere, robot.n)
+        if not (per_ampere > 0.0).all():
+            raise ExcitationError(f'torque per ampere must be positive, got {per_ampere.min()}')
+        if np.isfinite(limits.current).any() and not np.isfinite(per_ampere).all():
+            raise ExcitationError('a current limit needs the torque per ampere of each joint')
+        return cls(robot, config, limits, np.zeros(robot.n), per_ampere, tuple(package_directories))
 
     @cached_property
     def usable_limits(self) -> MotionLimits:
@@ -90,19 +112,30 @@ class ExcitationSetup:
             self.config.ground_clearance,
             self.config.ground_height,
             self.package_directories,
+            self.config.unchecked_pairs,
         )
+
+    @cached_property
+    def _stops(self) -> StopChecker:
+        return StopChecker(self.limits, self.effort_model, self.config.stop_time)
 
     @cached_property
     def checker(self) -> FeasibilityChecker:
         """Limits of the excitation."""
         return FeasibilityChecker(
-            self.usable_limits, self.clearance, self.effort_model, self.config.highest_frequency
+            self.usable_limits,
+            self.clearance,
+            self.effort_model,
+            self.config.highest_frequency,
+            stops=self._stops,
         )
 
     @cached_property
     def planner(self) -> ExcitationPlanner:
         """From any posture through an excitation and back."""
-        transfers = FeasibilityChecker(self.limits, self.clearance, self.effort_model)
+        transfers = FeasibilityChecker(
+            self.limits, self.clearance, self.effort_model, stops=self._stops
+        )
         return ExcitationPlanner(
             self.checker, transfers, self.config.ramp_time, self.config.transfer_share
         )
@@ -125,6 +158,23 @@ class ExcitationSetup:
             fundamental,
             harmonics,
         )
+
+    def require_bias(self) -> None:
+        """Check the centre of the motion if one is configured: limits, gravity, clearance.
+
+        Without one, random trajectories are drawn about many postures.
+
+        Raises
+        ------
+        ConfigError
+            If it does not have one finite value a joint.
+        InfeasibleError
+            If the arm may not rest there; names the limit that binds.
+        """
+        centre = self.config.bias_of(self.robot)
+        if self.config.bias is not None:
+            report = self.checker.check(standstill(centre))
+            report.require('the centre of the motion (bias)')
 
     def __getstate__(self) -> dict[str, Any]:
         # Collision geometry and solver data cannot be sent; they are built again when needed.

@@ -7,11 +7,16 @@ import numpy as np
 from aerarm_ros.excitation.clearance_checker import Clearance, ClearanceChecker
 from aerarm_ros.excitation.effort_model import EffortModel
 from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.feasibility_report import FeasibilityReport, LimitMargin
+from aerarm_ros.excitation.feasibility_report import (
+    FeasibilityReport,
+    LimitMargin,
+    peak_margins,
+)
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
 from aerarm_ros.excitation.joint_reference import FloatArray, JointReference, Motion
 from aerarm_ros.excitation.motion_limits import MotionLimits
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.stop_checker import StopChecker
 
 
 class FeasibilityChecker:
@@ -29,6 +34,7 @@ class FeasibilityChecker:
     highest_frequency : highest harmonic a trajectory may have [Hz], below what shakes the arm's
         elastic parts.
     cycle : control cycle [s].
+    stops : checks a smooth stop anywhere on the motion; None leaves stops unchecked.
 
     Raises
     ------
@@ -46,6 +52,7 @@ class FeasibilityChecker:
         effort_model: EffortModel | None = None,
         highest_frequency: float = 2.0,
         cycle: float = 1e-3,
+        stops: StopChecker | None = None,
     ) -> None:
         if not 0.0 < highest_frequency < 0.5 / cycle:
             raise ExcitationError(
@@ -57,6 +64,7 @@ class FeasibilityChecker:
         self.clearance = clearance
         self.effort_model = effort_model
         self.cycle = cycle
+        self._stops = stops
 
     def check_trajectory(
         self, trajectory: FourierTrajectory, ramp_time: float, stop_early: bool = False
@@ -71,10 +79,10 @@ class FeasibilityChecker:
             'frequency', 'highest harmonic', reached, allowed, allowed - reached,
             1.0 - reached / allowed, 'Hz', 0.0,
         )  # fmt: skip
-        if stop_early and reached > allowed:
+        if stop_early and not FeasibilityReport([harmonic]).feasible:
             return FeasibilityReport([harmonic])
         report = self.check(RampedExcitation(trajectory, 1, ramp_time), stop_early)
-        return FeasibilityReport([harmonic, *report.margins])
+        return FeasibilityReport([harmonic, *report.margins], report.notes)
 
     def check(self, motion: Motion, stop_early: bool = False) -> FeasibilityReport:
         """Return the margins of `motion` to every limit.
@@ -98,20 +106,24 @@ class FeasibilityChecker:
             near = [_clearance_margin(kind, c, times) for kind, c in found.items()]
         if stop_early and not FeasibilityReport(near).feasible:
             return FeasibilityReport(near)
-        return FeasibilityReport([*self._joint_margins(times, states), *near])
+        margins = [*self._joint_margins(times, states), *near]
+        if self._stops is not None:
+            margins += self._stops.margins(motion)
+        return FeasibilityReport(margins, self.clearance.notes if self.clearance else ())
 
     def _joint_margins(self, times: FloatArray, states: JointReference) -> list[LimitMargin]:
         position, velocity, acceleration = states
         margins = self._position_margins(times, position)
-        margins += self._peaks('velocity', 'rad/s', times, velocity, self.limits.velocity)
-        margins += self._peaks(
-            'acceleration', 'rad/s^2', times, acceleration, self.limits.acceleration
+        names, limits = self.limits.joint_names, self.limits
+        margins += peak_margins('velocity', 'rad/s', names, times, velocity, limits.velocity)
+        margins += peak_margins(
+            'acceleration', 'rad/s^2', names, times, acceleration, limits.acceleration
         )
         if self.effort_model is not None:
             effort = self.effort_model.effort(*states)
             current = self.effort_model.current(effort)
-            margins += self._peaks('torque', 'Nm', times, effort, self.limits.effort)
-            margins += self._peaks('motor current', 'A', times, current, self.limits.current)
+            margins += peak_margins('torque', 'Nm', names, times, effort, limits.effort)
+            margins += peak_margins('motor current', 'A', names, times, current, limits.current)
         return margins
 
     def _position_margins(self, times: FloatArray, position: FloatArray) -> list[LimitMargin]:
@@ -137,29 +149,6 @@ class FeasibilityChecker:
                             float(times[sample]),
                         )
                     )
-        return margins
-
-    def _peaks(
-        self, limit: str, unit: str, times: FloatArray, values: FloatArray, allowed: FloatArray
-    ) -> list[LimitMargin]:
-        margins = []
-        for j, name in enumerate(self.limits.joint_names):
-            if np.isfinite(allowed[j]):
-                sample = int(np.abs(values[:, j]).argmax())
-                reached, bound = float(abs(values[sample, j])), float(allowed[j])
-                margin = bound - reached
-                margins.append(
-                    LimitMargin(
-                        limit,
-                        name,
-                        reached,
-                        bound,
-                        margin,
-                        margin / bound,
-                        unit,
-                        float(times[sample]),
-                    )
-                )
         return margins
 
 

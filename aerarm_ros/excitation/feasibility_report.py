@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from aerarm_ros.excitation.excitation_error import InfeasibleError
+from aerarm_ros.excitation.joint_reference import FloatArray
 
 
 @dataclass(frozen=True)
@@ -39,11 +42,50 @@ class LimitMargin:
         )
 
 
+def peak_margins(
+    limit: str,
+    unit: str,
+    names: Sequence[str],
+    times: FloatArray,
+    values: FloatArray,
+    allowed: FloatArray,
+) -> list[LimitMargin]:
+    """Return each joint's margin of its largest magnitude; a limit that is infinite is none.
+
+    Parameters
+    ----------
+    limit, unit : as in `LimitMargin`.
+    names : of the n joints.
+    times : (M,) when the values are reached [s].
+    values : (M, n).
+    allowed : (n,) positive.
+    """
+    margins = []
+    for j, name in enumerate(names):
+        if np.isfinite(allowed[j]):
+            sample = int(np.abs(values[:, j]).argmax())
+            reached, bound = float(abs(values[sample, j])), float(allowed[j])
+            rest = bound - reached
+            margins.append(
+                LimitMargin(
+                    limit, name, reached, bound, rest, rest / bound, unit, float(times[sample])
+                )
+            )
+    return margins
+
+
 @dataclass(frozen=True)
 class FeasibilityReport:
-    """Margins of a motion to every limit that was checked."""
+    """Margins of a motion to every limit that was checked.
+
+    Parameters
+    ----------
+    margins : one for each limit and subject.
+    notes : what was not checked, or held to less than was asked for, in words.
+    """
 
     margins: Sequence[LimitMargin]
+    notes: Sequence[str] = ()
 
     _ROUNDING = 1e-9
 
@@ -77,10 +119,11 @@ class FeasibilityReport:
             raise InfeasibleError(f'{what} is infeasible: {self.binding}')
 
     def as_table(self) -> str:
-        """Return one line for each kind of limit, the closest subject each."""
+        """Return one line for each kind of limit, the closest subject each, then the notes."""
         rows = [
             f'  {m.limit:<17} {m.subject:<24} {m.reached:9.4g} of {m.allowed:9.4g} {m.unit:<8}'
             f' margin {m.margin:9.4g}'
             for m in self.worst_of_each()
         ]
+        rows += [f'  note: {note}' for note in self.notes]
         return '\n'.join(rows)

@@ -5,11 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.joint_reference import FloatArray
+
+
+def one_a_joint(name: str, values: ArrayLike, n: int) -> FloatArray:
+    """Return `values` as (n,): one for all joints, or one each.
+
+    Raises
+    ------
+    ExcitationError
+        If there are neither 1 nor n.
+    """
+    array = np.atleast_1d(np.asarray(values, dtype=float))
+    if array.shape not in ((1,), (n,)):
+        raise ExcitationError(f'{name} must have 1 value or {n}, one a joint, not {array.size}')
+    return np.broadcast_to(array, n).copy()
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,18 +85,32 @@ class MotionLimits:
         )
 
     @classmethod
-    def of_robot(cls, robot: Robot, acceleration: float = np.inf) -> MotionLimits:
-        """Return the limits a URDF states; it knows no acceleration [rad/s^2] or current."""
+    def of_robot(
+        cls, robot: Robot, acceleration_limit: ArrayLike = np.inf, current_limit: ArrayLike = np.inf
+    ) -> MotionLimits:
+        """Return the limits a URDF states, and the two it does not know.
+
+        Parameters
+        ----------
+        robot : the arm.
+        acceleration_limit : largest acceleration [rad/s^2], one for all joints or (n,).
+        current_limit : largest motor current [A], likewise.
+
+        Raises
+        ------
+        ExcitationError
+            If there are neither 1 nor n values, or one is not positive.
+        """
         unlimited = np.full(robot.n, np.inf)
         return cls(
             tuple(robot.joint_names),
             robot.position_min,
             robot.position_max,
             robot.velocity_max,
-            np.full(robot.n, acceleration),
+            one_a_joint('acceleration limit', acceleration_limit, robot.n),
             # A URDF writes 0 where it does not know the effort.
             np.where(robot.effort_max > 0.0, robot.effort_max, unlimited),
-            unlimited,
+            one_a_joint('current limit', current_limit, robot.n),
         )
 
     def scaled(self, position: float, velocity: float, effort: float) -> MotionLimits:

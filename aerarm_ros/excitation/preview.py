@@ -10,12 +10,13 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from aerarm_ros.excitation.arm_animation import ArmAnimation
+from aerarm_ros.excitation.arm_animation import ArmAnimation, scene
+from aerarm_ros.excitation.design_result import DesignResult
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.joint_reference import FloatArray
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation
-from aerarm_ros.excitation.trajectory_designer import DesignResult, TrajectoryDesigner
+from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
 
 _STEP = 0.02
 _COLOURS = ('#1f77b4', '#d9722e', '#2ca02c', '#9467bd', '#8c564b', '#e377c2', '#17becf')
@@ -59,9 +60,21 @@ class Preview:
             If it cannot be written.
         """
         path = Path(path)
+        page = self._page()
+        temporary = path.with_name(f'{path.name}.{os.getpid()}.tmp')
+        try:
+            temporary.write_text(page, encoding='utf-8')
+            temporary.replace(path)
+        except OSError as error:
+            temporary.unlink(missing_ok=True)
+            raise ExcitationError(
+                f'{path} cannot be written: {error.strerror}: check the folder and its permissions'
+            ) from error
+
+    def _page(self) -> str:
         sections = [
             ('Trajectory', self._trajectory(), 'One period with run-in and run-out. Dashed: what '
-             'an excitation may use of the limits.'),
+             'an excitation may use of the limits. Click a joint to hide it.'),
             ('Workspace', self._workspace(), f'Path of {self._animation.tool_name} in the base '
              'frame, and the share of each joint range that is covered.'),
             ('Excitation of each parameter', self._deviations(), 'Expected standard deviation of '
@@ -75,19 +88,11 @@ class Preview:
         for number, (title, figure, text) in enumerate(sections):
             body.append(f'<h2>{title}</h2><p>{html.escape(text)}</p>')
             body.append(figure.to_html(full_html=False, include_plotlyjs=number == 0))
-        page = (
+        return (
             '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
             f'<title>Excitation trajectory</title><style>{_STYLE}</style></head>'
             f'<body>{"".join(body)}</body></html>'
         )
-        temporary = path.with_name(f'{path.name}.{os.getpid()}.tmp')
-        try:
-            temporary.write_text(page, encoding='utf-8')
-            temporary.replace(path)
-        except OSError as error:
-            raise ExcitationError(
-                f'{path} cannot be written: {error.strerror}: check the folder and its permissions'
-            ) from error
 
     def _summary(self) -> str:
         trajectory, quality = self._result.trajectory, self._result.quality
@@ -107,8 +112,15 @@ class Preview:
             f'({other.scaled_condition_number:.1f}); standard deviations {gain:.2f} times smaller '
             'in the geometric mean.</p>'
             '<table><tr><th>limit</th><th>closest</th><th>reached</th><th>allowed</th>'
-            f'<th>margin</th><th>unit</th></tr>{rows}</table>'
+            f'<th>margin</th><th>unit</th></tr>{rows}</table>{self._notes()}'
         )
+
+    def _notes(self) -> str:
+        notes = self._result.report.notes
+        if not notes:
+            return ''
+        items = ''.join(f'<li>{html.escape(note)}</li>' for note in notes)
+        return f'<p>Clearances that are not checked, or reduced:</p><ul>{items}</ul>'
 
     def _trajectory(self) -> go.Figure:
         limits, names = self._setup.usable_limits, self._setup.limits.joint_names
@@ -137,7 +149,7 @@ class Preview:
                     if np.isfinite(level):
                         figure.add_scatter(
                             x=self._times[[0, -1]], y=[level, level], legendgroup=name,
-                            showlegend=False, hoverinfo='skip', row=row, col=1,
+                            mode='lines', showlegend=False, hoverinfo='skip', row=row, col=1,
                             line={'color': colour, 'width': 0.8, 'dash': 'dash'},
                         )  # fmt: skip
         figure.update_xaxes(title_text='t [s]', row=4, col=1)
@@ -152,7 +164,8 @@ class Preview:
         )
         figure.add_scatter3d(
             x=path[:, 0], y=path[:, 1], z=path[:, 2], mode='lines', showlegend=False,
-            line={'width': 4, 'color': self._times, 'colorscale': 'Viridis'}, row=1, col=1,
+            line={'width': 4, 'color': self._times, 'colorscale': 'Viridis', 'showscale': True,
+                  'colorbar': {'title': 't [s]', 'x': 0.53, 'len': 0.7}}, row=1, col=1,
         )  # fmt: skip
         position = self._states.position
         span = np.minimum(limits.position_max - limits.position_min, 2.0 * np.pi)
@@ -160,7 +173,8 @@ class Preview:
         figure.add_bar(x=np.round(covered, 1), y=names, orientation='h', showlegend=False,
                        marker_color='#5b8fb9', row=1, col=2)  # fmt: skip
         figure.update_xaxes(title_text='covered share of the joint range [%]', range=[0, 100])
-        figure.update_layout(scene={'aspectmode': 'data'}, height=480, margin={'t': 20})
+        figure.update_yaxes(autorange='reversed', row=1, col=2)
+        figure.update_layout(scene=scene(), height=480, margin={'t': 20})
         return figure
 
     def _deviations(self) -> go.Figure:
@@ -174,7 +188,9 @@ class Preview:
             seen = deviation > 1e-9 * deviation.max()
             figure.add_bar(name=label, x=names[seen], y=deviation[seen])
         figure.update_yaxes(
-            type='log', title_text='standard deviation [SI units]', exponentformat='e'
+            type='log', title_text='standard deviation [SI units]', exponentformat='e', dtick=1
         )
-        figure.update_layout(barmode='group', height=440, margin={'t': 20})
+        # Every name, however many: Plotly leaves out what it finds too dense.
+        figure.update_xaxes(tickangle=90, dtick=1, tickfont={'size': 9})
+        figure.update_layout(barmode='group', height=480, margin={'t': 20})
         return figure

@@ -71,6 +71,11 @@ def at_rest(position: ArrayLike) -> JointReference:
     return JointReference(position, np.zeros_like(position), np.zeros_like(position))
 
 
+def standstill(position: ArrayLike) -> QuinticSegment:
+    """Return one control cycle of rest at `position` (n,) [rad]."""
+    return QuinticSegment(at_rest(position), at_rest(position), 1e-3)
+
+
 def rest_to_rest_duration(
     distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, minimum: float
 ) -> float:

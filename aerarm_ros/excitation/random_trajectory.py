@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from aerarm_ros.excitation.excitation_error import ExcitationError, InfeasibleError
+from aerarm_ros.excitation.excitation_error import (
+    DesignStoppedError,
+    ExcitationError,
+    InfeasibleError,
+)
 from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
 from aerarm_ros.excitation.feasibility_report import FeasibilityReport, LimitMargin
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
@@ -41,8 +46,10 @@ class RandomTrajectory:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.amplitude) and self.amplitude > 0.0):
             raise ExcitationError(f'amplitude must be positive, got {self.amplitude} rad')
-        if self.harmonics < 1:
+        if self.harmonics < 1 or self.harmonics != int(self.harmonics):
             raise ExcitationError(f'at least one harmonic is needed, got {self.harmonics}')
+        if not (np.isfinite(self.fundamental) and self.fundamental > 0.0):
+            raise ExcitationError(f'fundamental must be positive, got {self.fundamental} Hz')
 
     def draw(self, generator: np.random.Generator) -> FourierTrajectory:
         """Return the next trajectory of `generator`."""
@@ -52,7 +59,12 @@ class RandomTrajectory:
         return FourierTrajectory(self.fundamental, self.bias + spread, alpha, beta)
 
     def draw_feasible(
-        self, seed: int, checker: FeasibilityChecker, ramp_time: float, attempts: int = 500
+        self,
+        seed: int,
+        checker: FeasibilityChecker,
+        ramp_time: float,
+        attempts: int = 500,
+        stop: Callable[[], bool] = lambda: False,
     ) -> tuple[FourierTrajectory, FeasibilityReport]:
         """Return the first feasible trajectory of the sequence that `seed` starts.
 
@@ -62,19 +74,24 @@ class RandomTrajectory:
         checker : limits, over the whole period with run-in and run-out.
         ramp_time : run-in and run-out [s].
         attempts : how many are drawn at most.
+        stop : asked before each; True gives up.
 
         Raises
         ------
         InfeasibleError
             If none is feasible; names the limit that most of them break.
+        DesignStoppedError
+            If asked to stop.
         """
         generator = np.random.default_rng(seed)
         broken: list[LimitMargin] = []
         for _ in range(attempts):
+            if stop():
+                raise DesignStoppedError('stopped before a feasible random trajectory was found')
             trajectory = self.draw(generator)
             report = checker.check_trajectory(trajectory, ramp_time, stop_early=True)
             if report.feasible:
-                return trajectory, checker.check_trajectory(trajectory, ramp_time)
+                return trajectory, report
             broken.append(report.binding)
         raise InfeasibleError(self._explain(broken, seed))
 

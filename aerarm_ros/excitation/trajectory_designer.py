@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -11,9 +12,11 @@ from scipy.optimize import minimize
 from aerarm_ros.excitation.condition_criterion import ConditionCriterion
 from aerarm_ros.excitation.design_constraints import DesignConstraints
 from aerarm_ros.excitation.design_problem import DesignProblem
+from aerarm_ros.excitation.design_result import DesignResult, Quality
 from aerarm_ros.excitation.design_specification import DesignSpecification
 from aerarm_ros.excitation.excitation_error import InfeasibleError
-from aerarm_ros.excitation.feasibility_report import FeasibilityReport
+from aerarm_ros.excitation.feasibility_report import FeasibilityReport, LimitMargin
+from aerarm_ros.excitation.feasible_iterates import FeasibleIterates
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
 from aerarm_ros.excitation.identifiable_space import IdentifiableSpace
 from aerarm_ros.excitation.information_criterion import InformationCriterion
@@ -25,42 +28,8 @@ from aerarm_ros.excitation.state_basis import StateBasis
 _CONVERGED, _OUT_OF_ITERATIONS = 0, 9
 
 
-@dataclass(frozen=True)
-class Quality:
-    """How good a trajectory is.
-
-    Parameters
-    ----------
-    objective : value of the objective, smaller is better.
-    condition_number : thesis (5.2), without rotor columns.
-    scaled_condition_number : of the base regressor, columns of norm one, rotors included.
-    log_deviation : mean logarithm of the standard deviations, see `InformationCriterion`.
-    """
-
-    objective: float
-    condition_number: float
-    scaled_condition_number: float
-    log_deviation: float
-
-
-@dataclass(frozen=True)
-class DesignResult:
-    """A feasible trajectory, how good it is and where it comes from.
-
-    Parameters
-    ----------
-    trajectory : the Fourier series.
-    quality : its figures.
-    report : margins to all limits.
-    start : number of the random start.
-    seconds : time taken [s].
-    """
-
-    trajectory: FourierTrajectory
-    quality: Quality
-    report: FeasibilityReport
-    start: int
-    seconds: float
+class _StopDesignError(Exception):
+    """Leaves the optimiser from inside the function it minimises."""
 
 
 class TrajectoryDesigner:
@@ -77,7 +46,7 @@ class TrajectoryDesigner:
     _RESTARTS = 4
     """Attempts if the solver's quadratic subproblem fails: a new one forgets the curvature."""
     _REPAIR = (1.0, 0.995, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8)
-    """Scales about the bias tried for an optimum that breaks a limit between its samples."""
+    """Scales about the bias tried for a result that breaks a limit between its samples."""
 
     def __init__(self, specification: DesignSpecification) -> None:
         setup = specification.setup
@@ -105,13 +74,15 @@ class TrajectoryDesigner:
             specification.amplitude, specification.fundamental, specification.harmonics
         )
 
-    def initial(self, start: int) -> DesignResult:
+    def initial(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
         """Return the random feasible trajectory that `start` begins with.
 
         Raises
         ------
         InfeasibleError
             If there is none even with a tenth of the amplitude; names the limit that binds.
+        DesignStoppedError
+            If `stop` became true before there was one.
         """
         began = time.monotonic()
         seed = int(np.random.SeedSequence([self.specification.seed, start]).generate_state(1)[0])
@@ -120,7 +91,7 @@ class TrajectoryDesigner:
             candidates = replace(self._candidates, amplitude=shrink * self.specification.amplitude)
             try:
                 trajectory, report = candidates.draw_feasible(
-                    seed, self._setup.checker, self._setup.config.ramp_time, attempts=40
+                    seed, self._setup.checker, self._setup.config.ramp_time, 40, stop
                 )
             except InfeasibleError as refusal:
                 error = refusal
@@ -128,27 +99,61 @@ class TrajectoryDesigner:
             return self._result(trajectory, report, start, began)
         raise error if error is not None else InfeasibleError('no amplitude to try')
 
-    def design(self, start: int) -> DesignResult:
+    def design(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
         """Return the best feasible trajectory found from `start`, at least the initial one.
+
+        Parameters
+        ----------
+        start : number of the random start.
+        stop : asked at every step; True ends the search, and the best so far is returned.
 
         Raises
         ------
-        InfeasibleError
+        InfeasibleError, DesignStoppedError
             As `initial`.
         """
         began = time.monotonic()
-        initial = self.initial(start)
-        optimum = self._optimise(self._basis.coefficients(initial.trajectory))
-        for scale in self._REPAIR:
-            coefficients = optimum.copy()
-            coefficients[1:] *= scale
+        initial = self.initial(start, stop)
+        iterates = FeasibleIterates()
+        optimum = self._optimise(self._basis.coefficients(initial.trajectory), iterates, stop)
+        what = 'the optimum' if optimum is not None else 'the last step'
+        refusal: LimitMargin | None = None
+        for coefficients, remark in self._proposals(optimum, iterates):
             trajectory = self._basis.trajectory(coefficients)
-            report = self._setup.checker.check_trajectory(trajectory, self._setup.config.ramp_time)
+            report = self._check(trajectory)
             if report.feasible:
-                result = self._result(trajectory, report, start, began)
-                better = result.quality.objective < initial.quality.objective
-                return result if better else initial
-        return initial
+                remark = _explain(remark, what, refusal)
+                result = self._result(trajectory, report, start, began, remark)
+                if result.quality.objective < initial.quality.objective:
+                    return result
+            elif refusal is None:
+                refusal = report.binding
+        remark = _explain('nothing better than the random start', what, refusal)
+        return replace(initial, seconds=time.monotonic() - began, remark=remark)
+
+    def _check(self, trajectory: FourierTrajectory) -> FeasibilityReport:
+        ramp_time = self._setup.config.ramp_time
+        return self._setup.checker.check_trajectory(trajectory, ramp_time, stop_early=True)
+
+    def _proposals(
+        self, optimum: FloatArray | None, iterates: FeasibleIterates
+    ) -> Iterator[tuple[FloatArray, str]]:
+        """Yield coefficients to be checked, best first, and how they differ from the optimum."""
+        if optimum is not None:
+            yield from self._shrunk(optimum, '')
+        for coefficients, number in iterates.best():
+            why = 'stopped after' if optimum is None else 'taken from'
+            yield coefficients.reshape(self._basis.shape), f'{why} {number} steps'
+        if optimum is None and iterates.last is not None:
+            yield from self._shrunk(iterates.last.reshape(self._basis.shape), 'stopped early')
+
+    def _shrunk(self, coefficients: FloatArray, remark: str) -> Iterator[tuple[FloatArray, str]]:
+        """Yield coefficients with smaller and smaller amplitudes about the same bias."""
+        for scale in self._REPAIR:
+            scaled = coefficients.copy()
+            scaled[1:] *= scale
+            texts = [remark, '' if scale == 1.0 else f'amplitudes times {scale:g}']
+            yield scaled, ', '.join(filter(None, texts))
 
     def states(self, trajectory: FourierTrajectory) -> JointReference:
         """Return the states of one period, fine enough to judge the trajectory by."""
@@ -169,32 +174,52 @@ class TrajectoryDesigner:
             self.optimality.evaluate(stacked)[0],
         )
 
-    def _optimise(self, coefficients: FloatArray) -> FloatArray:
-        limits, problem = self._setup.usable_limits, self._problem
+    def _optimise(
+        self, coefficients: FloatArray, iterates: FeasibleIterates, stop: Callable[[], bool]
+    ) -> FloatArray | None:
+        """Return the optimum, None if stopped; `iterates` collects what is met on the way."""
+        problem = self._problem
+
+        def value(x: FloatArray) -> float:
+            if stop():
+                raise _StopDesignError
+            return problem.value(x)
+
+        best = coefficients.ravel()
+        try:
+            for _ in range(self._RESTARTS):
+                result = minimize(
+                    value,
+                    best,
+                    jac=problem.gradient,
+                    bounds=self._bounds(),
+                    constraints={
+                        'type': 'ineq',
+                        'fun': problem.constraints,
+                        'jac': problem.jacobian,
+                    },
+                    method='SLSQP',
+                    options={'maxiter': 200, 'ftol': 1e-4},
+                    callback=lambda x: iterates.see(x, problem.value(x), problem.constraints(x)),
+                )
+                if not np.isfinite(result.x).all():
+                    break
+                best = result.x
+                if result.status in (_CONVERGED, _OUT_OF_ITERATIONS):
+                    break
+        except _StopDesignError:
+            return None
+        return np.asarray(best.reshape(coefficients.shape))
+
+    def _bounds(self) -> FloatArray:
+        """Return the most each coefficient can be, (coefficients, 2) [rad]."""
+        limits, rows = self._setup.usable_limits, self._basis.shape[0]
         # Beyond these no trajectory is feasible, and a line search has no business there.
         reach = np.minimum(0.5 * (limits.position_max - limits.position_min), np.pi)
-        low, high = (
-            np.tile(-reach, (2, len(coefficients), 1)) * np.array([1.0, -1.0])[:, None, None]
-        )
+        low, high = np.tile(-reach, (2, rows, 1)) * np.array([1.0, -1.0])[:, None, None]
         low[0] = np.maximum(limits.position_min, -2.0 * np.pi)
         high[0] = np.minimum(limits.position_max, 2.0 * np.pi)
-        best = coefficients.ravel()
-        for _ in range(self._RESTARTS):
-            result = minimize(
-                problem.value,
-                best,
-                jac=problem.gradient,
-                bounds=np.column_stack([low.ravel(), high.ravel()]),
-                constraints={'type': 'ineq', 'fun': problem.constraints, 'jac': problem.jacobian},
-                method='SLSQP',
-                options={'maxiter': 200, 'ftol': 1e-4},
-            )
-            if not np.isfinite(result.x).all():
-                break
-            best = result.x
-            if result.status in (_CONVERGED, _OUT_OF_ITERATIONS):
-                break
-        return best.reshape(coefficients.shape)
+        return np.column_stack([low.ravel(), high.ravel()])
 
     def _build_problem(self) -> DesignProblem:
         setup, limits = self._setup, self._setup.usable_limits
@@ -213,8 +238,17 @@ class TrajectoryDesigner:
         )
 
     def _result(
-        self, trajectory: FourierTrajectory, report: FeasibilityReport, start: int, began: float
+        self,
+        trajectory: FourierTrajectory,
+        report: FeasibilityReport,
+        start: int,
+        began: float,
+        remark: str = '',
     ) -> DesignResult:
         seconds = time.monotonic() - began
         quality = self.quality(self.states(trajectory))
-        return DesignResult(trajectory, quality, report, start, seconds)
+        return DesignResult(trajectory, quality, report, start, seconds, remark)
+
+
+def _explain(remark: str, what: str, refusal: LimitMargin | None) -> str:
+    return remark if refusal is None else f'{remark}: {what} breaks {refusal}'

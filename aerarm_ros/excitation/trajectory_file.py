@@ -27,6 +27,7 @@ class _Document:
     format: str
     fundamental_frequency: float
     joints: dict[str, Any]
+    periods: int | None = None
     made_with: dict[str, Any] = field(default_factory=dict)
 
 
@@ -48,11 +49,13 @@ class TrajectoryFile:
     trajectory : the Fourier series.
     joint_names : joint of each row of the coefficients.
     made_with : seed, condition number, margins and whatever else tells where it comes from.
+    periods : how many periods are meant to be played; None if that is left to the player.
     """
 
     trajectory: FourierTrajectory
     joint_names: tuple[str, ...]
     made_with: Mapping[str, Any] = field(default_factory=dict)
+    periods: int | None = None
 
     def save(self, path: Path | str) -> None:
         """Write the file; an existing one is replaced as a whole or not at all.
@@ -72,12 +75,13 @@ class TrajectoryFile:
             }
             for i, name in enumerate(self.joint_names)
         }
-        document = {
+        document: dict[str, Any] = {
             'format': FORMAT,
             'fundamental_frequency': float(series.f0),
-            'joints': joints,
-            'made_with': dict(self.made_with),
         }
+        if self.periods is not None:
+            document['periods'] = self.periods
+        document |= {'joints': joints, 'made_with': dict(self.made_with)}
         text = (
             '# Fourier series of each joint, thesis (3.16): bias + sine_k sin(k w0 t)'
             ' + cosine_k cos(k w0 t).\n# Hz, rad. Played by `excitation`.\n'
@@ -117,6 +121,8 @@ class TrajectoryFile:
             raise ExcitationError(f'format is {document.format!r}, not {FORMAT!r}')
         if not isinstance(document.joints, dict) or not document.joints:
             raise ExcitationError('joints must map joint names to bias, sine and cosine')
+        if document.periods is not None and document.periods < 1:
+            raise ExcitationError(f'periods must be at least 1, not {document.periods}')
         rows = [
             build(_JointSeries, f'joints.{name}', entry) for name, entry in document.joints.items()
         ]
@@ -128,7 +134,8 @@ class TrajectoryFile:
             np.array([row.sine for row in rows]),
             np.array([row.cosine for row in rows]),
         )
-        return cls(trajectory, tuple(map(str, document.joints)), document.made_with)
+        names = tuple(map(str, document.joints))
+        return cls(trajectory, names, document.made_with, document.periods)
 
     def for_joints(self, joint_names: Sequence[str]) -> FourierTrajectory:
         """Return the trajectory with its rows in the order of `joint_names`.

@@ -41,17 +41,45 @@ class MujocoArm:
         self.data = mujoco.MjData(self.model)
         self._plane = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
         self._reach = reach
-        # Bodies are numbered along the chain, 0 is the base.
+        self._pairs, self._low = self._checked_pairs(robot)
+        self._friction = robot.viscous, robot.coulomb
+
+    def _checked_pairs(self, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+        """Return pairs of shapes (P, 2), and shapes that could touch the ground.
+
+        Moving neighbours touch by construction. What is fixed to the base may be an obstacle to
+        link 1 too, which turns in front of it: left out is only what joint 1 does not move
+        nearer, judged on a full turn.
+        """
+        # Bodies are numbered along the chain, 0 is the base with all that is fixed to it.
         body = self.model.geom_bodyid
         shapes = [geom for geom in range(self.model.ngeom) if geom != self._plane]
-        self._pairs = np.array([(a, b) for a in shapes for b in shapes if body[b] - body[a] > 1])
-        self._moving = np.array([geom for geom in shapes if body[geom] > 1])
-        self._friction = robot.viscous, robot.coulomb
+        pairs = [(a, b) for a in shapes for b in shapes if body[b] - body[a] > 1]
+        beside = [(a, b) for a in shapes for b in shapes if (body[a], body[b]) == (0, 1)]
+        below = [(geom, self._plane) for geom in shapes if body[geom] == 1]
+        varying = self._varying([*beside, *below], robot)
+        pairs += [pair for pair in beside if pair in varying]
+        low = [geom for geom in shapes if body[geom] > 1 or (geom, self._plane) in varying]
+        return np.array(pairs), np.array(low)
+
+    def _varying(self, pairs: list, robot: Robot) -> set:
+        """Return the pairs whose distance changes while joint 1 turns."""
+        found = []
+        low, high = max(robot.position_min[0], -np.pi), min(robot.position_max[0], np.pi)
+        for angle in np.linspace(low, high, 361):
+            self.data.qpos[:] = 0.0
+            self.data.qpos[0] = angle
+            mujoco.mj_kinematics(self.model, self.data)
+            found.append(
+                [mujoco.mj_geomDistance(self.model, self.data, a, b, 1.0, None) for a, b in pairs]
+            )
+        changes = np.ptp(found, axis=0) > 1e-4
+        return {pair for pair, change in zip(pairs, changes, strict=True) if change}
 
     def distances(self, q: np.ndarray) -> tuple[float, float]:
         """Return the smallest distance to itself and to the ground [m], infinite if far.
 
-        Neighbouring bodies, and the column that turns on the base, are left out.
+        Neighbouring bodies, and what turns on the base without coming nearer, are left out.
         """
         self.data.qpos[:] = q
         mujoco.mj_kinematics(self.model, self.data)
@@ -61,7 +89,8 @@ class MujocoArm:
             np.linalg.norm(centres[first] - centres[second], axis=1) - radii[first] - radii[second]
         )
         itself = self._nearest(self._pairs[gap < self._reach])
-        low = self._moving[centres[self._moving, 2] - radii[self._moving] < self._reach]
+        height = self.data.geom_xpos[self._plane, 2]
+        low = self._low[centres[self._low, 2] - radii[self._low] - height < self._reach]
         return itself, self._nearest([(geom, self._plane) for geom in low])
 
     def _nearest(self, pairs) -> float:

@@ -93,17 +93,42 @@ def test_ground_is_below_along_gravity() -> None:
     assert ground_distance(checker, UPRIGHT) == pytest.approx(1.5 - SHOULDER - 0.75, abs=1e-3)
 
 
-def test_shapes_on_the_base_are_obstacles(robot: Robot) -> None:
-    leg = (
-        '<collision name="landing_gear"><origin xyz="0.3 0 0.4"/>'
-        '<geometry><box size="0.02 0.02 0.3"/></geometry></collision>'
+def with_box(robot: Robot, centre: str, size: str, link: str = 'base_link') -> Robot:
+    """Return the arm with a box fixed to its base, in the base link or in a link of its own."""
+    box = (
+        f'<collision name="box"><origin xyz="{centre}"/>'
+        f'<geometry><box size="{size}"/></geometry></collision>'
     )
-    base = '<link name="base_link">'
-    text = robot.urdf_text.replace(base, base + leg)
-    checker = ClearanceChecker(load_robot(text))
+    if link == 'base_link':
+        base = '<link name="base_link">'
+        return load_robot(robot.urdf_text.replace(base, base + box))
+    own = (
+        f'<link name="{link}">{box}</link><joint name="{link}_fixed" type="fixed">'
+        f'<parent link="base_link"/><child link="{link}"/></joint></robot>'
+    )
+    return load_robot(robot.urdf_text.replace('</robot>', own))
+
+
+def test_shapes_on_the_base_are_obstacles(robot: Robot) -> None:
+    checker = ClearanceChecker(with_box(robot, '0.3 0 0.4', '0.02 0.02 0.3'))
     without = ClearanceChecker(robot)
     into_the_leg = np.array([0.0, np.arctan2(0.25, 0.3), 0.0, 0.0])
     assert checker.distances(into_the_leg).min() < 0.0 < without.distances(into_the_leg).min()
+
+
+@pytest.mark.parametrize('link', ['base_link', 'landing_gear'])
+def test_an_obstacle_that_only_link_1_can_hit(robot: Robot, link: str) -> None:
+    """The corner of the fork's plate, 52 mm from joint 1's axis, sweeps over the box."""
+    checker = ClearanceChecker(with_box(robot, '0.058 0 0.11', '0.02 0.01 0.02', link))
+    corner_to_the_box = UPRIGHT + [np.arctan2(0.046, 0.025), 0.0, 0.0, 0.0]
+    hits = {
+        pair
+        for pair, distance in zip(checker.pairs, checker.distances(corner_to_the_box), strict=True)
+        if distance < 0.0
+    }
+    assert {frozenset(pair) for pair in hits} == {frozenset({link, 'link1'})}
+    swept = checker.sweep(np.linspace(UPRIGHT, corner_to_the_box, 200))
+    assert swept['self'].distance < 0.0
 
 
 def test_a_urdf_without_shapes_is_refused(robot: Robot) -> None:

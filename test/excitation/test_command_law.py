@@ -22,6 +22,14 @@ def test_without_gain_it_is_the_thesis_pure_velocity_command() -> None:
     np.testing.assert_array_equal(command.velocity, REFERENCE.velocity)
 
 
+def test_the_correction_never_asks_for_more_than_the_velocity_limit() -> None:
+    limit = np.full(4, 2.5)
+    far = REFERENCE.position - np.array([3.0, -3.0, 3.0, 0.0])
+    command = VelocityLaw(20.0, limit).command(REFERENCE, far)
+    np.testing.assert_array_equal(command.velocity[:3], [2.5, -2.5, 2.5])
+    assert command.velocity[3] == REFERENCE.velocity[3]
+
+
 def test_feed_forward_is_the_torque_of_the_reference(setup: ExcitationSetup) -> None:
     command = FeedForwardLaw(setup.effort_model).command(REFERENCE, MEASURED)
     np.testing.assert_array_equal(command.position, REFERENCE.position)

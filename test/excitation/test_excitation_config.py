@@ -19,6 +19,8 @@ def test_without_bias_the_middle_of_the_range_is_taken(robot: Robot) -> None:
     np.testing.assert_allclose(middle, 0.5 * (robot.position_min + robot.position_max))
     with pytest.raises(ConfigError, match='bias has 2 values'):
         ExcitationConfig(bias=(0.0, 0.0)).bias_of(robot)
+    with pytest.raises(ConfigError, match='bias of joint3 must be a finite number'):
+        ExcitationConfig(bias=(0.0, 0.0, float('nan'), 0.0)).bias_of(robot)
 
 
 @pytest.mark.parametrize(
@@ -29,6 +31,9 @@ def test_without_bias_the_middle_of_the_range_is_taken(robot: Robot) -> None:
         ('ramp_time: 0', 'ramp_time'),
         ('highest_frequency: 600', 'highest_frequency'),
         ('speed: 3', 'unknown key speed'),
+        ('stop_time: 0', 'stop_time'),
+        ('unchecked_pairs: a to b', "list of 'one to other'"),
+        ('unchecked_pairs: [3]', "list of 'one to other'"),
     ],
 )
 def test_errors_name_file_and_key(tmp_path: Path, line: str, message: str) -> None:

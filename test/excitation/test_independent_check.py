@@ -4,6 +4,7 @@
 """
 
 import numpy as np
+import pytest
 from mujoco_arm import MujocoArm
 
 from aerarm_ros.description.arm_config import ArmConfig
@@ -17,6 +18,11 @@ LEGS = ''.join(
     f'<collision name="leg{i}"><origin xyz="{x} {y} 0.1"/>'
     '<geometry><box size="0.03 0.03 0.5"/></geometry></collision>'
     for i, (x, y) in enumerate([(0.3, 0.3), (0.3, -0.3), (-0.3, 0.3), (-0.3, -0.3)])
+)
+# Reached by the corners of link 1's fork plate, and by nothing else.
+BESIDE_LINK_1 = (
+    '<collision name="box"><origin xyz="0.058 0 0.11"/>'
+    '<geometry><box size="0.02 0.01 0.02"/></geometry></collision>'
 )
 STEP = 0.01
 
@@ -48,3 +54,25 @@ def test_accepted_trajectories_are_safe_in_mujoco(
     # Both happen, so the test is one.
     assert accepted > 5
     assert close > 5
+
+
+def test_both_engines_see_what_only_link_1_can_hit(
+    robot, arm: ArmConfig, config: ExcitationConfig
+) -> None:
+    base = '<link name="base_link">'
+    beside = load_robot(robot.urdf_text.replace(base, base + BESIDE_LINK_1))
+    setup = ExcitationSetup.of_arm(beside, arm, config)
+    other = MujocoArm(beside, arm.column('reflected_inertia'), config.ground_height)
+    itself = [i for i, pair in enumerate(setup.clearance.pairs) if 'ground' not in pair]
+    hits = 0
+    for angle in np.linspace(-2.9, 2.9, 59):
+        q = np.array([angle, np.pi / 2, 0.0, 0.0])
+        theirs, _ = other.distances(q)
+        ours = setup.clearance.distances(q)[itself].min()
+        hits += ours < 0.0
+        # Depths of overlap are told by other methods; distances agree.
+        if ours > 0.0:
+            assert theirs == pytest.approx(ours, abs=1e-4)
+        else:
+            assert theirs <= 1e-6
+    assert hits > 5

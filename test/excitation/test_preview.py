@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from aerarm_ros.excitation.arm_animation import ArmAnimation
+from aerarm_ros.excitation.design_result import DesignResult
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.preview import Preview
-from aerarm_ros.excitation.trajectory_designer import DesignResult, TrajectoryDesigner
+from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
 from aerarm_ros.model.kinematics import Kinematics
 
 

@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.excitation.design_result import DesignResult
 from aerarm_ros.excitation.design_specification import SCALED, DesignSpecification
 from aerarm_ros.excitation.excitation_config import ExcitationConfig
-from aerarm_ros.excitation.excitation_error import ExcitationError, InfeasibleError
+from aerarm_ros.excitation.excitation_error import (
+    DesignStoppedError,
+    ExcitationError,
+    InfeasibleError,
+)
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.parallel_design import design_all
-from aerarm_ros.excitation.trajectory_designer import DesignResult, TrajectoryDesigner
+from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
 from aerarm_ros.model.regressor import Regressor
 
 
@@ -58,6 +63,28 @@ def test_a_stop_ends_the_search(designer: TrajectoryDesigner) -> None:
     assert list(design_all(designer.specification, 4, 1, stop=lambda: True)) == []
 
 
+def test_a_stop_in_the_middle_of_a_start_keeps_its_best(
+    designer: TrajectoryDesigner, setup: ExcitationSetup
+) -> None:
+    calls = 0
+
+    def stop() -> bool:
+        nonlocal calls
+        calls += 1
+        return calls > 70
+
+    start, stopped = designer.initial(0), designer.design(0, stop)
+    assert stopped.report.feasible
+    assert setup.checker.check_trajectory(stopped.trajectory, setup.config.ramp_time).feasible
+    assert stopped.quality.objective < start.quality.objective
+    assert 'stopped' in stopped.remark
+
+
+def test_a_stop_before_anything_is_feasible_says_so(designer: TrajectoryDesigner) -> None:
+    with pytest.raises(DesignStoppedError, match='stopped before a feasible'):
+        designer.design(0, lambda: True)
+
+
 @pytest.mark.parametrize(
     ('urdf', 'locked'),
     [('ur10_robot.urdf', ()), ('panda.urdf', ('panda_finger_joint1', 'panda_finger_joint2'))],
@@ -73,14 +100,39 @@ def test_other_arms(
     assert designed.quality.scaled_condition_number < 0.5 * start.quality.scaled_condition_number
 
 
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        ({'fundamental': 0.5}, 'exceeds 2 Hz, highest_frequency of the excitation configuration'),
+        ({'harmonics': 6000}, 'exceeds 500 Hz, half the control rate'),
+    ],
+)
+def test_harmonics_too_high_name_the_limit_that_binds(
+    setup: ExcitationSetup, change: dict, message: str
+) -> None:
+    with pytest.raises(InfeasibleError, match=message):
+        DesignSpecification(setup, **change)
+
+
 def test_infeasible_limits_name_the_one_that_binds(setup: ExcitationSetup) -> None:
-    fast = DesignSpecification(setup, fundamental=0.5, harmonics=5)
-    with pytest.raises(InfeasibleError, match='frequency of highest harmonic'):
-        TrajectoryDesigner(fast).initial(0)
+    crawling = replace(setup.limits, velocity=np.full(4, 1e-3))
+    slow = ExcitationSetup(
+        setup.robot, setup.config, crawling, setup.rotor_inertia, setup.torque_per_ampere
+    )
+    with pytest.raises(InfeasibleError, match=r'velocity of joint\d binds'):
+        TrajectoryDesigner(DesignSpecification(slow)).initial(0)
 
 
 @pytest.mark.parametrize(
-    'change', [{'objective': 'beauty'}, {'condition_limit': 0.5}, {'seed': -1}]
+    'change',
+    [
+        {'objective': 'beauty'},
+        {'condition_limit': 0.5},
+        {'seed': -1},
+        {'harmonics': 0},
+        {'fundamental': float('nan')},
+        {'amplitude': 0.0},
+    ],
 )
 def test_wrong_specifications_are_refused(setup: ExcitationSetup, change: dict) -> None:
     with pytest.raises(ExcitationError):

@@ -24,9 +24,21 @@ def test_round_trip_is_exact(path: Path, trajectory: FourierTrajectory) -> None:
     loaded = TrajectoryFile.load(path)
     assert loaded.joint_names == NAMES
     assert loaded.made_with == {'seed': 3}
+    assert loaded.periods is None
     assert loaded.trajectory.f0 == trajectory.f0
     for field in ('q0', 'alpha', 'beta'):
         np.testing.assert_array_equal(getattr(loaded.trajectory, field), getattr(trajectory, field))
+
+
+def test_the_file_says_how_many_periods(tmp_path: Path, trajectory: FourierTrajectory) -> None:
+    path = tmp_path / 'three.yaml'
+    TrajectoryFile(trajectory, NAMES, periods=3).save(path)
+    assert TrajectoryFile.load(path).periods == 3
+    for wrong in ('0', '-1', '1.5'):
+        path.write_text(path.read_text().replace('periods: 3', f'periods: {wrong}'))
+        with pytest.raises(ExcitationError, match='periods'):
+            TrajectoryFile.load(path)
+        path.write_text(path.read_text().replace(f'periods: {wrong}', 'periods: 3'))
 
 
 def test_rows_follow_the_names(path: Path, trajectory: FourierTrajectory) -> None:

@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,13 +20,15 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
     assert main([*SMALL, '--out', str(out), '--preview', str(page), '--validation']) == 0
     best = TrajectoryFile.load(out)
     assert best.made_with['scaled_condition_number'] > 1.0
-    assert best.made_with['periods'] == 2
+    assert best.periods == 2
+    assert any('link1 to ground' in note for note in best.made_with['notes'])
     assert {'torque', 'self clearance', 'ground clearance'} <= set(best.made_with['margins'])
     assert page.stat().st_size > 1_000_000
     slow, fast = (
         TrajectoryFile.load(tmp_path / f'best_validation_{name}.yaml') for name in ('slow', 'fast')
     )
     assert (slow.trajectory.f0, fast.trajectory.f0) == (0.05, 0.2)
+    assert (slow.periods, fast.periods) == (1, 4)
     printed = capsys.readouterr().out
     assert 'start 0' in printed
     assert 'motor current' in printed
@@ -35,14 +38,25 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        (['--fundamental', '0.07'], 'no multiple of the period'),
-        (['--fundamental', '-1'], 'must be positive'),
-        (['--harmonics', '200'], 'frequency of highest harmonic'),
-        (['--bias', '0', '-0.4', '0', '0'], 'binds in'),
+        (['--fundamental', '0.07'], 'take 14.2857 s or 28.5714 s'),
+        (['--fundamental', '-1'], 'fundamental must be positive'),
+        (['--duration', 'inf'], 'duration must be positive'),
+        (['--harmonics', '200'], 'highest_frequency of the excitation configuration'),
+        (['--harmonics', '6000'], '500 Hz, half the control rate (sampling limit)'),
+        (['--harmonics', '0'], 'at least one harmonic'),
+        (['--bias', '0', '-0.4', '0', '0'], '(bias) is infeasible: ground clearance of link4'),
+        (['--bias', '0', '9', '0', '0'], '(bias) is infeasible: position of joint2: 9 rad'),
+        (['--bias', 'nan', '1.5', '0', '0'], 'bias of joint1 must be a finite number'),
         (['--bias', '0', '0'], 'bias has 2 values'),
+        (['--amplitude', 'nan'], 'amplitude must be positive'),
         (['--urdf', 'missing.urdf'], 'missing.urdf'),
         (['--out', '/nowhere/best.yaml'], '/nowhere/best.yaml cannot be written'),
+        (['--preview', '/nowhere/best.html'], '/nowhere/best.html cannot be written'),
+        (['--out', '/tmp'], 'it is a folder'),
         (['--starts', '0'], 'at least one start'),
+        (['--time-limit', 'nan'], 'time limit must be positive'),
+        (['--time-limit', '1e-6'], 'nothing was written'),
+        (['--acceleration-limit', '3'], '--acceleration-limit: for an arm without a drive train'),
     ],
 )
 def test_bad_input_is_one_line(tmp_path: Path, capsys, arguments, message) -> None:
@@ -50,6 +64,70 @@ def test_bad_input_is_one_line(tmp_path: Path, capsys, arguments, message) -> No
     error = capsys.readouterr().err
     assert message in error
     assert error.count('\n') == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_is_written_if_a_validation_trajectory_is_infeasible(
+    tmp_path: Path, capsys
+) -> None:
+    out = tmp_path / 'best.yaml'
+    settings = tmp_path / 'excitation.yaml'
+    settings.write_text('bias: [0.0, 1.5708, 0.0, 0.0]\nhighest_frequency: 0.3\n')
+    arguments = ['--harmonics', '1', '--fundamental', '0.2', '--duration', '20', '--validation']
+    assert main([*arguments, '--excitation-config', str(settings), '--out', str(out)]) == 1
+    error = capsys.readouterr().err
+    assert 'fast validation trajectory: frequency of highest harmonic' in error
+    assert list(tmp_path.iterdir()) == [settings]
+
+
+@pytest.mark.parametrize(
+    ('urdf', 'options'),
+    [
+        ('ur10_robot.urdf', []),
+        ('panda.urdf', ['--locked', 'panda_finger_joint1', 'panda_finger_joint2']),
+    ],
+)
+def test_other_arms_by_the_defaults(
+    tmp_path: Path, capsys, example_urdf: Callable[[str], Path], urdf: str, options: list[str]
+) -> None:
+    out = tmp_path / 'best.yaml'
+    arguments = ['--urdf', str(example_urdf(urdf)), *options, '--time-limit', '8', '--starts', '1']
+    assert main([*arguments, '--acceleration-limit', '10', '--out', str(out)]) == 0
+    best = TrajectoryFile.load(out)
+    assert best.made_with['margins']['acceleration']['allowed'] == 9.0
+    printed = capsys.readouterr().out
+    assert 'misses its limit of 26; what binds most is ' in printed
+    assert 'no limit is known for motor current' in printed
+    assert 'built close together' in printed
+
+
+def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
+    """Ctrl-C at any time in the first seconds, libraries still loading."""
+    out = tmp_path / 'best.yaml'
+    command = [sys.executable, '-m', 'aerarm_ros.nodes.excitation_designer', '--out', str(out)]
+    # Told through a pipe that its handlers are set, before the first slow import.
+    script = (
+        'import sys, runpy; from aerarm_ros.nodes import stop_signals as s; '
+        'enter = s.StopSignals.__enter__; '
+        's.StopSignals.__enter__ = lambda self: (enter(self), print("ready", flush=True))[0]; '
+        f'sys.argv = {command[2:]!r}; '
+        'runpy.run_module("aerarm_ros.nodes.excitation_designer", run_name="__main__")'
+    )
+    process = subprocess.Popen(
+        [sys.executable, '-c', script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == 'ready\n'
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=60.0)
+    finally:
+        process.kill()
+    assert process.returncode == 1
+    assert error == (
+        'excitation_designer: stopped before there was a feasible trajectory: nothing was written\n'
+    )
+    assert not out.exists()
 
 
 def test_a_stop_keeps_the_best_so_far(tmp_path: Path) -> None:
