@@ -35,6 +35,7 @@ class Bag:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
+        self._information = self._read_information()
         self._files = self._find_files()
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
@@ -57,18 +58,37 @@ class Bag:
             If a file can't be read, the topic isn't in the bag, holds no messages or has
             another type.
         """
+        yield from self.messages_and(topic, message_type, ())
+
+    def messages_and(
+        self, topic: str, message_type: str, others: Collection[str]
+    ) -> Iterator[MessageBlock]:
+        """Yield the messages of one topic of known type, and of others if they are there.
+
+        Errors are those of `messages`; nothing is asked of the other topics.
+        """
         name = '/' + topic.lstrip('/')
         empty = True
-        for block in self.blocks((name,)):
-            if block.type != message_type:
-                raise BagError(
-                    f'topic {name} of {self.path} is of type {block.type or "(unknown)"}, '
-                    f'not {message_type}: choose another topic'
-                )
-            empty = False
+        for block in self.blocks({name, *others}):
+            if block.topic == name:
+                self._check_type(name, block.type, message_type)
+                empty = False
             yield block
         if empty:
+            self._check_type(name, self.types().get(name, message_type), message_type)
             raise BagError(self._why_empty(name))
+
+    @property
+    def damaged(self) -> bool:
+        """Whether the files read so far miss their end or hold damage."""
+        return any(file.damaged for file in self._files)
+
+    def _check_type(self, topic: str, found: str, expected: str) -> None:
+        if found != expected:
+            raise BagError(
+                f'topic {topic} of {self.path} is of type {found or "(unknown)"}, '
+                f'not {expected}: choose another topic'
+            )
 
     def types(self) -> dict[str, str]:
         """Return the message type of every topic that the files read so far declare."""
@@ -89,21 +109,45 @@ class Bag:
             if path.name == _METADATA:
                 raise BagError(f'{path} is part of a bag: give its directory {path.parent}')
             return [McapFile(path)]
-        information = self._information()
+        information = self._information
         if str(information.get('compression_mode')).lower() == 'message':
             return [RosbagsFile(path)]  # every message is compressed by itself
         files = self._files_of(information)
         if files:
             return [McapFile(file) for file in files]
+        names = [Path(str(name)).name for name in information.get('relative_file_paths') or ()]
+        missing = [name for name in names if not (path / name).exists()]
+        if missing:
+            raise BagError(
+                f'{path} lacks {", ".join(missing)}, which its {_METADATA} names: copy '
+                'the whole directory again'
+            )
         if (path / _METADATA).is_file():
             return [RosbagsFile(path)]
         raise BagError(f'{path} is not a bag: it holds neither a .mcap file nor a {_METADATA}')
 
-    def _information(self) -> dict[str, Any]:
-        """Return what metadata.yaml says, nothing if it is missing or broken."""
+    def recorded_count(self, topic: str) -> int | None:
+        """Return how many messages of a topic the bag's own account lists.
+
+        That is metadata.yaml (for a single file the one beside it, if it knows no other), or
+        what the files say at their end, once they were read. None if neither says anything.
+        """
         try:
-            content = yaml.load((self.path / _METADATA).read_text(), _LOADER)
-            return dict(content['rosbag2_bagfile_information'])
+            topics = self._information['topics_with_message_count']
+            counts = {entry['topic_metadata']['name']: entry['message_count'] for entry in topics}
+            return int(counts.get(topic, 0))
+        except (KeyError, TypeError, ValueError):
+            own = [file.counts for file in self._files]
+            return None if None in own else sum(c.get(topic, 0) for c in own if c is not None)
+
+    def _read_information(self) -> dict[str, Any]:
+        """Return what metadata.yaml says, nothing if it is missing or broken."""
+        folder = self.path.parent if self.path.is_file() else self.path
+        try:
+            content = yaml.load((folder / _METADATA).read_text(encoding='utf-8'), _LOADER)
+            information = dict(content['rosbag2_bagfile_information'])
+            names = [Path(str(name)).name for name in information.get('relative_file_paths') or ()]
+            return information if folder == self.path or names == [self.path.name] else {}
         except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError):
             return {}
 

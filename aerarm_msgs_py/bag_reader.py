@@ -4,10 +4,8 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from aerarm_msgs_py.bag import Bag
+from aerarm_msgs_py.bag_contents import JOINT_STATE, read_contents
 from aerarm_msgs_py.bag_error import BagError, BagWarning
 from aerarm_msgs_py.joint_state_decoder import JointStateDecoder
 from aerarm_msgs_py.joint_state_series import JointStateSeries
@@ -23,8 +21,6 @@ __all__ = [
     'read_joint_states',
     'topics',
 ]
-
-_JOINT_STATE = 'sensor_msgs/msg/JointState'
 
 
 def read_joint_states(path: Path | str, topic: str = '/joint_states') -> JointStateSeries:
@@ -47,17 +43,7 @@ def read_joint_states(path: Path | str, topic: str = '/joint_states') -> JointSt
     BagError
         If the bag or the topic can't be read; the message says what to check.
     """
-    blocks = list(joint_state_blocks(path, topic))
-    n = len(blocks[-1].names)
-    return JointStateSeries(
-        names=blocks[-1].names,
-        stamp=np.concatenate([block.stamp for block in blocks]),
-        log_time=np.concatenate([block.log_time for block in blocks]),
-        position=np.concatenate([_widened(block.position, n) for block in blocks]),
-        velocity=np.concatenate([_widened(block.velocity, n) for block in blocks]),
-        effort=np.concatenate([_widened(block.effort, n) for block in blocks]),
-        sequence=np.concatenate([block.sequence for block in blocks]),
-    )
+    return read_contents(path, topic).joint_states['/' + topic.lstrip('/')]
 
 
 def joint_state_blocks(
@@ -69,7 +55,7 @@ def joint_state_blocks(
     Parameters and errors are those of `read_joint_states`.
     """
     decoder = JointStateDecoder()
-    for block in Bag(path).messages(topic, _JOINT_STATE):
+    for block in Bag(path).messages(topic, JOINT_STATE):
         try:
             stamp_ns, values = decoder.decode(block.payloads)
         except ValueError as error:
@@ -110,8 +96,3 @@ def topics(path: Path | str) -> dict[str, TopicSummary]:
         topic: TopicSummary(kind, counts.get(topic, 0), gaps.get(topic, SequenceGaps()).lost)
         for topic, kind in bag.types().items()
     }
-
-
-def _widened(values: NDArray[np.float64], columns: int) -> NDArray[np.float64]:
-    """Return (K, columns) values, the new columns NaN."""
-    return np.pad(values, ((0, 0), (0, columns - values.shape[1])), constant_values=np.nan)

@@ -37,6 +37,10 @@ class CdrReader:
         """Read an unsigned 32-bit number."""
         return self._number('I')
 
+    def octet(self) -> int:
+        """Read one byte."""
+        return self._take(1)[0]
+
     def string(self) -> str:
         """Read a string."""
         length = self.uint32()

@@ -1,12 +1,13 @@
 """Many serialized JointStates to arrays, vectorised where their layouts agree."""
 
-from collections.abc import Sequence
+from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerarm_msgs_py.cdr_reader import CdrReader
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.payloads import Payloads
 
 _KNOWN_LAYOUTS = 8
 
@@ -31,7 +32,7 @@ class JointStateDecoder:
         self.irregular = 0
         self._codecs: list[tuple[JointStateCdr, list[int]]] = []
 
-    def decode(self, payloads: Sequence[bytes]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def decode(self, payloads: Payloads) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Decode K messages.
 
         Returns
@@ -43,45 +44,52 @@ class JointStateDecoder:
         Raises
         ------
         ValueError
-            If a payload is no JointState.
+            If a payload is no JointState, or names a joint twice.
         """
         stamp_ns = np.zeros(len(payloads), np.int64)
         values = np.full((len(payloads), 3, len(self.names)), np.nan)
-        sizes = np.fromiter(map(len, payloads), np.int64, len(payloads))
+        sizes = payloads.sizes
         for size in dict.fromkeys(sizes.tolist()):
-            index = np.flatnonzero(sizes == size)
-            group = (
-                list(payloads)
-                if len(index) == len(sizes)
-                else [payloads[k] for k in index.tolist()]
-            )
-            values = self._decode_group(group, index, stamp_ns, values)
+            values = self._decode_group(payloads, np.flatnonzero(sizes == size), stamp_ns, values)
         return stamp_ns, values
 
     def _decode_group(
         self,
-        payloads: list[bytes],
+        payloads: Payloads,
         index: NDArray[np.intp],
         stamp_ns: NDArray[np.int64],
         values: NDArray[np.float64],
     ) -> NDArray[np.float64]:
         """Decode messages of equal size into their rows; return values, wider if needed."""
-        first_stamp, first_values, columns = self._decode_one(payloads[0])
-        values = self._widened(values)
-        rows = np.frombuffer(b''.join(payloads), np.uint8).reshape(len(payloads), -1)
-        for codec, codec_columns in self._codecs:
+        rows = payloads.rows(index)
+        if self._decode_rows(rows, index, stamp_ns, values):
+            return values
+        codecs = len(self._codecs)
+        for done, k in enumerate(index.tolist()):
+            stamp_ns[k], numbers, columns = self._decode_one(payloads[k])
+            values = self._widened(values)
+            values[k][:, columns] = numbers
+            # The first message shows the layout that the others usually have.
+            first = done == 0 and len(self._codecs) > codecs
+            if first and self._decode_rows(rows, index, stamp_ns, values):
+                break
+        return values
+
+    def _decode_rows(
+        self,
+        rows: NDArray[np.uint8],
+        index: NDArray[np.intp],
+        stamp_ns: NDArray[np.int64],
+        values: NDArray[np.float64],
+    ) -> bool:
+        """Decode messages of one layout met before; return whether they were."""
+        for codec, columns in self._codecs:
             block = codec.unpack_block(rows)
             if block is not None:
                 stamp_ns[index] = block[0]
-                values[index[:, None], :, codec_columns] = block[1].transpose(0, 2, 1)
-                return values
-        stamp_ns[index[0]] = first_stamp
-        values[index[0]][:, columns] = first_values
-        for k, payload in zip(index[1:], payloads[1:], strict=True):
-            stamp_ns[k], numbers, columns = self._decode_one(payload)
-            values = self._widened(values)
-            values[k][:, columns] = numbers
-        return values
+                values[index[:, None], :, columns] = block[1].transpose(0, 2, 1)
+                return True
+        return False
 
     def _decode_one(self, payload: bytes) -> tuple[int, NDArray[np.float64], list[int]]:
         """Return stamp [ns], (3, m) numbers and the m columns they belong to."""
@@ -89,6 +97,12 @@ class JointStateDecoder:
         stamp_ns = reader.int32() * 1_000_000_000 + reader.uint32()
         frame_id = reader.string()
         names = reader.strings()
+        repeated = [name for name, count in Counter(names).items() if count > 1]
+        if repeated:
+            raise ValueError(
+                f'a message names joint {", ".join(repeated)} more than once: check the joint '
+                'names of the node that publishes it'
+            )
         fields = [reader.doubles() for _ in range(3)]
         numbers = np.full((3, len(names)), np.nan)
         for row, field in zip(numbers, fields, strict=True):
@@ -107,7 +121,7 @@ class JointStateDecoder:
         known = any(
             codec.names == tuple(names) and codec.frame_id == frame_id for codec, _ in self._codecs
         )
-        if not known and names and len(set(names)) == len(names):
+        if not known and names:
             self._codecs.append((JointStateCdr(names, frame_id), columns))
             del self._codecs[:-_KNOWN_LAYOUTS]
 

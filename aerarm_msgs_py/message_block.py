@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from aerarm_msgs_py.payloads import Payloads
+
 
 @dataclass(frozen=True)
 class MessageBlock:
@@ -26,4 +28,4 @@ class MessageBlock:
     type: str
     log_time: NDArray[np.int64]
     sequence: NDArray[np.int64]
-    payloads: list[bytes]
+    payloads: Payloads

@@ -7,6 +7,7 @@ import numpy as np
 
 from aerarm_msgs_py.bag_error import BagError
 from aerarm_msgs_py.message_block import MessageBlock
+from aerarm_msgs_py.payloads import Payloads
 
 _BLOCK = 1000  # messages
 
@@ -18,11 +19,17 @@ class RosbagsFile:
     ----------
     types
         Message type of every topic.
+    damaged
+        Always False: damage is an error here.
+    counts
+        Always None: metadata.yaml has the counts.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.types: dict[str, str] = {}
+        self.damaged = False
+        self.counts: dict[str, int] | None = None
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
         """Yield the messages of some topics (None: of all) in order of time.
@@ -58,5 +65,5 @@ class RosbagsFile:
             self.types[topic],
             np.array([log_time for log_time, _ in messages], np.int64),
             np.zeros(len(messages), np.int64),
-            [payload for _, payload in messages],
+            Payloads.of(payload for _, payload in messages),
         )

@@ -1,8 +1,11 @@
 """Speed and accuracy of the identifier.
 
 Speed: 20 s at 1 kHz with 4 joints, from an MCAP bag to the estimate, and as a whole process.
+The bag is as the recorder leaves one: states, commands, motors, power, diagnostics.
+Memory: the same for recordings of 5 and, with --long, 30 minutes.
 Accuracy: first 60 % of each measured bag to identify, last 40 % held out. The measured bags are
-looked for in AERARM_DATASETS, by default ../shared/datasets beside the checkout.
+looked for in the folder that the variable AERARM_DATASETS names. Then all solvers and other tools
+on the same bags (identification_peers.py), unless --no-peers is given.
 """
 
 import json
@@ -13,33 +16,40 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator, Sequence
 from importlib.metadata import files
 from pathlib import Path
 
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import numpy as np  # noqa: E402
+from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
-from aerarm_msgs_py.bag_reader import read_joint_states  # noqa: E402
 from aerarm_msgs_py.bag_writer import BagWriter  # noqa: E402
+from aerarm_msgs_py.float64_array_cdr import Float64ArrayCdr  # noqa: E402
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr  # noqa: E402
 from aerarm_msgs_py.recorded_message import RecordedMessage  # noqa: E402
 from aerarm_msgs_py.recorded_topic import RecordedTopic  # noqa: E402
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
 from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
 from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402
-from aerarm_ros.identification.recording import (  # noqa: E402
-    JointMapping,
-    recording_from_states,
-)
+from aerarm_ros.identification.recording import JointMapping  # noqa: E402
 from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
 from aerarm_ros.model.dynamics import Dynamics  # noqa: E402
+from aerarm_ros.nodes.identifier_bags import IdentifierBags  # noqa: E402
 
 RATE = 1000
 REPEATS = 7
-DATASETS = Path(
-    os.environ.get('AERARM_DATASETS', Path(__file__).parents[2] / 'shared' / 'datasets')
-)
+DATASETS = os.environ.get('AERARM_DATASETS')
+KIND = 'sensor_msgs/msg/JointState'
+TOPICS = {
+    '/joint_states': KIND,
+    '/joint_command': KIND,
+    '/motor_states': KIND,
+    '/motor_power': 'std_msgs/msg/Float64MultiArray',
+    '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+    '/arm_mode': 'std_msgs/msg/String',
+}
 # Filtered torque error on the last 40 % [%]: what others reach on the same bags.
 MEASURED = {
     'UR10': (
@@ -75,19 +85,53 @@ def write_bag(path: Path, robot: Robot, config: ArmConfig, seconds: float) -> No
     tau = links + 0.02 * dq + (0.15 + 0.03 * np.abs(links)) * np.sign(dq)
     tau += 0.05 * random.standard_normal(tau.shape)
     dq += 0.01 * random.standard_normal(dq.shape)
-    codec = JointStateCdr(robot.joint_names)
-    topic = RecordedTopic('/joint_states', 'sensor_msgs/msg/JointState')
-    with BagWriter(path, [topic]) as writer:
-        for k, nanoseconds in enumerate((t * 1e9).astype(np.int64).tolist()):
-            payload = codec.pack(10**18 + nanoseconds, q[k], dq[k], tau[k])
-            writer.write(RecordedMessage(0, payload, nanoseconds, nanoseconds, k + 1))
+    with BagWriter(path, [RecordedTopic(name, kind) for name, kind in TOPICS.items()]) as writer:
+        for message in messages(robot, t, (q, dq, tau)):
+            writer.write(message)
+
+
+def messages(
+    robot: Robot, t: np.ndarray, values: tuple[np.ndarray, ...]
+) -> Iterator[RecordedMessage]:
+    """Yield what the recorder stores at 1 kHz: states, commands, motors, power; and diagnostics."""
+    q, dq, tau = values
+    joints, motors = JointStateCdr(robot.joint_names), JointStateCdr(robot.joint_names)
+    power = Float64ArrayCdr(robot.n)
+    diagnostics = diagnostics_payload()
+    for k, nanoseconds in enumerate((t * 1e9).astype(np.int64).tolist()):
+        stamp = 10**18 + nanoseconds
+        payloads = (
+            joints.pack(stamp, q[k], dq[k], tau[k]),
+            joints.pack(stamp, None, dq[k], None),
+            motors.pack(stamp, 9.0 * q[k], 9.0 * dq[k], tau[k] / 9.0),
+            power.pack(tau[k] * dq[k]),
+        )
+        for topic, payload in enumerate(payloads):
+            yield RecordedMessage(topic, payload, stamp + topic, stamp, k + 1)
+        if k % 500 == 0:
+            yield RecordedMessage(4, diagnostics, stamp + 9, stamp, k // 500 + 1)
+        if k == 0:
+            yield RecordedMessage(5, b'\0\1\0\0\x08\0\0\0running\0', stamp, stamp, 1)
+
+
+def diagnostics_payload() -> bytes:
+    """Return a DiagnosticArray as large as the bridge's."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = store.types
+    pair, status = (types[f'diagnostic_msgs/msg/{x}'] for x in ('KeyValue', 'DiagnosticStatus'))
+    stamp = types['builtin_interfaces/msg/Time'](0, 0)
+    values = [pair(f'quantity {i} [us]', '1000') for i in range(50)]
+    arm = status(0, 'bridge: timing', '999.5 Hz', 'arm', [pair('missed cycles', '0'), *values])
+    array = types['diagnostic_msgs/msg/DiagnosticArray']
+    message = array(types['std_msgs/msg/Header'](stamp, ''), [arm])
+    return bytes(store.serialize_cdr(message, array.__msgtype__))
 
 
 def bag_to_estimate(path: Path, robot: Robot, config: ArmConfig) -> tuple[float, float]:
     """Return wall and processor time [s] from the file to the estimates."""
     wall, cpu = time.perf_counter(), time.process_time()
-    states = read_joint_states(path)
-    recording = recording_from_states(path.name, states, robot.joint_names, JointMapping({}))
+    bags = IdentifierBags('/joint_states', robot.joint_names, JointMapping({}))
+    recording = bags.read(path, path.name).recording
     identify(robot, config, [recording], [], IdentificationOptions(), Stopwatch())
     return time.perf_counter() - wall, time.process_time() - cpu
 
@@ -119,21 +163,30 @@ def speed(folder: Path) -> None:
     print(f'{"peak memory":28s} {max(run[2] for run in whole):7.0f} MB            goal 300 MB')
 
 
+def memory(folder: Path, minutes: Sequence[float]) -> None:
+    print('\nLonger recordings                wall   processor   peak memory')
+    for length in minutes:
+        bag = folder / f'bag_{length}'
+        write_bag(bag, load_robot(), load_arm_config(), 60.0 * length)
+        wall, cpu, peak = process('--bag', bag, '--out', folder / 'out')
+        print(f'{length:3.0f} min at 1 kHz{"":14s} {wall:7.1f} s {cpu:7.1f} s {peak:10.0f} MB')
+
+
 def accuracy(folder: Path) -> None:
     urdfs = {
         file.name: file for file in files('example-robot-data') or () if file.suffix == '.urdf'
     }
     print('\nHeld-out torque error [%]      filtered    raw   cut-off  consistent')
     for name, (bag, urdf, options, others) in MEASURED.items():
-        if not (DATASETS / bag).is_dir():
-            print(f'{name}: no {DATASETS / bag}, set AERARM_DATASETS')
+        if DATASETS is None or not Path(DATASETS, bag).is_dir():
+            print(f'{name}: left out, set AERARM_DATASETS to the folder with {bag}')
             continue
         for cutoff in (None, 5.0, 10.0):
             out = folder / f'{name}_{cutoff}'
             fixed = () if cutoff is None else ('--cutoff', cutoff)
             path = urdfs[urdf].locate()
             process(
-                *('--bag', DATASETS / bag, '--holdout', 0.4, '--urdf', path, '--out', out),
+                *('--bag', Path(DATASETS, bag), '--holdout', 0.4, '--urdf', path, '--out', out),
                 *(*options, *fixed),
             )
             summary = json.loads((out / 'summary.json').read_text())
@@ -151,7 +204,13 @@ def accuracy(folder: Path) -> None:
 def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         speed(Path(folder))
+        memory(Path(folder), (5, 30) if '--long' in sys.argv else (5,))
         accuracy(Path(folder))
+    if '--no-peers' not in sys.argv:
+        # Imported here: it takes the bags from this file.
+        from identification_peers import main as peers
+
+        peers()
 
 
 if __name__ == '__main__':

@@ -1,14 +1,21 @@
 """From recordings to samples: windows, filters and rates, thesis section 3.5."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.identification.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.kinematics_filter import KinematicsFilter
 from aerarm_ros.identification.motion_band import motion_band
+from aerarm_ros.identification.motion_check import (
+    aperiodic_warnings,
+    fundamental_warnings,
+    harmonics_warnings,
+    short_motion_warnings,
+)
 from aerarm_ros.identification.periodicity import (
     PeriodicPart,
     count_harmonics,
@@ -37,38 +44,15 @@ _SAMPLES_PER_CUTOFF = 10.0
 # The filtered torque is kept at five times the cut-off: above the Nyquist rate, 2, with room
 # for the filter's slope.
 _RATE_PER_CUTOFF = 5.0
+# Before, signals are kept at this many times the cut-off: the steps of dry friction are then off
+# by half a hundredth of the cut-off's period at most, and the filter removes what is faster.
+_FINE_RATE_PER_CUTOFF = 100.0
+_FINE_RATE_MIN = 400.0  # [Hz]; the motion doesn't slow down with the cut-off
+_SEARCH_RATE = 250.0  # [Hz] is enough to find band and harmonics of any arm's motion
 _EDGE = 0.5  # periods of the cut-off left out at the ends of a motion that isn't periodic
 _STANDSTILL_SPEED = 5e-3  # share of a joint's top speed
 _STANDSTILL_TIME = 0.3  # [s]
 FOLDS = 5
-
-
-@dataclass(frozen=True)
-class ConditioningOptions:
-    """What the user may fix; None is found from the data.
-
-    Attributes
-    ----------
-    fundamental : float or None
-        f0 [Hz] of the excitation.
-    harmonics : int or None
-        N of the excitation.
-    cutoff : float or None
-        Of the low-pass on torque [Hz].
-    """
-
-    fundamental: float | None = None
-    harmonics: int | None = None
-    cutoff: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        for name in ('fundamental', 'cutoff'):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise IdentificationError(f'{name} = {value} must be a positive frequency [Hz]')
-        if self.harmonics is not None and self.harmonics < 1:
-            raise IdentificationError(f'harmonics = {self.harmonics} must be at least 1')
 
 
 class Conditioner:
@@ -91,46 +75,62 @@ class Conditioner:
         f0 [Hz] of the first bag; None if a bag isn't periodic.
     band : float
         Frequency [Hz] below which the motion lies.
+    warnings : list of str
+        What of the options doesn't fit the motion, and motions that are short.
 
     Raises
     ------
     IdentificationError
-        If a recording is too short, or the cut-off doesn't fit the sampling rate.
+        If a recording is too short, or the cut-off, the harmonics or the filter don't fit it.
     """
 
     def __init__(self, recordings: Sequence[Recording], options: ConditioningOptions) -> None:
         self._options = options
         self._parts: dict[Recording, PeriodicPart | None] = {}
         self._motions: dict[tuple[Recording, int], UniformMotion] = {}
-        motions = [self._motion(recording, 1) for recording in recordings]
+        motions = [self._motion(r, 1, _factor(r, _SEARCH_RATE)) for r in recordings]
         velocities = [_rough_velocity(motion) for motion in motions]
         self.harmonics: int | None = None
         self.fundamental: float | None = None
+        self.warnings = [text for motion in motions for text in short_motion_warnings(motion)]
+        if options.fundamental is not None:
+            for motion in motions:
+                self.warnings += fundamental_warnings(motion, options.fundamental)
         if all(motion.period for motion in motions):
-            self.harmonics = options.harmonics or max(
+            found = max(
                 count_harmonics(dq, motion.periods)
                 for dq, motion in zip(velocities, motions, strict=True)
             )
             self.fundamental = 1.0 / ((motions[0].period or 1) * motions[0].dt)
+            if options.harmonics is not None:
+                rate = min(1.0 / sampling_time(recording) for recording in recordings)
+                self.warnings += harmonics_warnings(
+                    options.harmonics, found, self.fundamental, rate
+                )
+            self.harmonics = options.harmonics or found
             band = self.harmonics * self.fundamental
         else:
+            self.warnings += aperiodic_warnings(motions, options)
             band = max(
                 motion_band(dq, motion.dt) for dq, motion in zip(velocities, motions, strict=True)
             )
         self.band = band
-        self.cutoff = self._choose_cutoff(band, max(motion.dt for motion in motions))
-        self._motions.clear()  # from now on with samples that fit the decimation
+        self.cutoff = self._choose_cutoff(band, max(map(sampling_time, recordings)))
 
     def candidates(self) -> list[KinematicsFilter]:
         """Return the kinematics filters to choose from, the simplest first."""
+        wanted = self._options.filter
         filters = [KinematicsFilter(self.cutoff)]
-        if self.harmonics is not None and self.fundamental is not None:
+        if self.harmonics is not None and self.fundamental is not None and wanted != 'butterworth':
+            known = KinematicsFilter(self.cutoff, self.harmonics)
             below_cutoff = max(self.harmonics, int(self.cutoff / self.fundamental))
-            counts = (self.harmonics, below_cutoff)
-            filters = [
-                KinematicsFilter(self.cutoff, count) for count in dict.fromkeys(counts)
-            ] + filters
-        return [replace(f, from_position=source) for source in (False, True) for f in filters]
+            all_below = KinematicsFilter(self.cutoff, below_cutoff)
+            filters = [known] if wanted == 'harmonics' else [known, all_below, *filters]
+        return [
+            replace(f, from_position=source)
+            for source in (False, True)
+            for f in dict.fromkeys(filters)
+        ]
 
     def condition(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
         """Filter one bag.
@@ -140,25 +140,29 @@ class Conditioner:
         IdentificationError
             If the motion in it is too short.
         """
-        rate = 1.0 / sampling_time(recording)
-        # Stamps jitter: a ratio just below a whole number is meant to be one.
-        step = max(1, int(rate / (_RATE_PER_CUTOFF * self.cutoff) + 1e-3))
-        return self._samples(self._motion(recording, step), kinematics, step)
+        factor = _factor(recording, max(_FINE_RATE_PER_CUTOFF * self.cutoff, _FINE_RATE_MIN))
+        step = _factor(recording, _RATE_PER_CUTOFF * self.cutoff * factor)
+        return self._samples(self._motion(recording, step, factor), kinematics, step)
 
-    def _motion(self, recording: Recording, multiple: int) -> UniformMotion:
+    def forget_motions(self) -> None:
+        """Free what is kept of recordings between one filter and the next."""
+        self._motions.clear()
+
+    def _motion(self, recording: Recording, multiple: int, factor: int) -> UniformMotion:
         """Return the motion with a whole number of decimated samples a period; found once."""
         if recording not in self._parts:
             fundamental = self._options.fundamental
             self._parts[recording] = find_periodic_part(recording.time, recording.q, fundamental)
         part = self._parts[recording]
-        key = (recording, multiple)
-        if key not in self._motions:
-            self._motions[key] = (
-                aperiodic_motion(recording)
+        known = self._motions.get((recording, factor))
+        if known is None or (known.period or 0) % multiple:
+            known = (
+                aperiodic_motion(recording, factor)
                 if part is None
-                else periodic_motion(recording, part, multiple)
+                else periodic_motion(recording, part, multiple, factor)
             )
-        return self._motions[key]
+            self._motions[recording, factor] = known
+        return known
 
     def _choose_cutoff(self, band: float, dt: float) -> float:
         limit = 0.4 / dt
@@ -178,21 +182,21 @@ class Conditioner:
         fine = SpectralFilter(motion.count, motion.dt, gain, step, settling)
         time = motion.time[motion.window][::step]
         coarse = SpectralFilter(len(time), motion.dt * step, gain, 1, settling)
-        raw = motion.tau[motion.window]
+        tau = motion.tau[motion.window]
         kept = self._kept(motion, len(time), motion.dt * step)
         still = _standing_still(dq[::step], motion.dt * step)
         recording = motion.recording
         return Samples(
             name=recording.name,
-            recorded=motion.count,
+            recorded=motion.count * motion.factor,
             time=time,
-            q=q[::step],
+            q=q[::step].copy(),  # a view would keep the fine positions, which nobody needs
             dq=dq[::step],
             ddq=ddq[::step],
             dq_fine=dq,
             ddq_fine=ddq,
-            tau_raw=raw[::step],
-            tau=fine(raw),
+            tau_raw=motion.tau_raw[motion.window][::step],
+            tau=fine(tau),
             fine_filter=fine,
             coarse_filter=coarse,
             kept=kept,
@@ -206,6 +210,12 @@ class Conditioner:
         if edge:
             kept[:edge] = kept[-edge:] = False
         return kept
+
+
+def _factor(recording: Recording, rate: float) -> int:
+    """Return how many recorded samples go into one at no less than a rate [Hz]."""
+    # Stamps jitter: a ratio just below a whole number is meant to be one.
+    return max(1, int(1.0 / (sampling_time(recording) * rate) + 1e-3))
 
 
 def _rough_velocity(motion: UniformMotion) -> Array:

@@ -18,7 +18,9 @@ _HEADER = """\
 # inertial_parameters: for each link m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its
 # joint's frame. viscous and coulomb: friction (2.6) nearest to the model in `friction`, which
 # is complete: viscous dq + coulomb s(dq) + load |links' torque| s(dq) + creep
-# tanh(dq / creep_width) + offset, with s(dq) = tanh(dq / coulomb_width), sgn(dq) for width 0.
+# tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2) + forward
+# max(a(dq), 0) + backward min(a(dq), 0), with s(dq) = tanh(dq / coulomb_width), sgn(dq) for
+# width 0, and a(dq) = tanh(dq / asymmetry_width).
 # from_data: share of each value that comes from data (1) rather than from CAD (0).
 # base_parameters: the sums that the torque depends on, which the data determine.
 """
@@ -28,12 +30,24 @@ _PAYLOAD_HEADER = """\
 # link's joint. inertial_parameters: of the whole arm with the payload, as in estimate.yaml.
 """
 
-_NAMES = {
+# Which friction terms the width of each name is of.
+WIDTHS = {
+    'coulomb_width': (TermKind.COULOMB, TermKind.LOAD),
+    'creep_width': (TermKind.CREEP,),
+    'stribeck_width': (TermKind.STRIBECK,),
+    'asymmetry_width': (TermKind.FORWARD, TermKind.BACKWARD),
+}
+
+# Name of each kind of term.
+NAMES = {
     TermKind.VISCOUS: 'viscous',
     TermKind.COULOMB: 'coulomb',
     TermKind.LOAD: 'load',
     TermKind.CREEP: 'creep',
     TermKind.OFFSET: 'offset',
+    TermKind.STRIBECK: 'stribeck',
+    TermKind.FORWARD: 'forward',
+    TermKind.BACKWARD: 'backward',
     TermKind.ROTOR: 'rotor_inertia',
 }
 
@@ -79,12 +93,12 @@ def estimate_yaml(
 def _friction(estimate: Estimate) -> dict[str, list[float]]:
     friction = {
         name: _floats(estimate.joint_values(kind.value))
-        for kind, name in _NAMES.items()
+        for kind, name in NAMES.items()
         if kind is not TermKind.ROTOR
     }
-    for kind, name in ((TermKind.COULOMB, 'coulomb_width'), (TermKind.CREEP, 'creep_width')):
+    for name, kinds in WIDTHS.items():
         friction[name] = [
-            next((float(term.width) for term in terms if term.kind is kind), 0.0)
+            next((float(term.width) for term in terms if term.kind in kinds), 0.0)
             for terms in estimate.model.terms
         ]
     return friction
@@ -93,7 +107,7 @@ def _friction(estimate: Estimate) -> dict[str, list[float]]:
 def _per_kind(estimate: Estimate, values: Array) -> dict[str, list[float]]:
     """Return something known of every parameter in the shape of the parameters."""
     spread = Estimate(estimate.solver, estimate.model, values)
-    kinds = {name: _floats(spread.joint_values(kind.value)) for kind, name in _NAMES.items()}
+    kinds = {name: _floats(spread.joint_values(kind.value)) for kind, name in NAMES.items()}
     return {'inertial_parameters': _floats(spread.inertial), **kinds}
 
 

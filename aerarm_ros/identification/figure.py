@@ -15,11 +15,12 @@ Array = npt.NDArray[np.float64]
 
 _MOST_POINTS = 2000  # of a curve: beyond what a screen shows
 _ROW_HEIGHT = 190  # [px] of one joint's axes
-_COLOURS = {
-    'measured': '#8a94a3',
-    'predicted': '#0b62c4',
-    'reference': '#d0672b',
-    'residual': '#b3261e',
+# What is measured is a broad pale band that stays visible under the thin lines on top of it.
+_LINES = {
+    'measured': {'color': '#a9bdd6', 'width': 5.0},
+    'predicted': {'color': '#0b4fa3', 'width': 1.3},
+    'reference': {'color': '#d0672b', 'width': 1.3},
+    'residual': {'color': '#b3261e', 'width': 1.3},
 }
 
 
@@ -51,9 +52,7 @@ class StackedFigure:
         self._x_title = x_title
         self._traces: list[dict[str, Any]] = []
 
-    def add(
-        self, row: int, x: Array, y: Array, name: str, colour: str, dash: str = 'solid'
-    ) -> None:
+    def add(self, row: int, x: Array, y: Array, name: str, role: str, dash: str = 'solid') -> None:
         """Add a curve.
 
         Parameters
@@ -63,8 +62,8 @@ class StackedFigure:
             Thinned out to what a screen can show.
         name : str
             In the legend, once.
-        colour : str
-            'measured', 'predicted', 'reference' or 'residual'.
+        role : str
+            'measured', 'predicted', 'reference' or 'residual': colour and width of the line.
         dash : str
             Of the line: 'solid', 'dot', 'dash'.
         """
@@ -79,7 +78,7 @@ class StackedFigure:
                 'name': name,
                 'legendgroup': name,
                 'showlegend': not any(trace['name'] == name for trace in self._traces),
-                'line': {'color': _COLOURS[colour], 'width': 1.4, 'dash': dash},
+                'line': {**_LINES[role], 'dash': dash},
                 'xaxis': 'x',
                 'yaxis': f'y{suffix}',
             }

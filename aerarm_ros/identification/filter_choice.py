@@ -80,10 +80,24 @@ def choose_filter(
         trials.append(FilterTrial(kinematics, error))
     chosen = min(trials, key=lambda trial: trial.error).kinematics
     bags = [
-        bag if excerpt is whole else SampleColumns(conditioner.condition(whole, chosen), regressor)
+        bag if excerpt is whole else condition_once(regressor, conditioner, whole, chosen)
         for bag, excerpt, whole in zip(best, excerpts, recordings, strict=True)
     ]
+    conditioner.forget_motions()
     return FilterChoice(trials, chosen, bags)
+
+
+def condition_once(
+    regressor: Regressor,
+    conditioner: Conditioner,
+    recording: Recording,
+    kinematics: KinematicsFilter,
+) -> SampleColumns:
+    """Return the columns of a bag that won't be filtered again, with no more memory than needed."""
+    conditioner.forget_motions()
+    samples = conditioner.condition(recording, kinematics)
+    conditioner.forget_motions()
+    return SampleColumns(samples, regressor)
 
 
 def _excerpt(recording: Recording) -> Recording:

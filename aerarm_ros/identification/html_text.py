@@ -20,6 +20,7 @@ th { border-bottom: 2px solid var(--line); font-weight: 600; white-space: normal
 th:first-child, td:first-child, .text { text-align: left; }
 td.text { white-space: normal; } tr.best td { color: var(--good); font-weight: 600; }
 ul.warnings { border-left: 4px solid #c77700; padding: .5rem 2rem; background: #fff7e8; }
+th .role { color: var(--soft); font-weight: 400; }
 details { margin: .6rem 0; } summary { cursor: pointer; color: var(--soft); }
 .figure { width: 100%; }
 """

@@ -9,8 +9,9 @@ from aerarm_ros.identification.model_fit import ModelFit
 from aerarm_ros.identification.reduced_regression import TriangularSystem
 from aerarm_ros.identification.regression_bank import RegressionBank
 from aerarm_ros.identification.regularised_solver import solve_regularised
+from aerarm_ros.identification.relaxation import solve_relaxed
 from aerarm_ros.identification.sample_columns import SampleColumns
-from aerarm_ros.identification.semidefinite_solver import PhysicalLimits, solve_semidefinite
+from aerarm_ros.identification.semidefinite_solver import PhysicalLimits
 
 Array = npt.NDArray[np.float64]
 
@@ -19,7 +20,9 @@ _BEND = 1.345  # standard deviations: 95 % as efficient as least squares on norm
 _NORMAL = 1.4826  # standard deviation of normal noise over its median magnitude
 
 
-def solve_huber(fit: ModelFit, bags: Sequence[SampleColumns], limits: PhysicalLimits) -> Array:
+def solve_huber(
+    fit: ModelFit, bags: Sequence[SampleColumns], limits: PhysicalLimits
+) -> tuple[Array, tuple[str, ...]]:
     """Minimise Huber's loss of the torque error over all possible bodies.
 
     Samples further off than the bend count linearly instead of squared. The weights are found
@@ -32,10 +35,13 @@ def solve_huber(fit: ModelFit, bags: Sequence[SampleColumns], limits: PhysicalLi
     bags : sequence of SampleColumns
         To identify from: weights belong to samples, so the rows are reduced again each round.
     limits : PhysicalLimits
+        Bounds of the user are given up where they contradict, as for the recommended solver.
 
     Returns
     -------
     (p,) ndarray
+    tuple of str
+        Bounds that had to be given up.
 
     Raises
     ------
@@ -46,7 +52,7 @@ def solve_huber(fit: ModelFit, bags: Sequence[SampleColumns], limits: PhysicalLi
     for _ in range(_ROUNDS):
         system = _reweighted(fit, bags, theta)
         theta = solve_regularised(system, fit.prior)
-    return solve_semidefinite(system, fit.prior, limits)
+    return solve_relaxed(system, fit.prior, limits)
 
 
 def _reweighted(fit: ModelFit, bags: Sequence[SampleColumns], theta: Array) -> TriangularSystem:

@@ -1,6 +1,6 @@
 """From recordings to estimates: the offline flow of the architecture in one function."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from aerarm_ros.description.arm_config import ArmConfig
@@ -9,14 +9,18 @@ from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.assessment import assess
 from aerarm_ros.identification.bag_demand import bag_demand, extrapolation_warnings
 from aerarm_ros.identification.base_parameters import BaseParameters, find_base_parameters
-from aerarm_ros.identification.conditioning import Conditioner, ConditioningOptions
+from aerarm_ros.identification.conditioning import Conditioner
+from aerarm_ros.identification.conditioning_options import ConditioningOptions
+from aerarm_ros.identification.estimate import Estimate
 from aerarm_ros.identification.excitation_check import excitation_warnings
-from aerarm_ros.identification.filter_choice import choose_filter
+from aerarm_ros.identification.filter_choice import choose_filter, condition_once
 from aerarm_ros.identification.identification_result import IdentificationResult, Solution
 from aerarm_ros.identification.joint_model import JointModel
 from aerarm_ros.identification.joint_term import THESIS_TERMS
 from aerarm_ros.identification.link_bounds import LinkBounds
 from aerarm_ros.identification.model_choice import AUTOMATIC, choose_model
+from aerarm_ros.identification.model_fit import ModelFit
+from aerarm_ros.identification.plausibility import bound_warnings, error_warnings
 from aerarm_ros.identification.recording import Recording
 from aerarm_ros.identification.regression_bank import RegressionBank
 from aerarm_ros.identification.sample_columns import SampleColumns
@@ -82,27 +86,24 @@ def identify(
     with stopwatch.stage('conditioning'):
         conditioner = Conditioner(identification, options.conditioning)
         choice = choose_filter(regressor, conditioner, identification)
-        bags = choice.bags
         held_out = [
-            SampleColumns(conditioner.condition(recording, choice.kinematics), regressor)
+            condition_once(regressor, conditioner, recording, choice.kinematics)
             for recording in validation
         ]
+    bags = choice.bags
     with stopwatch.stage('model selection'):
         fit, comparisons = choose_model(robot, bags, cad, options.friction)
     with stopwatch.stage('regression'):
         thesis_base = _thesis_base(robot, bags)
         used_base = find_base_parameters(fit.regression.system().R, fit.regression.columns)
         warnings = [text for bag in (*identification, *validation) for text in bag.warnings]
-        warnings += excitation_warnings(thesis_base, regressor)
+        warnings += conditioner.warnings + excitation_warnings(thesis_base, regressor)
     with stopwatch.stage('solvers'):
         estimates = solve_all(fit, cad, bags, options.solvers, options.progress, options.bounds)
-        warnings += estimates[RECOMMENDED].notes
     with stopwatch.stage('assessment'):
-        solutions = {
-            name: Solution(estimate, assess(estimate, bags), assess(estimate, held_out))
-            for name, estimate in estimates.items()
-        }
+        solutions = _assessed(estimates, bags, held_out)
         demands = [[bag_demand(fit, bags, bag) for bag in group] for group in (bags, held_out)]
+        warnings += _result_warnings(solutions, fit, cad, bags)
         warnings += extrapolation_warnings(fit, *demands)
     return IdentificationResult(
         robot=robot,
@@ -118,6 +119,32 @@ def identify(
         demands=demands[0] + demands[1],
         warnings=list(dict.fromkeys(warnings)),
     )
+
+
+def _assessed(
+    estimates: Mapping[str, Estimate],
+    bags: Sequence[SampleColumns],
+    held_out: Sequence[SampleColumns],
+) -> dict[str, Solution]:
+    return {
+        name: Solution(estimate, assess(estimate, bags), assess(estimate, held_out))
+        for name, estimate in estimates.items()
+    }
+
+
+def _result_warnings(
+    solutions: dict[str, Solution],
+    fit: ModelFit,
+    cad: ArmParameters,
+    bags: list[SampleColumns],
+) -> list[str]:
+    """Return what the estimates say about themselves and about their input."""
+    recommended = solutions[RECOMMENDED].estimate
+    return [
+        *recommended.notes,
+        *error_warnings(solutions, bags, fit.model.joint_names),
+        *bound_warnings(recommended, fit, cad.inertial[:, 0]),
+    ]
 
 
 def _thesis_base(robot: Robot, bags: Sequence[SampleColumns]) -> BaseParameters:

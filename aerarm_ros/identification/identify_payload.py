@@ -6,8 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.conditioning import Conditioner
+from aerarm_ros.identification.conditioning_options import ConditioningOptions
+from aerarm_ros.identification.estimate import Estimate
+from aerarm_ros.identification.filter_choice import choose_filter
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.joint_model import JointModel
+from aerarm_ros.identification.noise import Noise, noise_from_residuals
 from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.prior import Prior
 from aerarm_ros.identification.recording import Recording
@@ -28,6 +35,16 @@ _SIGNIFICANT = 3.0  # standard deviations that a payload must weigh
 
 
 @dataclass(frozen=True, eq=False)
+class _Arm:
+    """The arm without the payload; its covariance is None if it isn't known."""
+
+    robot: Robot
+    model: JointModel
+    theta: Array
+    covariance: Array | None
+
+
+@dataclass(frozen=True, eq=False)
 class _Residual:
     """What the arm's model leaves of the torque, reduced, for the payload's ten columns.
 
@@ -42,7 +59,7 @@ class _Residual:
 
 
 def identify_payload(result: IdentificationResult, recordings: Sequence[Recording]) -> Payload:
-    """Identify what the last link carries, with the arm's model fixed.
+    """Identify what the last link carries, from a motion with and one without it.
 
     Torque that the arm's own model leaves unexplained is linear in the payload's inertial
     parameters: their columns are those of the last link.
@@ -65,26 +82,79 @@ def identify_payload(result: IdentificationResult, recordings: Sequence[Recordin
         SampleColumns(result.conditioner.condition(recording, kinematics), regressor)
         for recording in recordings
     ]
+    fit = result.fit
+    covariance = posterior_covariance(
+        fit.regression.system(fit.noise.information_weights), fit.prior
+    )
+    arm = _Arm(result.robot, fit.model, result.recommended.estimate.theta, covariance)
+    return _weigh(arm, bags, [fit.noise] * _ROUNDS)
+
+
+def weigh_payload(
+    robot: Robot,
+    estimate: Estimate,
+    recordings: Sequence[Recording],
+    options: ConditioningOptions,
+) -> Payload:
+    """Identify what the last link carries with the arm's model given, for example from a file.
+
+    Standard deviations are those of the motion; the model counts as exact.
+
+    Parameters
+    ----------
+    robot : Robot
+    estimate : Estimate
+        Of the arm without the payload.
+    recordings : sequence of Recording
+        Motion with the payload.
+    options : ConditioningOptions
+
+    Raises
+    ------
+    IdentificationError
+        If a recording is too short, or shows no payload.
+    """
+    conditioner = Conditioner(recordings, options)
+    bags = choose_filter(Regressor(robot), conditioner, recordings).bags
+    tau = np.concatenate([bag.samples.tau for bag in bags])
+    rms = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-6)
+    arm = _Arm(robot, estimate.model, estimate.theta, None)
+    return _weigh(arm, bags, [Noise(rms, np.ones(robot.n)), *[None] * _ROUNDS])
+
+
+def _weigh(arm: _Arm, bags: Sequence[SampleColumns], noises: Sequence[Noise | None]) -> Payload:
+    """Fit once for each noise; None is that which the fit before has left."""
     carried = np.zeros(10)
-    for _ in range(_ROUNDS):
-        residual = _residual(result, bags, carried)
+    for noise in noises:
+        noise = noise or _noise(arm, bags, carried)
+        residual = _residual(arm, bags, carried, noise)
         prior, limits = _about(_unconstrained(residual.system))
         carried = solve_semidefinite(residual.system, prior, limits)
-    payload = Payload(result.robot.link_names[-1], carried, _covariance(result, residual, prior))
+    payload = Payload(arm.robot.link_names[-1], carried, _covariance(arm, residual, prior))
     if payload.mass < _SIGNIFICANT * payload.std[0]:
         raise IdentificationError(_nothing(payload.mass, float(payload.std[0])))
     return payload
 
 
-def _residual(
-    result: IdentificationResult, bags: Sequence[SampleColumns], carried: Array
-) -> _Residual:
-    fit, theta = result.fit, result.recommended.estimate.theta
-    last = slice(10 * (fit.model.n - 1), 10 * fit.model.n)
-    load = np.array(theta[: 10 * fit.model.n])
+def _last_link(model: JointModel) -> slice:
+    return slice(10 * (model.n - 1), 10 * model.n)
+
+
+def _noise(arm: _Arm, bags: Sequence[SampleColumns], carried: Array) -> Noise:
+    """Return the noise that the arm with the payload leaves."""
+    theta = np.array(arm.theta)
+    theta[_last_link(arm.model)] += carried
+    residuals = [bag.samples.tau - bag.predict(arm.model, theta).filtered for bag in bags]
+    rms = np.sqrt(np.mean(np.concatenate([bag.samples.tau for bag in bags]) ** 2, axis=0))
+    return noise_from_residuals(residuals, [bag.samples.usable for bag in bags], rms)
+
+
+def _residual(arm: _Arm, bags: Sequence[SampleColumns], carried: Array, noise: Noise) -> _Residual:
+    model, theta, last = arm.model, arm.theta, _last_link(arm.model)
+    load = np.array(theta[: 10 * model.n])
     load[last] += carried
-    terms = [term for _, term in fit.model.joint_columns]
-    regression = RegressionBank(bags, terms, load).regression(fit.model)
+    terms = [term for _, term in model.joint_columns]
+    regression = RegressionBank(bags, terms, load).regression(model)
 
     def reduced(weights: Array) -> tuple[TriangularSystem, TriangularSystem]:
         whole = regression.system(weights)
@@ -92,8 +162,8 @@ def _residual(
         factor = triangular_factor(rows)
         return TriangularSystem(factor[:10, :10], factor[:10, 10]), whole
 
-    system, _ = reduced(fit.noise.weights)
-    information, whole = reduced(fit.noise.information_weights)
+    system, _ = reduced(noise.weights)
+    information, whole = reduced(noise.information_weights)
     return _Residual(system, information, whole.R, whole.R[:, last])
 
 
@@ -115,14 +185,14 @@ def _about(rough: Array) -> tuple[Prior, PhysicalLimits]:
     return Prior(from_pseudo_inertia(ball), _WIDE * scale), limits
 
 
-def _covariance(result: IdentificationResult, residual: _Residual, prior: Prior) -> Array:
+def _covariance(arm: _Arm, residual: _Residual, prior: Prior) -> Array:
     """Return the (10, 10) covariance: of the payload's own motion, and of the arm's model."""
     own = posterior_covariance(residual.information, prior)
-    fit = result.fit
-    arm = posterior_covariance(fit.regression.system(fit.noise.information_weights), fit.prior)
+    if arm.covariance is None:
+        return own
     # An error of the arm's parameters is torque that the fit takes for the payload's.
     slope = own @ residual.own.T @ residual.arm
-    return np.asarray(own + slope @ arm @ slope.T)
+    return np.asarray(own + slope @ arm.covariance @ slope.T)
 
 
 def _nothing(mass: float, std: float | None) -> str:

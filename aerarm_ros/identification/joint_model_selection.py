@@ -12,6 +12,12 @@ WIDTHS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)
 CREEP_WIDTHS = (0.3, 0.6)
 """Velocities [rad/s] at which slowly rising friction levels off."""
 
+STRIBECK_WIDTHS = (0.05, 0.15)
+"""Velocities [rad/s] above which the friction of standstill has gone."""
+
+ASYMMETRY_WIDTH = 0.02
+"""Velocity [rad/s] over which friction that acts in one direction sets in."""
+
 # A term stays if it lowers the held-out error of its arm by this share: smaller gains are
 # within what another recording of the same motion would change.
 _WORTHWHILE = 5e-3
@@ -19,6 +25,14 @@ _WORTHWHILE = 5e-3
 _VISCOUS = JointTerm(TermKind.VISCOUS)
 _OFFSET = JointTerm(TermKind.OFFSET)
 _DRY = (TermKind.COULOMB, TermKind.LOAD)
+_SWITCHED = (
+    _OFFSET,
+    *(JointTerm(TermKind.CREEP, width) for width in CREEP_WIDTHS),
+    *(JointTerm(TermKind.STRIBECK, width) for width in STRIBECK_WIDTHS),
+    *(JointTerm(kind, ASYMMETRY_WIDTH) for kind in (TermKind.FORWARD, TermKind.BACKWARD)),
+)
+# What takes each other's place: a joint has one of them at most.
+_RIVALS = ({TermKind.FORWARD, TermKind.BACKWARD, TermKind.OFFSET},)
 
 
 @dataclass(frozen=True)
@@ -43,8 +57,7 @@ class Comparison:
 def candidate_terms() -> tuple[JointTerm, ...]:
     """Return every term that a joint may get."""
     dry = [JointTerm(kind, width) for kind in _DRY for width in WIDTHS]
-    creep = [JointTerm(TermKind.CREEP, width) for width in CREEP_WIDTHS]
-    return (_VISCOUS, ROTOR, _OFFSET, *dry, *creep)
+    return (_VISCOUS, ROTOR, *dry, *_SWITCHED)
 
 
 def select_terms(
@@ -53,8 +66,8 @@ def select_terms(
     """Choose the terms of every joint.
 
     For one joint after the other: first how sharply its dry friction changes sign and
-    whether it grows with the load, then whether creep or an offset predict unseen motion
-    better, then the first question again.
+    whether it grows with the load, then whether creep, Stribeck friction, asymmetry or an
+    offset predict unseen motion better, then the first question again.
 
     Parameters
     ----------
@@ -103,7 +116,8 @@ def _dry_variants(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
 def _switches(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
     """Return the terms with each of the other optional ones added, exchanged or left out."""
     variants = []
-    for term in (_OFFSET, *(JointTerm(TermKind.CREEP, width) for width in CREEP_WIDTHS)):
-        others = tuple(t for t in terms if t.kind is not term.kind)
+    for term in _SWITCHED:
+        replaced = next((group for group in _RIVALS if term.kind in group), {term.kind})
+        others = tuple(t for t in terms if t.kind not in replaced)
         variants.append(others if term in terms else (*others, term))
     return variants

@@ -18,6 +18,9 @@ class TermKind(Enum):
     OFFSET = 'fo'
     LOAD = 'fl'
     CREEP = 'fc'
+    STRIBECK = 'fb'
+    FORWARD = 'fp'
+    BACKWARD = 'fn'
 
 
 _UNITS = {
@@ -27,6 +30,9 @@ _UNITS = {
     TermKind.OFFSET: 'Nm',
     TermKind.LOAD: '-',
     TermKind.CREEP: 'Nm',
+    TermKind.STRIBECK: 'Nm',
+    TermKind.FORWARD: 'Nm',
+    TermKind.BACKWARD: 'Nm',
 }
 _MEANINGS = {
     TermKind.VISCOUS: 'viscous friction',
@@ -35,6 +41,9 @@ _MEANINGS = {
     TermKind.OFFSET: 'offset',
     TermKind.LOAD: 'friction per torque on the links',
     TermKind.CREEP: 'friction that grows slowly with speed',
+    TermKind.STRIBECK: 'friction at low speed only (Stribeck)',
+    TermKind.FORWARD: 'Coulomb friction in positive direction only',
+    TermKind.BACKWARD: 'Coulomb friction in negative direction only',
 }
 
 
@@ -46,8 +55,14 @@ class JointTerm:
     ----------
     kind : TermKind
     width : float
-        Velocity [rad/s] over which dry friction changes sign, `tanh(dq / width)`; 0 is the
-        step `sgn(dq)` of (2.6).
+        Velocity [rad/s] over which dry friction changes sign, `s = tanh(dq / width)`; 0 is the
+        step `sgn(dq)` of (2.6). Of Stribeck friction, `sgn(dq) exp(-(dq / width)^2)`, the
+        velocity by which it has fallen to a third.
+
+    Notes
+    -----
+    Asymmetric Coulomb friction is that of both directions plus a part that acts in one of them,
+    `max(s, 0)` or `min(s, 0)`. So every coefficient is not negative, and every term dissipates.
     """
 
     kind: TermKind
@@ -99,11 +114,17 @@ class JointTerm:
             return ddq
         if self.kind is TermKind.OFFSET:
             return np.ones_like(dq)
+        if self.kind is TermKind.STRIBECK:
+            return np.asarray(np.sign(dq) * np.exp(-((dq / max(self.width, 1e-9)) ** 2)))
         sign = np.tanh(dq / self.width) if self.width > 0.0 else np.sign(dq)
         if self.kind is TermKind.LOAD:
             if load is None:
                 raise ValueError('friction that depends on the load needs the load')
             return np.asarray(load * sign)
+        if self.kind is TermKind.FORWARD:
+            return np.asarray(np.maximum(sign, 0.0))
+        if self.kind is TermKind.BACKWARD:
+            return np.asarray(np.minimum(sign, 0.0))
         return np.asarray(sign)
 
 

@@ -5,8 +5,12 @@ from collections.abc import Sequence
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.cross_validation import CrossValidation
+from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.joint_model import JointModel
 from aerarm_ros.identification.joint_model_selection import (
+    ASYMMETRY_WIDTH,
+    CREEP_WIDTHS,
+    STRIBECK_WIDTHS,
     Comparison,
     candidate_terms,
     select_terms,
@@ -22,11 +26,41 @@ AUTOMATIC = 'auto'
 FRICTION_MODELS: dict[str, tuple[JointTerm, ...]] = {
     'coulomb': (*THESIS_TERMS, ROTOR),
     'load': (*THESIS_TERMS, ROTOR, JointTerm(TermKind.LOAD)),
+    'offset': (*THESIS_TERMS, ROTOR, JointTerm(TermKind.OFFSET)),
+    'creep': (*THESIS_TERMS, ROTOR, JointTerm(TermKind.CREEP, CREEP_WIDTHS[0])),
+    'stribeck': (*THESIS_TERMS, ROTOR, JointTerm(TermKind.STRIBECK, STRIBECK_WIDTHS[0])),
+    'asymmetric': (
+        *THESIS_TERMS,
+        ROTOR,
+        JointTerm(TermKind.FORWARD, ASYMMETRY_WIDTH),
+        JointTerm(TermKind.BACKWARD, ASYMMETRY_WIDTH),
+    ),
 }
-"""Friction models with a name; 'auto' chooses each joint's terms by cross-validation."""
+"""Friction models with a name, each (2.6) and rotors plus what its name says.
+
+Names joined by '+' are combined; 'auto' chooses each joint's terms by cross-validation.
+"""
 
 # What the links weigh decides the load that friction depends on, and the other way round.
 _ROUNDS = 2
+
+
+def friction_terms(friction: str) -> tuple[JointTerm, ...]:
+    """Return the terms of one model, or of several joined by '+'.
+
+    Raises
+    ------
+    IdentificationError
+        If there is no such model.
+    """
+    names = friction.split('+')
+    unknown = [name for name in names if name not in FRICTION_MODELS]
+    if unknown:
+        raise IdentificationError(
+            f'--friction {friction}: no model {", ".join(map(repr, unknown))}: give {AUTOMATIC}, '
+            f'or one or several of {", ".join(FRICTION_MODELS)} joined by +'
+        )
+    return tuple(dict.fromkeys(term for name in names for term in FRICTION_MODELS[name]))
 
 
 def choose_model(
@@ -41,14 +75,20 @@ def choose_model(
         To identify from; the choice is made by cross-validation within them.
     cad : ArmParameters
     friction : str
-        'auto' or a key of `FRICTION_MODELS`.
+        'auto', a key of `FRICTION_MODELS`, or several joined by '+'.
 
     Returns
     -------
     ModelFit
     list of Comparison
         What was tried in the last round; empty if nothing was chosen.
+
+    Raises
+    ------
+    IdentificationError
+        If there is no such friction model.
     """
+    chosen = () if friction == AUTOMATIC else friction_terms(friction)
     simple = FRICTION_MODELS['coulomb']
     fit = fit_model(bags, RegressionBank(bags, simple), _model(robot, [simple] * robot.n), cad)
     comparisons: list[Comparison] = []
@@ -60,8 +100,7 @@ def choose_model(
             validation = CrossValidation(bank, mean, std, fit.noise.weights)
             terms, comparisons = select_terms(validation, terms)
             fit = fit_model(bags, bank, _model(robot, terms), cad, fit.noise)
-    elif friction != 'coulomb':
-        chosen = FRICTION_MODELS[friction]
+    elif chosen != simple:
         bank = RegressionBank(bags, chosen, fit.inertial)
         fit = fit_model(bags, bank, _model(robot, [chosen] * robot.n), cad, fit.noise)
     if fit.model.depends_on_load:

@@ -1,7 +1,7 @@
 """One recorded motion of an arm, checked."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -9,12 +9,14 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.stamps import sound_messages
+from aerarm_ros.identification.used_span import UsedSpan, moving_span
 
 Array = npt.NDArray[np.float64]
 
 # An encoder count of a coarse drive is about 1e-4 rad: less than this is no motion.
 _SMALLEST_MOTION = 1e-3
 _FEWEST_MESSAGES = 20
+_LARGEST = 1e6  # [rad], [rad/s], [Nm]: no arm gets there, and squares stay finite
 
 
 class JointStates(Protocol):
@@ -50,13 +52,16 @@ class JointMapping:
     rename : mapping
         Name in the bag to name in the URDF.
     ignored : tuple of str
-        Joints of the bag (after renaming) that the arm doesn't have or that are locked.
+        Joints of the bag (after renaming) that the arm doesn't have.
+    locked : tuple of str
+        Joints of the URDF that don't move; the bag may have them or not.
     effort_gain : mapping
         Joint to the factor that turns its recorded effort into torque [Nm], e.g. Nm/A.
     """
 
     rename: Mapping[str, str]
     ignored: tuple[str, ...] = ()
+    locked: tuple[str, ...] = ()
     effort_gain: Mapping[str, float] | None = None
 
 
@@ -70,7 +75,7 @@ class Recording:
         For tables and messages.
     joint_names : tuple of str
     time : (M,) ndarray
-        [s], strictly increasing from 0.
+        [s] since the bag's beginning, strictly increasing.
     q, dq, tau : (M, n) ndarray
         [rad], [rad/s], [Nm]. `dq` is None if the bag has no velocities.
     dead_effort : (n,) ndarray of bool
@@ -79,6 +84,8 @@ class Recording:
         What was left out or looks odd.
     start : float
         Stamp of time 0 [s].
+    span : UsedSpan or None
+        Part of the bag that this is; None for the whole of it.
     """
 
     name: str
@@ -90,6 +97,7 @@ class Recording:
     dead_effort: npt.NDArray[np.bool_]
     warnings: tuple[str, ...] = ()
     start: float = 0.0
+    span: UsedSpan | None = None
 
     @property
     def duration(self) -> float:
@@ -99,22 +107,24 @@ class Recording:
     def part(self, first: float, last: float, suffix: str) -> 'Recording':
         """Return the samples between two shares (0..1) of the duration."""
         low, high = (self.time[0] + share * self.duration for share in (first, last))
-        inside = (self.time >= low) & ((self.time < high) | (last >= 1.0))
-        return Recording(
-            f'{self.name}{suffix}',
-            self.joint_names,
-            self.time[inside],
-            self.q[inside],
-            None if self.dq is None else self.dq[inside],
-            self.tau[inside],
-            self.dead_effort,
-            self.warnings,
-            self.start,
+        end = None if last >= 1.0 else int(np.searchsorted(self.time, high))
+        inside = slice(int(np.searchsorted(self.time, low)), end)
+        return replace(
+            self,
+            name=f'{self.name}{suffix}',
+            time=self.time[inside],
+            q=self.q[inside],
+            dq=None if self.dq is None else self.dq[inside],
+            tau=self.tau[inside],
         )
 
 
 def recording_from_states(
-    name: str, states: JointStates, joint_names: Sequence[str], mapping: JointMapping
+    name: str,
+    states: JointStates,
+    joint_names: Sequence[str],
+    mapping: JointMapping,
+    commanded: tuple[slice, str] | None = None,
 ) -> Recording:
     """Pick an arm's joints out of recorded joint states and check what they hold.
 
@@ -128,6 +138,9 @@ def recording_from_states(
         The arm's joints, from base to tool.
     mapping : JointMapping
         Renaming, joints to leave out, effort gains.
+    commanded : slice and reason, optional
+        Messages while the arm followed commands; the others aren't looked at. What lies
+        before and after the motion is left out in any case.
 
     Raises
     ------
@@ -141,17 +154,38 @@ def recording_from_states(
             f'{name}: only {len(states.stamp)} joint states: too short to identify anything from, '
             'record a longer motion'
         )
-    kept, warnings = sound_messages(name, states.stamp)
-    stamp = states.stamp[kept]
-    q = _complete(name, 'position', states.position[np.ix_(kept, order)], joint_names, stamp)
-    tau = _complete(name, 'effort', states.effort[np.ix_(kept, order)], joint_names, stamp)
-    gains = mapping.effort_gain or {}
-    tau = tau * np.array([gains.get(joint, 1.0) for joint in joint_names])
-    dq = _velocity(name, states.velocity[np.ix_(kept, order)], warnings)
+    part, reason = commanded or (slice(0, len(states.stamp)), 'motion')
+    moving, how = moving_span(states.stamp[part], states.position[part][:, order])
+    if how != 'motion' and commanded is None:
+        reason = how
+    rows = slice(part.start + moving.start, part.start + moving.stop)
+    kept, warnings = sound_messages(name, states.stamp[rows])
+    stamp = states.stamp[rows][kept]
+    q, measured_dq, tau = (
+        _taken(values[rows], kept, order)
+        for values in (states.position, states.velocity, states.effort)
+    )
+    _check_complete(name, 'position', q, joint_names, stamp)
+    _check_complete(name, 'effort', tau, joint_names, stamp)
+    if mapping.effort_gain:
+        tau = tau * np.array([mapping.effort_gain.get(joint, 1.0) for joint in joint_names])
+    dq = _velocity(name, measured_dq, warnings)
     dead = _check_content(name, joint_names, q, tau, warnings)
+    # Times are those since the bag's beginning, whatever part of it is used.
+    start = float(states.stamp[0])
+    time = stamp - start
+    span = UsedSpan(float(time[0]), float(time[-1]), float(states.stamp[-1]) - start, reason)
     names = tuple(joint_names)
-    time = stamp - stamp[0]
-    return Recording(name, names, time, q, dq, tau, dead, tuple(warnings), float(stamp[0]))
+    return Recording(name, names, time, q, dq, tau, dead, tuple(warnings), start, span)
+
+
+def _taken(values: Array, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
+    """Return rows and columns; without copying if these are all, in order."""
+    whole = all(
+        np.array_equal(index, np.arange(size))
+        for index, size in zip((rows, columns), values.shape, strict=True)
+    )
+    return values if whole else values[np.ix_(rows, columns)]
 
 
 def _columns(
@@ -170,36 +204,57 @@ def _columns(
             f"{', '.join(names)}: rename the bag's joints (--rename BAG=URDF), lock joints of "
             'the URDF (--lock JOINT), or give the URDF of the recorded arm'
         )
-    extra = [name for name in renamed if name not in (*joint_names, *mapping.ignored)]
+    twice = [name for name in dict.fromkeys(renamed) if renamed.count(name) > 1]
+    if twice:
+        raise IdentificationError(
+            f'{bag}: more than one joint of the bag is called {", ".join(twice)} after renaming: '
+            'check --rename'
+        )
+    known = (*joint_names, *mapping.ignored, *mapping.locked)
+    extra = [name for name in renamed if name not in known]
     if extra:
         raise IdentificationError(
-            f'{bag}: joints {", ".join(extra)} of the bag are missing from the URDF: give the URDF '
-            'of the recorded arm, or leave these joints out (--ignore JOINT)'
+            f'{bag}: joints {", ".join(extra)} of the bag are missing from the URDF, which has '
+            f'{", ".join(joint_names)}: give the URDF of the recorded arm, or leave these joints '
+            'out (--ignore JOINT)'
+        )
+    absent = [name for name in mapping.ignored if name not in renamed]
+    if absent:
+        raise IdentificationError(
+            f'{bag}: no joint {", ".join(absent)} to ignore: the bag has {", ".join(renamed)}'
         )
     return [renamed.index(name) for name in joint_names]
 
 
-def _complete(bag: str, field: str, values: Array, joints: Sequence[str], stamp: Array) -> Array:
-    """Return the values if every one is finite."""
-    bad = ~np.isfinite(values)
+def _check_complete(
+    bag: str, field: str, values: Array, joints: Sequence[str], stamp: Array
+) -> None:
+    """Refuse values that are missing, not finite, or that no arm could have."""
+    bad = ~(np.abs(values) < _LARGEST)
     if not bad.any():
-        return values
+        return
     names = ', '.join(joint for joint, column in zip(joints, bad.T, strict=True) if column.any())
-    if bad.all(axis=0).any():
+    if np.isnan(values).all(axis=0).any():
         raise IdentificationError(
             f'{bag}: no {field} recorded of joints {names}: check what publishes the topic, or '
             'choose another with --topic'
         )
     rows = np.flatnonzero(bad.any(axis=1))
+    if np.isfinite(values).all():
+        raise IdentificationError(
+            f'{bag}: {field} of joints {names} reaches {np.abs(values).max():.3g} in {len(rows)} '
+            f'of {len(values)} messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start '
+            'of the motion: check units and the driver that published it'
+        )
     raise IdentificationError(
         f'{bag}: {field} of joints {names} is NaN or infinite in {len(rows)} of {len(values)} '
-        f'messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start: check the driver that '
-        'published it, or record again'
+        f'messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start of the motion: check '
+        'the driver that published it, or record again'
     )
 
 
 def _velocity(bag: str, dq: Array, warnings: list[str]) -> Array | None:
-    if not np.isfinite(dq).all():
+    if not (np.abs(dq) < _LARGEST).all():
         warnings.append(f'{bag}: velocities missing or NaN; positions are differentiated instead')
         return None
     if not dq.any():

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.identification.bag_facts import BagFacts
+from aerarm_ros.identification.desired_velocity import DesiredVelocity
 from aerarm_ros.identification.figure import StackedFigure, plotting_script
 from aerarm_ros.identification.html_text import Html, bullets, page, paragraph, section
 from aerarm_ros.identification.identification_result import IdentificationResult
@@ -21,6 +23,7 @@ from aerarm_ros.identification.report_tables import (
     joint_error_table,
     parameter_table,
     payload_table,
+    recording_table,
     truth_table,
 )
 from aerarm_ros.identification.residual_spectrum import amplitude_density
@@ -28,14 +31,6 @@ from aerarm_ros.identification.sample_columns import SampleColumns
 from aerarm_ros.identification.truth import InertialTorqueError, Truth
 
 Array = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class DesiredVelocity:
-    """Commanded joint velocities of a bag: `time` (K,) [s] since its start, `dq` (K, n) [rad/s]."""
-
-    time: Array
-    dq: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +46,15 @@ class ReportExtras:
     truth_errors : sequence of InertialTorqueError
     payload : Payload or None
         What the arm carried in another recording.
+    facts : mapping
+        Name of a bag to what else is known of it.
     """
 
     desired: Mapping[str, DesiredVelocity] = field(default_factory=dict)
     truth: Truth | None = None
     truth_errors: Sequence[InertialTorqueError] = ()
     payload: Payload | None = None
+    facts: Mapping[str, BagFacts] = field(default_factory=dict)
 
 
 def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
@@ -100,6 +98,7 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
         section('Friction models', friction_tables(result)),
         section(
             'Conditioning and excitation',
+            recording_table(extras.facts),
             conditioning_tables(result),
             paragraph(_EXCITATION, 'note'),
             excitation_table(result),
@@ -173,7 +172,7 @@ def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
     assessments = bags_of(result.recommended)
     columns = [*result.identification, *result.validation]
     for index, ((role, assessment), bag) in enumerate(zip(assessments, columns, strict=True)):
-        title = f'{role.capitalize()} {assessment.bag}'
+        title = f'{assessment.bag} ({role})'
         cad = bags_of(result.solutions['cad'])[index][1].prediction.filtered
         parts.append(
             section(
@@ -223,13 +222,13 @@ def _spectrum_figure(
     below = 1.5 * result.conditioner.cutoff
     for joint in range(result.robot.n):
         tau = samples.tau[kept, joint]
-        for values, name, colour in (
+        for values, name, role in (
             (tau, 'measured, filtered', 'measured'),
             (tau - predicted[kept, joint], 'residual of sdp', 'residual'),
         ):
             frequency, density = amplitude_density(values, dt)
             shown = (frequency > 0.0) & (frequency < below)
-            figure.add(joint, frequency[shown], density[shown], name, colour)
+            figure.add(joint, frequency[shown], density[shown], name, role)
     return figure
 
 
@@ -240,8 +239,8 @@ def _velocity_figure(
     samples, kept = bag.samples, bag.samples.kept
     time = samples.time[kept]
     for joint in range(result.robot.n):
+        figure.add(joint, time, samples.dq[kept, joint], 'measured', 'measured')
         if desired is not None:
             wanted = np.interp(time, desired.time, desired.dq[:, joint])
-            figure.add(joint, time, wanted, 'desired', 'reference', 'dash')
-        figure.add(joint, time, samples.dq[kept, joint], 'measured', 'predicted')
+            figure.add(joint, time, wanted, 'desired', 'predicted')
     return figure

@@ -1,11 +1,12 @@
 """Tables of the report."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from aerarm_ros.identification.assessment import BagAssessment
-from aerarm_ros.identification.html_text import Html, folded, number, paragraph, table
+from aerarm_ros.identification.bag_facts import BagFacts
+from aerarm_ros.identification.html_text import Html, folded, markup, number, paragraph, table
 from aerarm_ros.identification.identification_result import IdentificationResult, Solution
 from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.summary import term_text
@@ -25,9 +26,10 @@ def bags_of(solution: Solution) -> list[tuple[str, BagAssessment]]:
 def error_table(result: IdentificationResult) -> Html:
     """Return table 5.1: errors (5.3) of every solver on every bag, filtered and raw."""
     bags = bags_of(result.recommended)
-    headings = ['solver']
+    headings: list[object] = ['solver']
     for role, bag in bags:
-        headings += [f'{role} {bag.bag}, filtered [%]', 'raw [%]']
+        name = f'<span class="role">{role}</span><br>{markup(bag.bag)}<br>filtered [%]'
+        headings += [Html(name), 'raw [%]']
     headings += ['physically consistent', 'smallest pseudo-inertia eigenvalue', 'time [ms]']
     rows = []
     for name, solution in result.solutions.items():
@@ -46,7 +48,13 @@ def error_table(result: IdentificationResult) -> Html:
 
 def joint_error_table(result: IdentificationResult) -> Html:
     """Return the errors (5.3) of each joint alone."""
-    headings = ['bag', 'solver', 'torque', *(f'{name} [%]' for name in result.robot.joint_names)]
+    headings = [
+        'bag',
+        'part',
+        'solver',
+        'torque',
+        *(f'{name} [%]' for name in result.robot.joint_names),
+    ]
     rows: list[list[object]] = []
     for name, solution in result.solutions.items():
         for role, bag in bags_of(solution):
@@ -54,8 +62,8 @@ def joint_error_table(result: IdentificationResult) -> Html:
                 ('filtered', bag.per_joint_filtered),
                 ('raw', bag.per_joint_raw),
             ):
-                rows.append([f'{role} {bag.bag}', name, kind, *map(float, values)])
-    rows.sort(key=lambda row: str(row[0]))
+                rows.append([bag.bag, role, name, kind, *map(float, values)])
+    rows.sort(key=lambda row: (str(row[1]), str(row[0])))
     return table(headings, rows)
 
 
@@ -134,6 +142,21 @@ def conditioning_tables(result: IdentificationResult) -> Html:
         table(['conditioning', ''], facts)
         + table(['filter of the kinematics', 'error left by least squares [%]'], trials, chosen)
     )
+
+
+def recording_table(facts: Mapping[str, BagFacts]) -> Html:
+    """Return which part of each bag was used, and what was lost while recording it."""
+    if not facts:
+        return Html('')
+    rows = [
+        [name, known.used, *(_count(x) for x in (known.lost, known.missed_cycles))]
+        for name, known in facts.items()
+    ]
+    return table(['bag', 'used', 'states lost', 'cycles missed'], rows)
+
+
+def _count(value: int | None) -> Html:
+    return Html('not recorded' if value is None else str(value))
 
 
 def _period(result: IdentificationResult) -> str:

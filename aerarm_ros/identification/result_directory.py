@@ -22,6 +22,8 @@ class ResultDirectory:
     ----------
     target : Path
         May be missing, empty, or an earlier result, which is replaced.
+    option : str
+        How the user names the folder, for errors.
 
     Raises
     ------
@@ -29,8 +31,9 @@ class ResultDirectory:
         On entering, if the place can't be written or holds something else.
     """
 
-    def __init__(self, target: Path) -> None:
+    def __init__(self, target: Path, option: str = '--out') -> None:
         self.target = target.absolute()
+        self._option = option
         self._collected: Path | None = None
         self._made: list[Path] = []
 
@@ -41,10 +44,12 @@ class ResultDirectory:
                 if not (self.target / MARKER).is_file():
                     raise IdentificationError(
                         f'{self.target}: holds other files, which are not replaced: name another '
-                        'folder with --out'
+                        f'folder with {self._option}'
                     )
             elif self.target.exists() and not self.target.is_dir():
-                raise IdentificationError(f'{self.target}: is a file: name a folder with --out')
+                raise IdentificationError(
+                    f'{self.target}: is a file: name a folder with {self._option}'
+                )
             self._make_parents(parent)
             prefix = f'.{self.target.name}.'
             self._collected = Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
@@ -53,9 +58,15 @@ class ResultDirectory:
             self._remove()
             raise IdentificationError(
                 f'{self.target}: cannot be written ({error.strerror or error}): check the '
-                'permissions, or name another folder with --out'
+                f'permissions, or name another folder with {self._option}'
             ) from None
         return self
+
+    def path(self, name: str) -> Path:
+        """Return where a part of the result that others write is to be put."""
+        if self._collected is None:
+            raise RuntimeError('files are written inside the context only')
+        return self._collected / name
 
     def write(self, name: str, text: str) -> None:
         """Write one file of the result.
@@ -65,10 +76,9 @@ class ResultDirectory:
         IdentificationError
             If the disk is full or the place has gone.
         """
-        if self._collected is None:
-            raise RuntimeError('files are written inside the context only')
+        path = self.path(name)
         try:
-            (self._collected / name).write_text(text, encoding='utf-8')
+            path.write_text(text, encoding='utf-8')
         except OSError as error:
             raise IdentificationError(
                 f'{self.target / name}: cannot be written ({error.strerror or error}): check the '

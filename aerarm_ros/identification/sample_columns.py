@@ -32,8 +32,8 @@ class SampleColumns:
 
     The torque balance holds for filtered torque only if every column passes the same filter
     (Gautier, ICRA 1997): products of smooth signals have frequencies above theirs, and dry
-    friction is not smooth at all. Dry friction is evaluated at the recorded rate, so that
-    its steps are where they were.
+    friction is not smooth at all. Dry friction is evaluated at the fine rate, so that its
+    steps are where they were.
 
     Parameters
     ----------

@@ -12,7 +12,10 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Conditioned motion of one bag; `fine` arrays have the recorded rate, others are decimated.
+    """Conditioned motion of one bag at two rates.
+
+    `fine` arrays, at a hundred times the cut-off or more, keep the steps of dry friction in
+    place; the others, at five times the cut-off, are those that are fitted.
 
     Attributes
     ----------
@@ -29,8 +32,8 @@ class Samples:
     tau_raw, tau : (M, n) ndarray
         Measured torque as recorded and low-pass filtered [Nm].
     fine_filter, coarse_filter : SpectralFilter
-        The torque's low-pass, for regressor columns at the recorded (then decimating) and at
-        the decimated rate: both sides of the equation pass the same filter.
+        The torque's low-pass, for regressor columns at the fine (then decimating) and at the
+        other rate: both sides of the equation pass the same filter.
     kept : (M,) ndarray of bool
         Samples away from the ends, where the filter has settled.
     usable : (M, n) ndarray of bool
@@ -62,5 +65,5 @@ class Samples:
 
     @property
     def step(self) -> int:
-        """Every how many recorded samples one is kept."""
+        """Every how many fine samples one is kept."""
         return self.fine_filter.decimation

@@ -94,12 +94,11 @@ def _solvers(
 ) -> dict[str, Callable[[], tuple[Array, tuple[str, ...]]]]:
     """Return functions that give parameters and what the user should know."""
     regression, prior, weights = fit.regression, fit.prior, fit.noise.weights
-    plain = replace(limits, bounds=LinkBounds())
     return {
         'cad': lambda: (prior.mean, ()),
         'ols': lambda: (solve_least_squares(regression, prior.mean), ()),
         'wls': lambda: (solve_least_squares(regression, prior.mean, weights), ()),
-        'huber': lambda: (solve_huber(fit, bags, plain), ()),
+        'huber': lambda: solve_huber(fit, bags, limits),
         'slsqp': lambda: (solve_slsqp(thesis_problem(fit, limits)), ()),
         'annealing': lambda: (solve_annealing(thesis_problem(fit, limits)), ()),
         RECOMMENDED: lambda: solve_relaxed(regression.system(weights), prior, limits),

@@ -2,9 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from aerarm_ros.identification.assessment import BagAssessment
+from aerarm_ros.identification.bag_demand import BagDemand
+from aerarm_ros.identification.bag_facts import BagFacts
 from aerarm_ros.identification.base_parameters import BaseParameters
 from aerarm_ros.identification.identification_result import IdentificationResult, Solution
 from aerarm_ros.identification.joint_term import JointTerm
@@ -17,6 +20,7 @@ def summarise(
     seconds: Mapping[str, float],
     truth: Sequence[InertialTorqueError] = (),
     payload: Payload | None = None,
+    facts: Mapping[str, BagFacts] | None = None,
 ) -> dict[str, Any]:
     """Return the summary: torque errors in percent, times in seconds.
 
@@ -28,8 +32,9 @@ def summarise(
     truth : sequence of InertialTorqueError
         Comparison with a simulated arm's true parameters, if there is one.
     payload : Payload, optional
+    facts : mapping, optional
+        Name of a bag to what else is known of it.
     """
-    conditioner = result.conditioner
     summary: dict[str, Any] = {
         'robot': result.robot.model.name,
         'joints': list(result.robot.joint_names),
@@ -40,62 +45,71 @@ def summarise(
         },
         'base_parameters': result.used_base.expressions(),
         'only_prior': list(result.only_prior),
-        'excitation': [
-            {
-                'bag': demand.bag,
-                'beyond_identified_range': {
-                    name: row.tolist()
-                    for name, row in zip(('q', 'dq', 'ddq'), demand.beyond, strict=True)
-                },
-                'torque_uncertainty': demand.uncertainty.tolist(),
-            }
-            for demand in result.demands
-        ],
-        'conditioning': {
-            'cutoff': conditioner.cutoff,
-            'fundamental': conditioner.fundamental,
-            'harmonics': conditioner.harmonics,
-            'kinematics': result.filter_choice.kinematics.label,
-            'trials': [
-                {'kinematics': trial.kinematics.label, 'error': trial.error}
-                for trial in result.filter_choice.trials
-            ],
-        },
+        'excitation': [_demand(demand) for demand in result.demands],
+        'conditioning': _conditioning(result),
         'friction': {
             joint: [term_text(term) for term in terms]
             for joint, terms in zip(result.robot.joint_names, result.fit.model.terms, strict=True)
         },
         'seconds': {**seconds, 'total': sum(seconds.values())},
         'solvers': {name: _solver(solution) for name, solution in result.solutions.items()},
+        'bags': {name: asdict(known) for name, known in (facts or {}).items()},
         'warnings': list(result.warnings),
     }
     if payload is not None:
-        summary['payload'] = {
-            'link': payload.link,
-            'mass': payload.mass,
-            'mass_std': float(payload.std[0]),
-            'centre': payload.centre.tolist(),
-            'centre_std': payload.centre_std.tolist(),
-            'inertial_parameters': payload.inertial.tolist(),
-            'inertial_parameters_std': payload.std.tolist(),
-        }
+        summary['payload'] = _payload(payload)
     if truth:
-        summary['inertial_torque_error'] = [
-            {
-                'solver': error.solver,
-                'bag': error.bag,
-                'total': error.total,
-                'per_joint': error.per_joint.tolist(),
-                'total_against_true_torque': error.total_absolute,
-            }
-            for error in truth
-        ]
+        summary['inertial_torque_error'] = [_truth(error) for error in truth]
     return summary
 
 
 def term_text(term: JointTerm) -> str:
     """Return a term in words, such as 'Coulomb friction (tanh, 0.05 rad/s)'."""
     return f'{term.meaning} (tanh, {term.width:g} rad/s)' if term.width else term.meaning
+
+
+def _demand(demand: BagDemand) -> dict[str, Any]:
+    rows = zip(('q', 'dq', 'ddq'), demand.beyond, strict=True)
+    return {
+        'bag': demand.bag,
+        'beyond_identified_range': {name: row.tolist() for name, row in rows},
+        'torque_uncertainty': demand.uncertainty.tolist(),
+    }
+
+
+def _conditioning(result: IdentificationResult) -> dict[str, Any]:
+    conditioner, choice = result.conditioner, result.filter_choice
+    return {
+        'cutoff': conditioner.cutoff,
+        'fundamental': conditioner.fundamental,
+        'harmonics': conditioner.harmonics,
+        'kinematics': choice.kinematics.label,
+        'trials': [
+            {'kinematics': trial.kinematics.label, 'error': trial.error} for trial in choice.trials
+        ],
+    }
+
+
+def _payload(payload: Payload) -> dict[str, Any]:
+    return {
+        'link': payload.link,
+        'mass': payload.mass,
+        'mass_std': float(payload.std[0]),
+        'centre': payload.centre.tolist(),
+        'centre_std': payload.centre_std.tolist(),
+        'inertial_parameters': payload.inertial.tolist(),
+        'inertial_parameters_std': payload.std.tolist(),
+    }
+
+
+def _truth(error: InertialTorqueError) -> dict[str, Any]:
+    return {
+        'solver': error.solver,
+        'bag': error.bag,
+        'total': error.total,
+        'per_joint': error.per_joint.tolist(),
+        'total_against_true_torque': error.total_absolute,
+    }
 
 
 def _regressor(base: BaseParameters) -> dict[str, Any]:

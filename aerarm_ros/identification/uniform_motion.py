@@ -1,6 +1,6 @@
 """A recording on a uniform time grid, with the stretch that identification uses."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -8,10 +8,16 @@ import numpy.typing as npt
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.periodicity import PeriodicPart
 from aerarm_ros.identification.recording import Recording
+from aerarm_ros.identification.spectral_filter import (
+    SETTLING_PERIODS,
+    SpectralFilter,
+    low_pass_gain,
+)
 
 Array = npt.NDArray[np.float64]
 
 _SHORTEST = 3.0  # [s] of motion: a shorter one excites next to nothing
+_ANTI_ALIASING = 0.4  # cut-off of the low-pass before decimation, per new sampling rate
 _STANDSTILL = 0.02  # share of the fastest joint's top speed
 
 
@@ -31,6 +37,10 @@ class UniformMotion:
         [rad], [Nm]
     dq : (M, n) ndarray or None
         Measured velocity [rad/s].
+    tau_raw : (M, n) ndarray
+        [Nm], interpolated only.
+    factor : int
+        Recorded samples for each one here; beyond 1, q, dq and tau have passed a low-pass.
     window : slice
         The samples to identify from: whole periods, or from first to last motion.
     period : int or None
@@ -43,6 +53,8 @@ class UniformMotion:
     q: Array
     tau: Array
     dq: Array | None
+    tau_raw: Array
+    factor: int
     window: slice
     period: int | None
 
@@ -68,7 +80,9 @@ def sampling_time(recording: Recording) -> float:
     return mean if abs(mean - median) < 1e-3 * median else median
 
 
-def periodic_motion(recording: Recording, part: PeriodicPart, multiple: int) -> UniformMotion:
+def periodic_motion(
+    recording: Recording, part: PeriodicPart, multiple: int = 1, factor: int = 1
+) -> UniformMotion:
     """Resample so that a period has a whole number of samples.
 
     Parameters
@@ -77,21 +91,25 @@ def periodic_motion(recording: Recording, part: PeriodicPart, multiple: int) -> 
     part : PeriodicPart
         The whole periods in it.
     multiple : int
-        Number that divides the samples a period (for decimation).
+        Number that divides the samples a period (for further decimation).
+    factor : int
+        Of decimation.
     """
-    count = max(1, round(part.period / (sampling_time(recording) * multiple))) * multiple
+    whole = multiple * factor
+    count = max(1, round(part.period / (sampling_time(recording) * whole))) * whole
     dt = part.period / count
-    before = int((part.start - recording.time[0]) / dt + 1e-9)
+    before = int((part.start - recording.time[0]) / dt + 1e-9) // factor * factor
     after = int((recording.time[-1] - part.start) / dt + 1e-9)
+    # The last sample of the last period may be the first one again.
+    after = max(after, part.periods * count - 1)
     time = part.start + dt * np.arange(-before, after + 1)
-    window = slice(before, before + part.periods * count)
-    if window.stop > len(time):  # the last sample of the last period is the first one again
-        time = part.start + dt * np.arange(-before, part.periods * count)
-    return _resampled(recording, np.asarray(time, dtype=float), dt, window, count)
+    first = before // factor
+    window = slice(first, first + part.periods * count // factor)
+    return _resampled(recording, np.asarray(time), dt, factor, window, count // factor)
 
 
-def aperiodic_motion(recording: Recording) -> UniformMotion:
-    """Resample at the recorded rate; leave out standing still at both ends.
+def aperiodic_motion(recording: Recording, factor: int = 1) -> UniformMotion:
+    """Resample at the recorded rate, decimated; leave out standing still at both ends.
 
     Raises
     ------
@@ -100,26 +118,48 @@ def aperiodic_motion(recording: Recording) -> UniformMotion:
     """
     dt = sampling_time(recording)
     time = recording.time[0] + dt * np.arange(int(recording.duration / dt + 1e-6) + 1)
-    motion = _resampled(recording, time, dt, slice(0, len(time)), None)
-    dq = motion.dq if motion.dq is not None else np.gradient(motion.q, dt, axis=0)
+    motion = _resampled(recording, time, dt, factor, slice(0, None), None)
+    dq = motion.dq if motion.dq is not None else np.gradient(motion.q, motion.dt, axis=0)
     speed = np.abs(dq).max(axis=1)
     moving = np.flatnonzero(speed > _STANDSTILL * speed.max())
     window = slice(int(moving[0]), int(moving[-1]) + 1)
-    if (window.stop - window.start) * dt < _SHORTEST:
+    duration = (window.stop - window.start) * motion.dt
+    if duration < _SHORTEST:
         raise IdentificationError(
-            f'{recording.name}: only {(window.stop - window.start) * dt:.2f} s of motion: too '
+            f'{recording.name}: only {duration:.2f} s of motion: too '
             f'short to excite the parameters, record at least {_SHORTEST:g} s (better 20 s)'
         )
-    return UniformMotion(recording, dt, motion.time, motion.q, motion.tau, motion.dq, window, None)
+    return replace(motion, window=window)
 
 
 def _resampled(
-    recording: Recording, time: Array, dt: float, window: slice, period: int | None
+    recording: Recording,
+    time: Array,
+    dt: float,
+    factor: int,
+    window: slice,
+    period: int | None,
 ) -> UniformMotion:
-    def at(values: Array) -> Array:
-        return np.column_stack([np.interp(time, recording.time, column) for column in values.T])
+    """Interpolate and decimate, a column at a time: long recordings are large."""
+    cutoff = _ANTI_ALIASING / (dt * factor)
+    settling = SETTLING_PERIODS / cutoff
+    smooth = SpectralFilter(len(time), dt, low_pass_gain(cutoff), factor, settling)
 
-    dq = None if recording.dq is None else at(recording.dq)
+    def at(values: Array) -> Array:
+        columns = (np.interp(time, recording.time, column) for column in values.T)
+        return np.column_stack([smooth(c) if factor > 1 else c for c in columns])
+
+    thinned = time[::factor]
+    raw = [np.interp(thinned, recording.time, column) for column in recording.tau.T]
     return UniformMotion(
-        recording, dt, time, at(recording.q), at(recording.tau), dq, window, period
+        recording=recording,
+        dt=dt * factor,
+        time=thinned,
+        q=at(recording.q),
+        tau=at(recording.tau),
+        dq=None if recording.dq is None else at(recording.dq),
+        tau_raw=np.column_stack(raw),
+        factor=factor,
+        window=window,
+        period=period,
     )

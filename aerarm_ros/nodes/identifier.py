@@ -35,8 +35,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Before numpy is imported: the matrices are small, and more threads only fight over them.
     for variable in ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'):
         os.environ.setdefault(variable, '1')
-    options = _parser().parse_args(_without_ros_arguments(arguments))
-    signal.signal(signal.SIGTERM, _interrupt)
+    parser = _parser()
+    options = parser.parse_args(_without_ros_arguments(arguments))
+    if not options.bag and not options.model:
+        parser.error('the following arguments are required: --bag, or --model and --payload')
+    # SIGINT too: a shell that starts this in the background, or in a script, makes it ignored.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
     try:
         return _run(options)
     except KeyboardInterrupt:
@@ -52,10 +57,11 @@ def _run(options: argparse.Namespace) -> int:
     from aerarm_ros.description.config_error import ConfigError
     from aerarm_ros.description.description_error import DescriptionError
     from aerarm_ros.identification.identification_error import IdentificationError
+    from aerarm_ros.nodes.identifier_payload import PayloadRun
     from aerarm_ros.nodes.identifier_run import IdentifierRun
 
     try:
-        run: IdentifierRun = IdentifierRun(options)
+        run: IdentifierRun = (PayloadRun if options.model else IdentifierRun)(options)
         print(run.execute())
     except (BagError, ConfigError, DescriptionError, IdentificationError, OSError) as error:
         return _report(error)
@@ -92,7 +98,7 @@ def _optional_path(text: str) -> Path | None:
 _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--bag',
-        {'nargs': '+', 'type': Path, 'required': True, 'metavar': 'DIR'},
+        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
         'bags to identify from',
     ),
     (
@@ -104,6 +110,11 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         '--payload',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
         'bags of the same arm carrying something: its mass, centre of mass and inertia',
+    ),
+    (
+        '--model',
+        {'type': _optional_path, 'metavar': 'FILE'},
+        'estimate.yaml of the arm: only what --payload shows is identified, without --bag',
     ),
     (
         '--holdout',
@@ -164,9 +175,16 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         'low-pass on torque (default: 10 times the motion)',
     ),
     (
+        '--filter',
+        {'choices': ('auto', 'harmonics', 'butterworth'), 'default': 'auto'},
+        'of the kinematics: rectangular windows at the harmonics of a periodic motion, zero-phase '
+        'low-pass, or what the data choose (default)',
+    ),
+    (
         '--friction',
-        {'choices': ('auto', 'coulomb', 'load'), 'default': 'auto'},
-        'joint model (default: %(default)s)',
+        {'default': 'auto', 'metavar': 'MODEL'},
+        'auto (default), or one or several, joined by +, of coulomb, load, offset, creep, stribeck '
+        'and asymmetric',
     ),
     (
         '--total-mass',

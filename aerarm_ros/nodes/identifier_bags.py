@@ -5,21 +5,36 @@ from __future__ import annotations
 import contextlib
 import warnings
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 
-from aerarm_msgs_py.bag_error import BagError
-from aerarm_msgs_py.bag_reader import JointStateSeries, read_joint_states
+from aerarm_msgs_py.bag_contents import BagContents, lost_messages, read_contents
+from aerarm_msgs_py.bag_error import BagError, BagWarning
+from aerarm_msgs_py.joint_state_series import JointStateSeries
+from aerarm_ros.identification.bag_facts import BagFacts
+from aerarm_ros.identification.desired_velocity import DesiredVelocity
+from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.recording import (
     JointMapping,
     Recording,
     recording_from_states,
 )
-from aerarm_ros.identification.report import DesiredVelocity
+from aerarm_ros.identification.used_span import commanded_span, running_span
 
-_COMMAND = 'joint_command'
+_COMMAND, _MODE, _DIAGNOSTICS = 'joint_command', 'arm_mode', 'diagnostics'
+_MOST = 2_000_000  # messages, 33 min at 1 kHz: no excitation needs more, and memory has an end
+_MOST_DESIRED = 20_000  # commands that figures can show
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedBag:
+    """What one bag holds: a recording, how complete it is, and what was commanded."""
+
+    recording: Recording
+    facts: BagFacts
+    desired: DesiredVelocity | None
 
 
 class IdentifierBags:
@@ -28,7 +43,7 @@ class IdentifierBags:
     Parameters
     ----------
     topic : str
-        Of the joint states; commands are looked for beside it.
+        Of the joint states; commands, modes and diagnostics are looked for beside it.
     joint_names : tuple of str
         The arm's joints, from base to tool.
     mapping : JointMapping
@@ -38,15 +53,26 @@ class IdentifierBags:
     ----------
     messages : list of str
         What reading the bags warned of.
+
+    Raises
+    ------
+    IdentificationError
+        If the mapping names a joint that the arm doesn't have.
     """
 
     def __init__(self, topic: str, joint_names: tuple[str, ...], mapping: JointMapping) -> None:
         self._topic = '/' + topic.lstrip('/')
         self._joint_names = joint_names
         self._mapping = mapping
+        unknown = [name for name in mapping.effort_gain or {} if name not in joint_names]
+        if unknown:
+            raise IdentificationError(
+                f'--effort-gain: no joint {", ".join(unknown)}: the URDF has '
+                f'{", ".join(joint_names)}'
+            )
         self.messages: list[str] = []
 
-    def recording(self, path: Path, name: str) -> Recording:
+    def read(self, path: Path, name: str) -> RecordedBag:
         """Return a bag's motion.
 
         Parameters
@@ -64,24 +90,39 @@ class IdentifierBags:
             If what it holds can't be identified from.
         """
         told: list[str] = []
+        others = [self._beside(topic) for topic in (_COMMAND, _MODE, _DIAGNOSTICS)]
         try:
             with _collected_warnings(told):
-                states = read_joint_states(path, self._topic)
+                contents = read_contents(path, self._topic, [*others, f'/{_DIAGNOSTICS}'], _MOST)
         except BagError as error:
             raise BagError('; '.join([str(error), *told])) from None
-        _check_complete(path, self._topic, len(states.stamp))
+        states = contents.joint_states[self._topic]
+        told += _check_complete(path, name, self._topic, contents)
         self.messages += told
-        return recording_from_states(name, states, self._joint_names, self._mapping)
+        recording = recording_from_states(
+            name, states, self._joint_names, self._mapping, self._commanded(contents)
+        )
+        commands = contents.joint_states.get(self._beside(_COMMAND))
+        facts = BagFacts(
+            recording.span.text if recording.span else 'whole bag',
+            lost_messages(states.sequence),
+            contents.missed_cycles,
+        )
+        desired = None if commands is None else self._velocities(commands, recording)
+        return RecordedBag(recording, facts, desired)
 
-    def desired(self, path: Path, recording: Recording) -> DesiredVelocity | None:
-        """Return the commanded velocities, if the bag has them for every joint."""
-        topic = f'{self._topic.rpartition("/")[0]}/{_COMMAND}'
-        try:
-            with _collected_warnings([]):
-                commands = read_joint_states(path, topic)
-        except BagError:
-            return None
-        return self._velocities(commands, recording)
+    def _beside(self, topic: str) -> str:
+        return f'{self._topic.rpartition("/")[0]}/{topic}'
+
+    def _commanded(self, contents: BagContents) -> tuple[slice, str] | None:
+        """Return the messages while the arm followed commands, None if nothing tells."""
+        states = contents.joint_states[self._topic]
+        modes = contents.texts.get(self._beside(_MODE), [])
+        span = running_span(states.log_time, states.position, modes)
+        commands = contents.joint_states.get(self._beside(_COMMAND))
+        if span is None and commands is not None:
+            span = commanded_span(states.stamp, states.position, commands.stamp)
+        return span
 
     def _velocities(
         self, commands: JointStateSeries, recording: Recording
@@ -94,40 +135,49 @@ class IdentifierBags:
         given = np.isfinite(dq[first]).all(axis=1)
         if given.sum() < 2:
             return None
-        return DesiredVelocity(time[given], dq[first][given])
+        thinned = np.flatnonzero(given)[:: -(-int(given.sum()) // _MOST_DESIRED)]
+        return DesiredVelocity(time[thinned], dq[first[thinned]])
 
 
-def _check_complete(path: Path, topic: str, count: int) -> None:
+def _check_complete(path: Path, name: str, topic: str, contents: BagContents) -> list[str]:
     """Compare with the bag's own account: less than that was lost after recording.
 
-    A recorder that was killed leaves an account that is too low, which is fine.
+    A recorder that was killed leaves an account that is too low, or none, which is fine but
+    worth knowing: the returned warnings say so.
     """
-    expected = _recorded_count(path, topic)
-    if count < expected:
+    kept, expected = len(contents.joint_states[topic]), contents.expected
+    count = kept + contents.left_out
+    told = []
+    if contents.left_out:
+        told.append(
+            f'{name}: only the first {kept} of {count} messages of {topic} are used: cut the bag '
+            'to the motion that matters'
+        )
+    if expected is None:
+        told.append(
+            f'{name}: no metadata.yaml that could be read, so nothing tells whether all of the '
+            'recording is there: was its recorder killed, or only part of the bag copied?'
+        )
+    elif count < expected:
         raise BagError(
             f'{path} is truncated: it holds {count} of the {expected} messages of {topic} that its '
             'metadata.yaml lists; copy the bag again'
         )
-
-
-def _recorded_count(path: Path, topic: str) -> int:
-    """Return how many messages metadata.yaml lists, 0 if it doesn't say."""
-    try:
-        folder = path if path.is_dir() else path.parent
-        document = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))
-        topics = document['rosbag2_bagfile_information']['topics_with_message_count']
-        counts = {entry['topic_metadata']['name']: entry['message_count'] for entry in topics}
-        return int(counts.get(topic, 0))
-    except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
-        return 0
+    elif count > expected:
+        told.append(
+            f'{name}: {count} messages of {topic} where its metadata.yaml lists {expected}: its '
+            'recorder was killed, the end of the motion may be missing'
+        )
+    return told
 
 
 @contextlib.contextmanager
 def _collected_warnings(texts: list[str]) -> Iterator[None]:
-    """Add what is warned of to a list, also if an error ends it."""
+    """Add what reading a bag warns of to a list, also if an error ends it."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')
         try:
             yield
         finally:
-            texts += [str(warning.message) for warning in caught]
+            told = [warning for warning in caught if issubclass(warning.category, BagWarning)]
+            texts += [str(warning.message) for warning in told]

@@ -12,7 +12,8 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
-from aerarm_ros.identification.conditioning import ConditioningOptions
+from aerarm_ros.identification.bag_facts import BagFacts
+from aerarm_ros.identification.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.equivalent_friction import equivalent_friction
 from aerarm_ros.identification.estimate_file import estimate_yaml, payload_yaml
 from aerarm_ros.identification.identification_error import IdentificationError
@@ -26,12 +27,13 @@ from aerarm_ros.identification.recording import (
     JointMapping,
     Recording,
 )
-from aerarm_ros.identification.report import DesiredVelocity, ReportExtras, report_html
+from aerarm_ros.identification.report import ReportExtras, report_html
 from aerarm_ros.identification.result_directory import ResultDirectory
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.identification.summary import summarise
 from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
-from aerarm_ros.nodes.identifier_bags import IdentifierBags
+from aerarm_ros.nodes.identifier_bags import IdentifierBags, RecordedBag
+from aerarm_ros.nodes.identifier_table import terminal_table
 
 
 class IdentifierRun:
@@ -58,14 +60,15 @@ class IdentifierRun:
         self._robot = self._load_robot()
         mapping = JointMapping(
             rename=dict(_pair(text, '--rename') for text in options.rename),
-            ignored=(*options.ignore, *options.lock),
+            ignored=tuple(options.ignore),
+            locked=tuple(options.lock),
             effort_gain={
                 joint: _number(gain, '--effort-gain')
                 for joint, gain in (_pair(text, '--effort-gain') for text in options.effort_gain)
             },
         )
         self._bags = IdentifierBags(options.topic, self._robot.joint_names, mapping)
-        self._desired: dict[str, DesiredVelocity] = {}
+        self._read_bags: dict[str, RecordedBag] = {}
 
     def execute(self) -> str:
         """Identify, write the result, and return a table for the terminal.
@@ -82,7 +85,7 @@ class IdentifierRun:
             result = self._identify(identification, validation)
             payload = self._payload(result)
             self._write(result, payload, directory)
-        lines = [_terminal_table(result)]
+        lines = [terminal_table(result, self._facts())]
         if payload is not None:
             lines.append(f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg')
         return '\n'.join(lines) + f'\nReport: {directory.target / "report.html"}'
@@ -116,11 +119,11 @@ class IdentifierRun:
     def _recording(self, path: Path) -> Recording:
         name = self._names[path]
         _progress(f'reading {name}')
-        recording = self._bags.recording(path, name)
-        desired = self._bags.desired(path, recording)
-        if desired is not None:
-            self._desired[name] = desired
-        return recording
+        self._read_bags[name] = self._bags.read(path, name)
+        return self._read_bags[name].recording
+
+    def _facts(self) -> dict[str, BagFacts]:
+        return {name: bag.facts for name, bag in self._read_bags.items()}
 
     def _identify(
         self, identification: Sequence[Recording], validation: Sequence[Recording]
@@ -132,6 +135,7 @@ class IdentifierRun:
                 fundamental=options.fundamental,
                 harmonics=options.harmonics,
                 cutoff=options.cutoff,
+                filter=options.filter,
             ),
             friction=options.friction,
             solvers=tuple(options.solvers),
@@ -174,19 +178,24 @@ class IdentifierRun:
                 directory.write('payload.yaml', payload_yaml(estimate, payload))
             extras = replace(self._extras(result), payload=payload)
             directory.write('report.html', report_html(result, extras))
-        summary = summarise(result, self._stopwatch.seconds, extras.truth_errors, payload)
+        summary = summarise(
+            result, self._stopwatch.seconds, extras.truth_errors, payload, extras.facts
+        )
         directory.write_json('summary.json', summary)
 
     def _extras(self, result: IdentificationResult) -> ReportExtras:
+        bags = self._read_bags.items()
+        desired = {name: bag.desired for name, bag in bags if bag.desired is not None}
+        extras = ReportExtras(desired, facts=self._facts())
         if self._options.truth is None:
-            return ReportExtras(self._desired)
+            return extras
         truth = load_truth(self._options.truth, result.fit.model)
         errors = inertial_torque_errors(
             truth,
             [solution.estimate for solution in result.solutions.values()],
             [*result.identification, *result.validation],
         )
-        return ReportExtras(self._desired, truth, errors)
+        return replace(extras, truth=truth, truth_errors=errors)
 
 
 def _bag_names(paths: Sequence[Path]) -> dict[Path, str]:
@@ -218,28 +227,3 @@ def _number(text: str, option: str) -> float:
 def _progress(text: str) -> None:
     if sys.stderr.isatty():
         print(f'identifier: {text} ...', file=sys.stderr)
-
-
-def _terminal_table(result: IdentificationResult) -> str:
-    """Return the errors of each solver on each bag as text."""
-    bags = [
-        f'{role} {bag.samples.name}'
-        for role, columns in (
-            ('identification', result.identification),
-            ('validation', result.validation),
-        )
-        for bag in columns
-    ]
-    width = max(18, *(len(bag) for bag in bags)) + 2
-    lines = [
-        'Torque error [%], filtered (raw)',
-        ' ' * 10 + ''.join(bag.rjust(width) for bag in bags),
-    ]
-    for name, solution in result.solutions.items():
-        cells = [
-            f'{bag.filtered:.2f} ({bag.raw:.2f})'.rjust(width)
-            for bag in (*solution.identification, *solution.validation)
-        ]
-        consistent = '' if solution.estimate.physically_consistent else '  not a physical arm'
-        lines.append(name.ljust(10) + ''.join(cells) + consistent)
-    return '\n'.join(lines)

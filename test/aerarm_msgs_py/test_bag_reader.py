@@ -149,11 +149,28 @@ def test_says_what_is_wrong_with_the_path(tmp_path: Path, write_bag) -> None:
     text.write_text('not a bag')
     with pytest.raises(BagError, match='is not an MCAP file'):
         read_joint_states(text)
-    text.write_text('')
+    text.write_text('notes')
     with pytest.raises(BagError, match='is not an MCAP file'):
+        read_joint_states(text)
+    (tmp_path / 'notes.mcap').write_bytes(b'')
+    with pytest.raises(BagError, match='is empty: was its recorder stopped'):
         read_joint_states(text)
     with pytest.raises(BagError, match='give its directory'):
         read_joint_states(write_bag() / 'metadata.yaml')
+
+
+def test_says_which_files_are_missing(write_bag) -> None:
+    directory = write_bag()
+    (directory / 'bag_0.mcap').unlink()
+    with pytest.raises(BagError, match=r'lacks bag_0.mcap, which its metadata.yaml names'):
+        read_joint_states(directory)
+
+
+def test_says_that_joint_names_repeat(write_bag) -> None:
+    message = JointState(name=['a', 'b', 'a'], position=[1.0, 2.0, 3.0])
+    directory = write_bag(joint_states(serialize_message(message)))
+    with pytest.raises(BagError, match='names joint a more than once: check the joint names'):
+        read_joint_states(directory)
 
 
 def test_says_what_is_wrong_with_the_topic(write_bag) -> None:

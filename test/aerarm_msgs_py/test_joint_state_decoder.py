@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.joint_state_decoder import JointStateDecoder
+from aerarm_msgs_py.payloads import Payloads
 
 ARMS = [JointStateCdr(names, frame) for names in (['a', 'b'], ['b', 'a'], ['a', 'bb', 'c'])
         for frame in ('', 'base')]  # fmt: skip
@@ -21,7 +22,7 @@ def test_a_mixture_is_decoded_message_by_message(kinds) -> None:
         payloads.append(codec.pack(k, *fields))
         expected.append((codec.names, fields))
     decoder = JointStateDecoder()
-    stamp_ns, values = decoder.decode(payloads)
+    stamp_ns, values = decoder.decode(Payloads.of(payloads))
     assert stamp_ns.tolist() == list(range(len(kinds)))
     for row, (names, fields) in zip(values, expected, strict=True):
         columns = [decoder.names.index(name) for name in names]
@@ -35,6 +36,6 @@ def test_big_endian_messages() -> None:
     body = struct.pack('>iI', 3, 4) + struct.pack('>I4s', 1, b'\0???')
     body += struct.pack('>II2s2x', 1, 2, b'a\0')  # one name
     body += struct.pack('>Id', 1, 1.5) + struct.pack('>I4xd', 1, 2.5) + struct.pack('>I', 0)
-    stamp_ns, values = JointStateDecoder().decode([b'\0\0\0\0' + body] * 2)
+    stamp_ns, values = JointStateDecoder().decode(Payloads.of([b'\0\0\0\0' + body] * 2))
     assert stamp_ns.tolist() == [3_000_000_004] * 2
     np.testing.assert_array_equal(values, [[[1.5], [2.5], [np.nan]]] * 2)

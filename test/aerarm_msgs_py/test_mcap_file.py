@@ -50,6 +50,33 @@ def test_blocks_hold_a_bounded_part_of_a_file_without_chunks(tmp_path: Path, rec
     assert max(len(block.payloads) for block in blocks) < 5000
 
 
+def test_chunks_without_a_topic_are_not_read(tmp_path: Path, recording) -> None:
+    """The first chunk holds no message of the second topic, so its damage is not met."""
+    first, second = ([m for m in recording.messages(400) if m.topic == topic] for topic in (0, 1))
+    path = write(tmp_path / 'a.mcap', [*first, *second], chunk_size=20_000)
+    content = bytearray(path.read_bytes())
+    place = content.index(b'\x04\0\0\0zstd', content.index(b'\x04\0\0\0zstd') + 1)
+    content[place + 60] ^= 0xFF  # in the second chunk: the first one tells what the topics are
+    path.write_bytes(content)
+    (*blocks,) = McapFile(path).blocks(['/other'])
+    assert sum(len(block.payloads) for block in blocks) == 400
+    with pytest.warns(BagWarning, match='is damaged'):
+        assert sum(len(b.payloads) for b in McapFile(path).blocks(['/joint_states'])) < 400
+
+
+def test_a_finished_file_tells_how_many_messages_it_has(tmp_path: Path, recording) -> None:
+    path = write(tmp_path / 'a.mcap', recording.messages(40))
+    file = McapFile(path)
+    list(file.blocks(['/other']))
+    assert file.counts == {'/joint_states': 40, '/other': 40}
+    path.write_bytes(path.read_bytes()[:-3000])
+    file = McapFile(path)
+    with pytest.warns(BagWarning, match='is cut off'):
+        list(file.blocks())
+    assert file.counts is None
+    assert file.damaged
+
+
 @pytest.mark.parametrize('cut', [1, 5, 9, 30, 100])
 def test_a_missing_end_is_warned_about(tmp_path: Path, recording, cut: int) -> None:
     path = write(tmp_path / 'a.mcap', recording.messages(400), use_chunking=False)

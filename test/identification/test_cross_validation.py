@@ -8,7 +8,8 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import ArmParameters
-from aerarm_ros.identification.conditioning import FOLDS, Conditioner, ConditioningOptions
+from aerarm_ros.identification.conditioning import FOLDS, Conditioner
+from aerarm_ros.identification.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.cross_validation import CrossValidation
 from aerarm_ros.identification.joint_model import JointModel
 from aerarm_ros.identification.joint_model_selection import candidate_terms, select_terms

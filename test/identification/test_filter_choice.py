@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.conditioning import Conditioner, ConditioningOptions
+from aerarm_ros.identification.conditioning import Conditioner
+from aerarm_ros.identification.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.filter_choice import choose_filter
 from aerarm_ros.model.regressor import Regressor
 
@@ -42,7 +43,10 @@ def test_ripple_beyond_the_commanded_harmonics_is_kept(make_arm: Callable, robot
     q = q + np.where(inside, 1e-3 * np.sin(omega * (t - 3.0))[:, None], 0.0)
     dq = dq + np.where(inside, 1e-3 * omega * np.cos(omega * (t - 3.0))[:, None], 0.0)
     ddq = ddq - np.where(inside, 1e-3 * omega**2 * np.sin(omega * (t - 3.0))[:, None], 0.0)
-    recording = replace(arm.recording(1), q=q, dq=dq, tau=arm.torque(q, dq, ddq))
+    plain = arm.recording(1)
+    rows = np.searchsorted(t, plain.time - 1e-9)
+    tau = arm.torque(q, dq, ddq)
+    recording = replace(plain, q=q[rows], dq=dq[rows], tau=tau[rows])
     choice = choice_for(recording, robot)
     assert choice.kinematics.harmonics != 5
     assert choice.bags[0].samples.recorded == 10_000
@@ -61,3 +65,12 @@ def test_of_a_long_recording_a_part_decides_and_all_is_used(
     choice = choice_for(recording, robot)
     assert len(choice.trials) == 6
     assert choice.bags[0].samples.recorded == 14_000
+
+
+@pytest.mark.parametrize(('filter', 'counts'), [('harmonics', {5}), ('butterworth', {None})])
+def test_the_filter_can_be_fixed(make_arm: Callable, robot: Robot, filter: str, counts) -> None:
+    recording = make_arm(rate=200.0).recording(1)
+    conditioner = Conditioner([recording], ConditioningOptions(filter=filter))
+    choice = choose_filter(Regressor(robot), conditioner, [recording])
+    assert {trial.kinematics.harmonics for trial in choice.trials} == counts
+    assert len(choice.trials) == 2

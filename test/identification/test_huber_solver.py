@@ -8,6 +8,7 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.link_bounds import LinkBounds
 from aerarm_ros.identification.stopwatch import Stopwatch
 
 
@@ -27,3 +28,16 @@ def test_collisions_do_not_spoil_it(
     assert robust.validation[0].filtered < 0.5 * plain.validation[0].filtered
     assert robust.validation[0].filtered < 3.0 * best
     assert np.all(robust.estimate.theta[40:] >= 0.0)
+
+
+def test_it_keeps_the_bounds_of_the_user(
+    arm, robot: Robot, config: ArmConfig, result: IdentificationResult
+) -> None:
+    true_mass = float(result.recommended.estimate.inertial[:, 0].sum())
+    for factor in (0.9, 1.1):
+        bounds = LinkBounds(total_mass=(0.999 * factor * true_mass, 1.001 * factor * true_mass))
+        options = IdentificationOptions(friction='coulomb', solvers=('huber',), bounds=bounds)
+        found = identify(robot, config, [arm.recording(1, noise=1.0)], [], options, Stopwatch())
+        for name in ('huber', 'sdp'):
+            mass = found.solutions[name].estimate.inertial[:, 0].sum()
+            assert abs(mass - factor * true_mass) <= 1.01e-3 * factor * true_mass

@@ -41,3 +41,23 @@ def test_friction_dissipates(kind: TermKind) -> None:
     assert term.nonnegative == (kind is not TermKind.OFFSET)
     assert term.unit
     assert term.meaning
+
+
+def test_stribeck_friction_is_that_of_low_speed() -> None:
+    stribeck = JointTerm(TermKind.STRIBECK, 0.1).basis(DQ, DDQ, None)
+    fast = np.abs(DQ) > 0.3
+    assert np.abs(stribeck[fast]).max() < 2e-4
+    assert JointTerm(TermKind.STRIBECK, 0.1).basis(np.array([1e-6, 0.1]), DDQ[:2], None) == (
+        pytest.approx([1.0, np.exp(-1.0)])
+    )
+
+
+def test_asymmetric_friction_acts_in_one_direction() -> None:
+    """Both parts together are Coulomb friction."""
+    forward, backward, both = (
+        JointTerm(kind, 0.05).basis(DQ, DDQ, None)
+        for kind in (TermKind.FORWARD, TermKind.BACKWARD, TermKind.COULOMB)
+    )
+    assert np.array_equal(forward + backward, both)
+    assert np.all(forward[DQ < 0.0] == 0.0)
+    assert np.all(backward[DQ > 0.0] == 0.0)

@@ -34,9 +34,9 @@ def test_joints_are_ordered_by_name(states) -> None:
         effort=states.effort[:, order],
     )
     recording = recording_from_states('bag', shuffled, JOINTS, AS_IS)
-    assert np.array_equal(recording.q, states.position)
-    assert np.array_equal(recording.tau, states.effort)
-    assert recording.time[0] == 0.0
+    rows = np.searchsorted(states.stamp, recording.start + recording.time)
+    assert np.array_equal(recording.q, states.position[rows])
+    assert np.array_equal(recording.tau, states.effort[rows])
     assert recording.start == states.stamp[0]
 
 
@@ -48,14 +48,21 @@ def test_renaming_ignoring_and_gains(states) -> None:
         velocity=np.pad(states.velocity, ((0, 0), (0, 1))),
         effort=np.pad(states.effort, ((0, 0), (0, 1))),
     )
-    mapping = JointMapping({'a1': 'joint1'}, ('gripper',), {'joint2': 0.5})
+    mapping = JointMapping({'a1': 'joint1'}, ('gripper',), effort_gain={'joint2': 0.5})
     recording = recording_from_states('bag', more, JOINTS, mapping)
-    assert np.array_equal(recording.q, states.position)
-    assert np.array_equal(recording.tau[:, 1], 0.5 * states.effort[:, 1])
+    rows = np.searchsorted(states.stamp, recording.start + recording.time)
+    assert np.array_equal(recording.q, states.position[rows])
+    assert np.array_equal(recording.tau[:, 1], 0.5 * states.effort[rows, 1])
     with pytest.raises(IdentificationError, match='gripper of the bag are missing from the URDF'):
         recording_from_states('bag', more, JOINTS, JointMapping({'a1': 'joint1'}))
     with pytest.raises(IdentificationError, match='joint1 of the URDF are not in the bag'):
         recording_from_states('bag', more, JOINTS, JointMapping({}, ('gripper',)))
+    with pytest.raises(IdentificationError, match='no joint b to ignore: the bag has joint1'):
+        recording_from_states('bag', more, JOINTS, JointMapping({'a1': 'joint1'}, ('gripper', 'b')))
+    with pytest.raises(IdentificationError, match='called joint2 after renaming'):
+        recording_from_states(
+            'bag', more, JOINTS, JointMapping({'a1': 'joint1', 'gripper': 'joint2'})
+        )
     with pytest.raises(IdentificationError, match='no joint b to rename'):
         recording_from_states('bag', more, JOINTS, JointMapping({'b': 'joint1'}))
 
@@ -71,10 +78,11 @@ def test_missing_or_zero_velocities_are_derived_later(states) -> None:
 @pytest.mark.parametrize(
     ('field', 'rows', 'columns', 'value', 'text'),
     [
-        ('effort', slice(100, 103), 2, np.nan, r'effort of joints joint3 is NaN .* in 3 of 2600'),
+        ('effort', slice(100, 103), 2, np.nan, r'effort of joints joint3 is NaN .* in 3 of '),
         ('effort', slice(None), slice(None), np.nan, 'no effort recorded of joints joint1, joint2'),
         ('effort', slice(None), slice(None), 0.0, 'effort of every joint is constant'),
-        ('position', slice(5, 6), 0, np.inf, 'position of joints joint1'),
+        ('position', slice(500, 506), 0, np.inf, 'position of joints joint1'),
+        ('effort', slice(500, 506), 1, 1e308, r'effort of joints joint2 reaches 1e\+308 in 6 of'),
         ('position', slice(None), slice(None), 1.0, 'no joint moves'),
     ],
 )
@@ -93,6 +101,28 @@ def test_single_faulty_joints_are_named(states) -> None:
     still = changed(states, 'position', slice(None), 1, 0.2)
     recording = recording_from_states('bag', still, JOINTS, AS_IS)
     assert 'joint joint2 does not move' in recording.warnings[0]
+
+
+def test_rest_at_both_ends_is_left_out_with_what_is_wrong_there(states) -> None:
+    """A gap of the stamps and missing efforts before the motion don't matter."""
+    early = states.stamp.copy()
+    early[:40] -= 0.337
+    idle = changed(replace(states, stamp=early), 'effort', slice(0, 30), 1, np.nan)
+    recording = recording_from_states('bag', idle, JOINTS, AS_IS)
+    assert recording.span is not None
+    assert recording.span.reason == 'motion'
+    assert recording.span.first == pytest.approx(recording.time[0])
+    assert 0.5 < recording.span.first < 1.5
+    assert recording.span.whole == pytest.approx(26.0 + 0.337, abs=0.02)
+    assert 'NaN' not in ' '.join(recording.warnings)
+
+
+def test_only_what_was_commanded_is_used(states) -> None:
+    recording = recording_from_states('bag', states, JOINTS, AS_IS, (slice(500, 1500), 'commands'))
+    assert len(recording.time) == 1000
+    assert recording.time[0] == pytest.approx(5.0)
+    assert recording.span is not None
+    assert recording.span.text == '5.0 .. 15.0 s of 26.0 s (commands)'
 
 
 def test_too_few_messages(states) -> None:

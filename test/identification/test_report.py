@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerarm_ros.identification.bag_facts import BagFacts
+from aerarm_ros.identification.desired_velocity import DesiredVelocity
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.report import DesiredVelocity, ReportExtras, report_html
+from aerarm_ros.identification.report import ReportExtras, report_html
 from aerarm_ros.identification.truth import Truth, inertial_torque_errors
 
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
@@ -55,6 +57,7 @@ def extras(result: IdentificationResult, arm) -> ReportExtras:
         {'bag1': DesiredVelocity(time, np.zeros((100, 4)))},
         truth,
         inertial_torque_errors(truth, estimates, result.validation),
+        facts={'bag1': BagFacts('1.0 .. 25.0 s of 26.0 s (motion)', 3, None)},
     )
 
 
@@ -76,12 +79,12 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
         'Torque errors',
         'Torque errors joint by joint',
         'Against the true parameters',
-        'Identification bag1: measured and predicted torque',
-        'Identification bag1: spectrum of the residual',
-        'Identification bag1: velocities',
-        'Validation bag2: measured and predicted torque',
-        'Validation bag2: spectrum of the residual',
-        'Validation bag2: velocities',
+        'bag1 (identification): measured and predicted torque',
+        'bag1 (identification): spectrum of the residual',
+        'bag1 (identification): velocities',
+        'bag2 (validation): measured and predicted torque',
+        'bag2 (validation): spectrum of the residual',
+        'bag2 (validation): velocities',
         'Inertia boxes',
         'Parameters',
         'Base parameters',
@@ -94,6 +97,7 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
     sdp, cad = (result.solutions[name].validation[0].filtered for name in ('sdp', 'cad'))
     assert f'Torque error on validation: {sdp:.2f} %' in text
     assert f'{cad / sdp:.1f} times less' in text
+    assert '1.0 .. 25.0 s of 26.0 s (motion)' in page.texts
     for column in result.fit.model.columns:
         assert column in page.texts
     for expression in result.used_base.expressions():

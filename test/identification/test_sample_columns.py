@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.conditioning import Conditioner, ConditioningOptions
+from aerarm_ros.identification.conditioning import Conditioner
+from aerarm_ros.identification.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.joint_model import JointModel
 from aerarm_ros.identification.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
 from aerarm_ros.identification.sample_columns import SampleColumns

@@ -12,11 +12,12 @@ import pytest
 
 from aerarm_ros.description.robot import load_robot
 
-DATASETS = Path(
-    os.environ.get('AERARM_DATASETS', Path(__file__).parents[3] / 'shared' / 'datasets')
+DATASETS = os.environ.get('AERARM_DATASETS')
+
+
+@pytest.mark.skipif(
+    DATASETS is None, reason='measured bags: set AERARM_DATASETS to the folder that holds them'
 )
-
-
 @pytest.mark.parametrize(
     ('folder', 'urdf', 'options', 'limit'),
     [
@@ -39,7 +40,7 @@ def test_measured_robots_are_predicted_well(
     example_urdf: Callable[[str], Path],
 ) -> None:
     """First 60 % of a real robot's motion to identify, last 40 % held out."""
-    bag = DATASETS / folder
+    bag = Path(str(DATASETS), folder)
     if not bag.is_dir():
         pytest.skip(f'no {bag}: set AERARM_DATASETS to the folder with {folder}')
     path = example_urdf(urdf)

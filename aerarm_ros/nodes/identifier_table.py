@@ -1,0 +1,36 @@
+"""The identifier's result as text for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from aerarm_ros.identification.bag_facts import BagFacts
+from aerarm_ros.identification.identification_result import IdentificationResult
+
+_ROLES = ('identification', 'validation')
+
+
+def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) -> str:
+    """Return the errors of each solver on each bag, and what was used of the bags.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+    facts : mapping
+        Name of a bag to what is known of it.
+    """
+    groups = zip(_ROLES, (result.identification, result.validation), strict=True)
+    bags = [(role, bag.samples.name) for role, columns in groups for bag in columns]
+    width = max(18, *(len(text) for heading in bags for text in heading)) + 2
+    lines = ['Torque error [%], filtered (raw)']
+    for row in zip(*bags, strict=True):
+        lines.append(' ' * 10 + ''.join(text.rjust(width) for text in row))
+    for name, solution in result.solutions.items():
+        cells = [
+            f'{bag.filtered:.2f} ({bag.raw:.2f})'.rjust(width)
+            for bag in (*solution.identification, *solution.validation)
+        ]
+        consistent = '' if solution.estimate.physically_consistent else '  not a physical arm'
+        lines.append(name.ljust(10) + ''.join(cells) + consistent)
+    lines += [f'{bag}: {known.text}' for bag, known in facts.items()]
+    return '\n'.join(lines)

@@ -1,0 +1,236 @@
+"""Measures friction, rotor inertia and torque constant of the drives, thesis section 4.4.
+
+Usage: ros2 run aerarm_ros motor_bench --ros-args -p joints:="[joint4]" -p out:=DIRECTORY
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from numpy.typing import NDArray
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.bag_error import BagError
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan
+from aerarm_ros.excitation.command_law import VelocityLaw
+from aerarm_ros.excitation.excitation_config import load_excitation_config
+from aerarm_ros.excitation.excitation_error import ExcitationError
+from aerarm_ros.excitation.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
+from aerarm_ros.identification.identification_error import IdentificationError
+from aerarm_ros.identification.motor_bench import KnownMass, MotorBench
+from aerarm_ros.identification.motor_files import bench_yaml, config_yaml, load_earlier
+from aerarm_ros.identification.motor_report import bench_html, bench_table
+from aerarm_ros.identification.motor_result import MotorResult
+from aerarm_ros.identification.result_directory import MARKER, ResultDirectory
+from aerarm_ros.nodes.background_executor import BackgroundExecutor
+from aerarm_ros.nodes.bench_recording import BenchRecording
+from aerarm_ros.nodes.motion_playback import MotionPlayback
+from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.nodes.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
+from aerarm_ros.nodes.stop_signals import StopSignals
+
+NAME = 'motor_bench'
+INTERRUPTED = 130
+_PLAN = BenchPlan()
+
+PARAMETERS = ParameterTable(
+    Parameter('joints', [], 'joints to measure, one after the other; all if empty'),
+    Parameter('mounted', True, 'whether the drives are in the arm; false for bare motors, on '
+              'which no gravity acts'),
+    Parameter('posture', [], 'about which is measured, in the joints\' order; where the arm is, '
+              'if empty', 'rad', element=float),
+    Parameter('speeds', list(_PLAN.speeds), 'of the velocity steps, each in both directions',
+              'rad/s', 1e-3, 50.0),
+    Parameter('span', _PLAN.span, 'way of a joint, half of it to either side of the posture',
+              'rad', 0.01, 6.28),
+    Parameter('acceleration_share', _PLAN.acceleration_share, 'share of acceleration_max that '
+              'ramps and acceleration runs reach', '', 0.01, 1.0),
+    Parameter('runs', _PLAN.runs, 'acceleration runs of a joint, forth and back', '', 0, 100),
+    Parameter('known_mass', 0.0, 'hung on the arm or lever to measure the torque constants; 0 for '
+              'none', 'kg', 0.0, 100.0),
+    Parameter('known_mass_position', [0.0, 0.0, 0.0], 'its centre in the frame of the last '
+              "link's joint (mounted)", 'm', -5.0, 5.0),
+    Parameter('lever', 0.0, 'its distance from the horizontal shaft (bare motor)', 'm', 0.0, 5.0),
+    Parameter('without_mass', '', 'motor_bench.yaml of a run without the mass (mounted)'),
+    Parameter('link_uncertainty', 0.2, "relative standard deviation of the links' inertia in the "
+              'URDF', '', 0.0, 2.0),
+    Parameter('out', '', 'folder of the result; motor_bench_DATE_TIME if empty'),
+    Parameter('position_gain', 1.0, 'K of dq_d + K (q_d - q)', '1/s', 0.0, 20.0),
+    Parameter('tracking_limit', 0.3, '|q_d - q| at which the arm is stopped', 'rad', 1e-3, 3.0),
+    Parameter('stop_time', 0.5, 'duration of a smooth stop', 's', 0.05, 10.0),
+    Parameter('state_timeout', 0.2, 'longest wait for the next joint state', 's', 0.005, 10.0),
+    Parameter('wait_timeout', 20.0, 'longest wait for the arm', 's', 0.1, 3600.0),
+    *REAL_TIME_PARAMETERS,
+    Parameter('urdf', '', 'URDF of the arm; the packaged one if empty'),
+    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+    Parameter('excitation_config', '', 'YAML file of the surroundings; the packaged if empty'),
+)  # fmt: skip
+
+
+class MotorBenchNode:
+    """Moves one joint at a time, measures, and writes what the drives are like.
+
+    Attributes
+    ----------
+    status
+        Exit status after `run`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter or a file cannot be used.
+    """
+
+    def __init__(self) -> None:
+        self.status = 1
+        self._node = rclpy.create_node(NAME)
+        self._values = values = PARAMETERS.declare(self._node)
+        self._source = Path(values.config) if values.config else resource('config', 'aerarm.yaml')
+        self._config = load_arm_config(self._source)
+        names = self._config.joint_names
+        self._robot = load_robot(
+            values.urdf or None,
+            gravity_in_base=self._config.gravity_in_base,
+            joint_names=names,
+        )
+        self._setup = ExcitationSetup.of_arm(
+            self._robot, self._config, load_excitation_config(values.excitation_config or None)
+        )
+        unknown = [name for name in values.joints if name not in names]
+        if unknown:
+            raise ExcitationError(f'no joint {", ".join(unknown)}: there are {", ".join(names)}')
+        self._joints = [names.index(name) for name in values.joints or names]
+        self._plan = BenchPlan(
+            speeds=tuple(values.speeds),
+            span=values.span,
+            acceleration_share=values.acceleration_share,
+            runs=values.runs,
+        )
+        if len(values.posture) not in (0, len(names)):
+            raise ExcitationError(
+                f'posture has {len(values.posture)} angles: give {len(names)} or none'
+            )
+        self._known = self._known_mass()
+        earlier = values.without_mass
+        self._earlier = load_earlier(Path(earlier)) if earlier else None
+        self._playback = MotionPlayback(self._node, names)
+
+    def run(self) -> None:
+        """Measure; `status` says how it ended."""
+        out = Path(self._values.out or f'{NAME}_{datetime.now():%Y%m%d_%H%M%S}')
+        with BackgroundExecutor(self._node), StopSignals(self._on_stop):
+            try:
+                with ResultDirectory(out, 'the parameter out') as directory:
+                    self._measure(directory)
+                self.status = 0
+                print(f'{NAME}: {directory.target / "report.html"}', flush=True)
+            except KeyboardInterrupt:
+                self.status = INTERRUPTED
+                print(f'{NAME}: stopped, nothing was written', file=sys.stderr, flush=True)
+            except (ExcitationError, IdentificationError, BagError) as error:
+                print(f'{NAME}: {error}', file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        """Destroy the node."""
+        self._playback.destroy()
+        self._node.destroy_node()
+
+    def _measure(self, directory: ResultDirectory) -> None:
+        start = self._playback.wait_for_arm(self._values.wait_timeout)
+        if start is None:
+            raise KeyboardInterrupt
+        posture = np.array(self._values.posture) if self._values.posture else start
+        bench = self._bench(posture)
+        motion = BenchMotion(self._plan, self._setup.limits, start, posture, self._joints)
+        setup = self._setup
+        checker = FeasibilityChecker(setup.limits)
+        if self._values.mounted:
+            checker = FeasibilityChecker(setup.limits, setup.clearance, setup.effort_model)
+        motion.require_feasible(checker)
+        recording = self._record(motion, directory)
+        runs = recording.runs(motion.measurements)
+        results = [bench.evaluate(joint, runs[joint]) for joint in self._joints]
+        self._write(directory, results, posture, bench.warnings)
+
+    def _bench(self, posture: NDArray[np.float64]) -> MotorBench:
+        values = self._values
+        robot = self._robot if values.mounted else None
+        return MotorBench(
+            self._config, robot, posture, self._known, self._earlier, values.link_uncertainty
+        )
+
+    def _known_mass(self) -> KnownMass | None:
+        values = self._values
+        if values.known_mass == 0.0:
+            return None
+        if len(values.known_mass_position) != 3:
+            raise ExcitationError('known_mass_position needs x, y and z')
+        return KnownMass(values.known_mass, tuple(values.known_mass_position), values.lever)
+
+    def _record(self, motion: BenchMotion, directory: ResultDirectory) -> BenchRecording:
+        values, names = self._values, self._config.joint_names
+        player = ExcitationPlayer(
+            motion.sequence,
+            VelocityLaw(values.position_gain, self._setup.limits.velocity),
+            names,
+            values.tracking_limit,
+            values.state_timeout,
+            values.stop_time,
+        )
+        prepare_thread(values, self._node.get_logger())
+        resolve = self._node.resolve_topic_name
+        topic_names = resolve(topics.JOINT_STATES.name), resolve(topics.JOINT_COMMAND.name)
+        recording = BenchRecording(directory.path('bag'), names, topic_names)
+        try:
+            self._playback.play(
+                player,
+                values.state_timeout,
+                lambda stamp, state, command: recording.add(
+                    stamp, player.path_time, state, command
+                ),
+            )
+        finally:
+            recording.close()
+        if self._playback.stop_asked:
+            raise KeyboardInterrupt
+        return recording
+
+    def _write(
+        self,
+        directory: ResultDirectory,
+        results: Sequence[MotorResult],
+        posture: NDArray[np.float64],
+        warnings: Sequence[str],
+    ) -> None:
+        mounted = self._values.mounted
+        for text in warnings:
+            print(f'{NAME}: {text}', file=sys.stderr, flush=True)
+        directory.write('motor_bench.yaml', bench_yaml(results, posture, mounted, warnings))
+        directory.write('config.yaml', config_yaml(self._source, self._config, results))
+        directory.write('report.html', bench_html(results, mounted, warnings))
+        directory.write_json(MARKER, {'joints': [result.joint for result in results]})
+        print(bench_table(results), flush=True)
+
+    def _on_stop(self) -> None:
+        self._playback.stop_asked = True
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the bench; the exit status is 0 only if everything was measured and written."""
+    return run_node(NAME, MotorBenchNode, args, PARAMETERS, __doc__)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,179 @@
+"""What others make of the same motion: FIGAROH, and MuJoCo's system identification.
+
+Everybody gets the identifier's own conditioned samples, first 60 % of each bag to fit and last
+40 % held out, so that models and solvers are compared and not filters. Each peer runs in a
+virtual environment of its own, made with pip on first use in build/peers (or the folder in
+AERARM_PEERS); one that can't be installed is left out, with the reason.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from importlib.metadata import files
+from pathlib import Path
+from xml.etree import ElementTree
+
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+import numpy as np  # noqa: E402
+
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
+from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
+from aerarm_ros.identification.identification_result import IdentificationResult  # noqa: E402
+from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402
+from aerarm_ros.identification.recording import JointMapping  # noqa: E402
+from aerarm_ros.identification.sample_columns import SampleColumns  # noqa: E402
+from aerarm_ros.identification.solvers import SOLVERS  # noqa: E402
+from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
+from aerarm_ros.nodes.identifier_bags import IdentifierBags  # noqa: E402
+
+HERE = Path(__file__).resolve().parent
+ENVIRONMENTS = Path(os.environ.get('AERARM_PEERS', HERE.parent / 'build' / 'peers'))
+TRAINING = 0.6
+INSTALL_TIMEOUT, RUN_TIMEOUT = 900.0, 600.0  # [s]
+
+
+@dataclass(frozen=True)
+class Peer:
+    """Another tool: what pip installs, and the script that uses it."""
+
+    name: str
+    requirement: str
+    module: str
+    script: str
+
+    def python(self) -> Path:
+        """Return the interpreter of the peer's environment, which is made if it is missing."""
+        folder = ENVIRONMENTS / self.name.replace(' ', '_').lower()
+        python = folder / 'bin' / 'python'
+        check = [str(python), '-c', f'import {self.module}']
+        if python.exists() and subprocess.run(check, capture_output=True).returncode == 0:
+            return python
+        subprocess.run([sys.executable, '-m', 'venv', str(folder)], check=True, capture_output=True)
+        install = [str(python), '-m', 'pip', 'install', '--quiet', self.requirement]
+        subprocess.run(install, check=True, capture_output=True, timeout=INSTALL_TIMEOUT)
+        subprocess.run(check, check=True, capture_output=True)
+        return python
+
+    def run(self, samples: Path, urdf: Path) -> dict:
+        """Return error, feasibility and time; or why there are none."""
+        try:
+            command = [str(self.python()), str(HERE / self.script), str(samples), str(urdf)]
+            done = subprocess.run(
+                command, check=True, capture_output=True, text=True, timeout=RUN_TIMEOUT
+            )
+            return dict(json.loads(done.stdout.splitlines()[-1]))
+        except subprocess.TimeoutExpired:
+            return {'skipped': 'took too long'}
+        except subprocess.CalledProcessError as error:
+            output = (
+                error.stderr if isinstance(error.stderr, str) else (error.stderr or b'').decode()
+            )
+            lines = [line for line in output.splitlines() if line.strip()]
+            return {'skipped': lines[-1] if lines else str(error)}
+
+
+PEERS = (
+    Peer('FIGAROH', 'figaroh', 'figaroh', 'identification_figaroh.py'),
+    Peer(
+        'MuJoCo sysid', 'mujoco[sysid]>=4', 'mujoco.sysid._src.residual', 'identification_sysid.py'
+    ),
+)
+
+
+def bare_urdf(robot: Robot, locked: tuple[str, ...]) -> str:
+    """Return the URDF without shapes, locked joints fixed: the same arm for every tool."""
+    root = ElementTree.fromstring(robot.urdf_text)
+    for link in root.findall('link'):
+        for child in [c for c in link if c.tag in ('visual', 'collision')]:
+            link.remove(child)
+    for joint in root.findall('joint'):
+        if joint.get('name') in locked:
+            joint.set('type', 'fixed')
+        for child in [c for c in joint if c.tag in ('dynamics', 'mimic', 'safety_controller')]:
+            joint.remove(child)
+    for other in [c for c in root if c.tag not in ('link', 'joint')]:
+        root.remove(other)
+    return ElementTree.tostring(root, encoding='unicode')
+
+
+def write_samples(path: Path, result: IdentificationResult) -> None:
+    """Write what every tool fits and predicts: usable rows of all joints."""
+    parts = {}
+    for name, bags in (('fit', result.identification), ('held', result.validation)):
+        for field in ('q', 'dq', 'ddq', 'tau'):
+            parts[f'{name}_{field}'] = np.concatenate([_rows(bag, field) for bag in bags])
+    np.savez(path, joints=np.array(result.robot.joint_names), **parts)
+
+
+def _rows(bag: SampleColumns, field: str) -> np.ndarray:
+    return getattr(bag.samples, field)[bag.samples.usable.all(axis=1)]
+
+
+def compare(
+    title: str,
+    bag: Path,
+    robot: Robot,
+    config: ArmConfig | None,
+    mapping: JointMapping,
+    solvers: tuple[str, ...] = (),
+) -> None:
+    """Print a table of our solvers and the peers on one bag."""
+    recording = (
+        IdentifierBags('/joint_states', robot.joint_names, mapping).read(bag, title).recording
+    )
+    parts = [recording.part(0.0, TRAINING, ''), recording.part(TRAINING, 1.0, '')]
+    options = IdentificationOptions(solvers=solvers)
+    result = identify(robot, config, parts[:1], parts[1:], options, Stopwatch())
+    print(f'\n{title:24s} held-out torque error [%]   physically consistent   solver [s]')
+    for name, solution in result.solutions.items():
+        estimate = solution.estimate
+        row(name, solution.validation[0].filtered, estimate.physically_consistent, estimate.seconds)
+    with tempfile.TemporaryDirectory() as folder:
+        samples, urdf = Path(folder) / 'samples.npz', Path(folder) / 'arm.urdf'
+        write_samples(samples, result)
+        urdf.write_text(bare_urdf(robot, mapping.locked))
+        for peer in PEERS:
+            found = peer.run(samples, urdf)
+            if 'skipped' in found:
+                print(f'{peer.name:24s} left out: {found["skipped"]}')
+            else:
+                row(peer.name, found['error'], found['consistent'], found['seconds'])
+
+
+def row(name: str, error: float, consistent: bool, seconds: float) -> None:
+    print(f'{name:24s} {error:25.2f}   {"yes" if consistent else "no":>21s}   {seconds:10.3f}')
+
+
+def measured_robot(file: str, locked: tuple[str, ...] = ()) -> Robot:
+    """Return an arm of the package example-robot-data."""
+    (found,) = [f for f in files('example-robot-data') or () if f.name == file]
+    return load_robot(Path(str(found.locate())), locked=list(locked))
+
+
+def main() -> int:
+    # The neighbour in this folder, which writes the simulated bag.
+    from identification import DATASETS, write_bag
+
+    with tempfile.TemporaryDirectory() as folder:
+        bag, robot, config = Path(folder) / 'bag', load_robot(), load_arm_config()
+        write_bag(bag, robot, config, 20.0)
+        compare('Simulated arm, 20 s', bag, robot, config, JointMapping({}), SOLVERS)
+    if DATASETS is None:
+        print('UR10, Panda: left out, set AERARM_DATASETS')
+        return 0
+    ur10 = measured_robot('ur10_robot.urdf')
+    compare('UR10', Path(DATASETS, 'ur10_excitation'), ur10, None, JointMapping({}))
+    fingers = ('panda_finger_joint1', 'panda_finger_joint2')
+    names = {f'fer_joint{i}': f'panda_joint{i}' for i in range(1, 8)}
+    panda = measured_robot('panda.urdf', fingers)
+    mapping = JointMapping(names, locked=fingers)
+    compare('Panda', Path(DATASETS, 'panda_excitation'), panda, None, mapping)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

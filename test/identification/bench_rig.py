@@ -1,0 +1,36 @@
+"""The motor bench on the emulated arm, in simulated time."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from emulated_arm import EmulatedArm
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, split
+from aerarm_ros.excitation.motion_limits import MotionLimits
+from aerarm_ros.identification.motor_run import MotorRun
+from aerarm_ros.simulation.plant_parameters import PlantParameters
+
+
+def record(
+    config: ArmConfig,
+    robot: Robot,
+    truth: PlantParameters,
+    joint: int,
+    posture: Sequence[float],
+    plan: BenchPlan,
+) -> list[MotorRun]:
+    """Return the runs of one joint, measured through the boards' frames."""
+    arm = EmulatedArm(config, robot, truth, np.array(posture))
+    limits = MotionLimits.of_arm(config)
+    motion = BenchMotion(plan, limits, arm.posture, np.array(posture), [joint])
+    rows = [
+        (state.path_time, state.q[joint], state.dq[joint], state.tau[joint])
+        for state in arm.play(motion.sequence)
+    ]
+    path_time, q, dq, tau = np.array(rows).T
+    return [
+        MotorRun(measurement.speed, path_time[part], q[part], dq[part], tau[part])
+        for measurement, part in split(motion.measurements, path_time)
+    ]

@@ -1,0 +1,77 @@
+"""The emulated arm in simulated time: bridge, frames, boards and physics engine, without ROS.
+
+Nothing waits, so that a busy machine changes nothing.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.command_law import VelocityLaw
+from aerarm_ros.excitation.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.motion_sequence import MotionSequence
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.emulation import make_emulated_transport
+from aerarm_ros.hardware.offered_command import OfferedCommand
+from aerarm_ros.simulation.plant_parameters import PlantParameters
+
+CYCLE = 1e-3
+
+
+@dataclass(frozen=True)
+class State:
+    """What joint_states says, and when along the motion [s]."""
+
+    stamp_ns: int
+    path_time: float
+    q: np.ndarray
+    dq: np.ndarray
+    tau: np.ndarray
+
+
+class EmulatedArm:
+    """An arm made of `truth`, enabled and holding its posture."""
+
+    def __init__(
+        self,
+        config: ArmConfig,
+        robot: Robot,
+        truth: PlantParameters,
+        posture: np.ndarray,
+        seed: int | None = None,
+    ) -> None:
+        self._names = config.joint_names
+        transport = make_emulated_transport(config, robot, seed, position=posture, parameters=truth)
+        self._bridge = BridgeCycle(config, transport, BridgeSettings(stall_time=60.0))
+        transport.open()
+        self._now = 0.0
+        while self._bridge.mode != 'ready':
+            self._bridge.update(self._now)
+            if self._bridge.mode == 'idle':
+                self._bridge.enable()
+            self._now += CYCLE
+            assert self._now < 20.0, self._bridge.faults
+
+    @property
+    def posture(self) -> np.ndarray:
+        return self._bridge.q.copy()
+
+    def play(self, motion: MotionSequence) -> Iterator[State]:
+        """Play a motion in velocity mode; yield every state on the way."""
+        bridge = self._bridge
+        player = ExcitationPlayer(motion, VelocityLaw(1.0), self._names)
+        while not player.done:
+            stamp = 1_700_000_000_000_000_000 + round(self._now * 1e9)
+            command = player.update(stamp, bridge.q.copy())
+            yield State(
+                stamp, player.path_time, bridge.q.copy(), bridge.dq.copy(), bridge.tau.copy()
+            )
+            self._now += CYCLE
+            bridge.command(OfferedCommand(self._names, *command, CYCLE, 'test'), self._now)
+            bridge.update(self._now)
+            assert bridge.mode == 'running', bridge.faults
+        assert player.fault is None

@@ -1,0 +1,44 @@
+"""An estimate is the same after it was written and read."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.estimate_file import estimate_yaml
+from aerarm_ros.identification.estimate_reader import read_estimate
+from aerarm_ros.identification.identification_error import IdentificationError
+from aerarm_ros.identification.identification_result import IdentificationResult
+
+NOTHING = np.zeros(4)
+
+
+def test_it_predicts_the_same_torque(
+    result: IdentificationResult, robot: Robot, tmp_path: Path
+) -> None:
+    estimate = result.recommended.estimate
+    file = tmp_path / 'estimate.yaml'
+    file.write_text(estimate_yaml(result, estimate, NOTHING, NOTHING))
+    again = read_estimate(file, robot)
+    bag = result.identification[0]
+    wanted = bag.predict(estimate.model, estimate.theta).filtered
+    np.testing.assert_allclose(bag.predict(again.model, again.theta).filtered, wanted, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'words'),
+    [
+        ('joint3', 'elbow', 'is of joints joint1, joint2, elbow'),
+        ('inertial_parameters: [', 'other: [', 'is no estimate.yaml of an arm with 4 joints'),
+        ('ros__parameters', 'parameters', 'is no estimate.yaml'),
+    ],
+)
+def test_other_files_are_refused(
+    result: IdentificationResult, robot: Robot, tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    file = tmp_path / 'estimate.yaml'
+    text = estimate_yaml(result, result.recommended.estimate, NOTHING, NOTHING)
+    file.write_text(text.replace(old, new))
+    with pytest.raises(IdentificationError, match=words):
+        read_estimate(file, robot)

@@ -1,0 +1,165 @@
+"""Bad input ends with one line that says what to check, and leaves nothing behind."""
+
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identifier_process import JOINTS, identifier, measured, motion, write_bag, write_bags
+
+from aerarm_ros.description.robot import Robot, load_robot
+
+
+@pytest.fixture(scope='module')
+def robot() -> Robot:
+    return load_robot()
+
+
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory: pytest.TempPathFactory, robot: Robot) -> Path:
+    """A folder with an identification and a validation bag."""
+    return write_bags(tmp_path_factory.mktemp('bags'), robot)
+
+
+def faulty_bag(kind: str, folder: Path, robot: Robot) -> Path:
+    stamp, q, dq, ddq = motion(1)
+    tau = measured(robot, q, dq, ddq)
+    names = JOINTS
+    if kind == 'missing joints':
+        names = ('joint1', 'joint2', 'elbow', 'hand')
+    elif kind == 'NaN effort':
+        tau[700:900, 1] = np.nan
+    elif kind == 'huge effort':
+        tau[700:900, 1] = 1e308
+    elif kind == 'repeated names':
+        names = ('joint1', 'joint2', 'joint3', 'joint3')
+    elif kind == 'repeated stamps':
+        stamp[1000:1500] = stamp[1000]
+    elif kind == 'jumping stamps':
+        stamp[2000:] += 30.0
+    elif kind == 'too short':
+        stamp, q, dq, tau = stamp[:300], q[:300], dq[:300], tau[:300]
+    elif kind == 'no motion':
+        q[:], dq[:] = 0.3, 0.0
+    elif kind == 'no effort':
+        tau[:] = 0.0
+    return write_bag(folder / 'bag', stamp, (q, dq, tau), names)
+
+
+def check_refusal(done: subprocess.CompletedProcess, words: str, out: Path) -> None:
+    """One line on standard error, exit status not zero, nothing written."""
+    assert done.returncode == 2
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith('identifier: ')
+    assert words in lines[0]
+    assert not out.exists()
+    assert not list(out.parent.glob('.*'))
+
+
+@pytest.mark.parametrize(
+    ('kind', 'words'),
+    [
+        ('missing joints', 'joint3, joint4 of the URDF are not in the bag'),
+        ('NaN effort', 'effort of joints joint2 is NaN'),
+        ('huge effort', 'effort of joints joint2 reaches 1e+308'),
+        ('repeated names', 'names joint joint3 more than once'),
+        ('repeated stamps', 'repeated'),
+        ('jumping stamps', 'jump by 30.0'),
+        ('too short', 'too short'),
+        ('no motion', 'no joint moves'),
+        ('no effort', 'effort of every joint is constant'),
+    ],
+)
+def test_faulty_bags_are_refused(kind: str, words: str, tmp_path: Path, robot: Robot) -> None:
+    bag = faulty_bag(kind, tmp_path, robot)
+    out = tmp_path / 'results' / 'out'
+    out.parent.mkdir()
+    check_refusal(identifier('--bag', bag, '--out', out), words, out)
+
+
+def truncated(bags: Path, folder: Path) -> Path:
+    bag = Path(shutil.copytree(bags / 'identification', folder / 'bag'))
+    (file,) = bag.glob('*.mcap')
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    return bag
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (['--bag', 'none'], 'none'),
+        (['--bag', '{truncated}'], 'truncated'),
+        (['--bag', '{bag}', '--topic', '/states'], '/states'),
+        (['--bag', '{bag}', '--urdf', '{massless}'], 'has no mass'),
+        (['--bag', '{bag}', '--urdf', 'none.urdf'], 'none.urdf'),
+        (['--bag', '{bag}', '--config', 'none.yaml'], 'none.yaml'),
+        (['--bag', '{bag}', '--truth', 'none.yaml'], 'none.yaml'),
+        (['--bag', '{bag}', '--validation', 'none'], 'none'),
+        (['--bag', '{bag}', '--holdout', '1.5'], '--holdout'),
+        (['--bag', '{bag}', '--cutoff', '-3'], 'cutoff'),
+        (['--bag', '{bag}', '--effort-gain', 'joint1=x'], '--effort-gain'),
+        (['--bag', '{bag}', '--effort-gain', 'elbow=2'], 'no joint elbow: the URDF has joint1'),
+        (['--bag', '{bag}', '--ignore', 'elbow'], 'no joint elbow to ignore: the bag has joint1'),
+        (['--bag', '{bag}', '--rename', 'elbow=joint1'], 'no joint elbow to rename: the bag has'),
+        (['--bag', '{bag}', '--rename', 'joint1'], '--rename'),
+        (['--bag', '{bag}', '--harmonics', '2000'], 'beyond the Nyquist frequency 100 Hz'),
+        (['--bag', '{bag}', '--filter', 'harmonics', '--fundamental', '0.01'], 'whole periods'),
+        (['--bag', '{bag}', '--urdf', '{broken}'], 'broken.urdf'),
+        (['--bag', '{bag}', '--lock', 'wing'], 'wing'),
+        (['--bag', '{bag}', '--friction', 'none'], '--friction'),
+        ([], '--bag'),
+    ],
+)
+def test_faulty_arguments_are_refused(
+    arguments: list[str], words: str, bags: Path, tmp_path: Path, robot: Robot
+) -> None:
+    massless = tmp_path / 'massless.urdf'
+    start = robot.urdf_text.index('<inertial>', robot.urdf_text.index('<link name="link3">'))
+    end = robot.urdf_text.index('</inertial>', start) + len('</inertial>')
+    massless.write_text(robot.urdf_text[:start] + robot.urdf_text[end:])
+    broken = tmp_path / 'broken.urdf'
+    broken.write_text(robot.urdf_text[: len(robot.urdf_text) // 2])
+    places = {'bag': bags / 'identification', 'massless': massless, 'broken': broken}
+    if '{truncated}' in arguments:
+        places['truncated'] = truncated(bags, tmp_path)
+    out = tmp_path / 'results' / 'out'
+    out.parent.mkdir()
+    filled = [argument.format(**places) for argument in arguments]
+    check_refusal(identifier(*filled, '--out', out), words, out)
+
+
+def test_places_that_cannot_be_written(bags: Path, tmp_path: Path) -> None:
+    file = tmp_path / 'file'
+    file.write_text('')
+    for out in (file / 'out', Path('/proc/none/out')):
+        done = identifier('--bag', bags / 'identification', '--out', out)
+        assert done.returncode == 2
+        assert len(done.stderr.strip().splitlines()) == 1
+        assert '--out' in done.stderr
+    assert file.read_text() == ''
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_runs_leave_nothing(bags: Path, tmp_path: Path, number: signal.Signals) -> None:
+    command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier']
+    # Many bags, so that the process is busy when the signal comes.
+    command += [
+        '--bag',
+        *[str(bags / 'identification')] * 200,
+        '--out',
+        str(tmp_path / 'r' / 'out'),
+    ]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 30.0
+    while not (tmp_path / 'r').exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert errors.strip() == 'identifier: interrupted, nothing was written'
+    assert not list(tmp_path.iterdir())

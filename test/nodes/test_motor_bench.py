@@ -1,0 +1,111 @@
+"""The motor bench as a process against fake_hardware as a process, over real DDS."""
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from bridge_client import BridgeClient, StartBridge
+from rclpy.node import Node
+
+from aerarm_msgs_py.bag_reader import read_joint_states
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.nodes.node_process import NodeProcess
+
+QUICK = {
+    'joints': ['joint4'],
+    'speeds': [0.8, 1.6],
+    'span': 1.2,
+    'runs': 2,
+    'wait_timeout': 30,
+    # A machine that tests share may pause.
+    'state_timeout': 2.0,
+    'tracking_limit': 1.0,
+}
+FILES = ['bag', 'config.yaml', 'motor_bench.yaml', 'report.html', 'summary.json']
+
+
+def start(tmp_path: Path, **parameters: object) -> NodeProcess:
+    given = {**QUICK, 'out': tmp_path / 'results' / 'out', **parameters}
+    return NodeProcess('motor_bench', (), given, log=tmp_path / 'bench.log')
+
+
+def test_measures_a_drive_of_the_emulated_arm(
+    start_bridge: StartBridge, ros_node: Node, tmp_path: Path
+) -> None:
+    truth_file = tmp_path / 'truth.yaml'
+    start_bridge(truth_file=truth_file)
+    BridgeClient(ros_node).make_ready()
+    with start(tmp_path) as node:
+        assert node.wait(120.0) == 0, node.tail()
+        assert 'joint4  MN4006' in node.tail()
+    out = tmp_path / 'results' / 'out'
+    assert sorted(path.name for path in out.iterdir()) == FILES
+    truth = yaml.safe_load(truth_file.read_text())
+    measured = yaml.safe_load((out / 'motor_bench.yaml').read_text())['joints']['joint4']
+    scale = truth['measured_per_true_torque'][3]
+    # Accuracy is tested in simulated time (test_motor_bench.py of the identification room): a
+    # machine that tests share misses half of the cycles, and the torque of a cycle is then vague.
+    coulomb = scale * truth['parameters']['fs_joint4']
+    assert 0.4 * coulomb < measured['coulomb'][0] < 2.0 * coulomb
+    rotor = scale * truth['parameters']['Ja_joint4'] / 27**2
+    assert 0.4 * rotor < measured['rotor_inertia'][0] < 2.0 * rotor
+    config = load_arm_config(out / 'config.yaml')
+    assert config.joints[3].coulomb == measured['coulomb'][0]
+    states = read_joint_states(out / 'bag')
+    assert states.names == config.joint_names
+    assert np.abs(states.velocity[:, 3]).max() > 1.5
+
+
+def test_sigint_stops_the_arm_and_leaves_nothing(
+    start_bridge: StartBridge, ros_node: Node, tmp_path: Path
+) -> None:
+    start_bridge()
+    client = BridgeClient(ros_node)
+    client.make_ready()
+    with start(tmp_path) as node:
+        client.wait_for(lambda: bool(client.states) and abs(client.states[-1].velocity[3]) > 0.5)
+        assert node.stop(signal.SIGINT) == 130
+        assert 'stopped, nothing was written' in node.tail()
+    client.wait_for(lambda: abs(client.states[-1].velocity[3]) < 0.05)
+    assert not (tmp_path / 'results').exists()
+
+
+def test_says_what_it_waits_for(ros_domain: dict[str, str], tmp_path: Path) -> None:
+    with start(tmp_path, wait_timeout=1.0) as node:
+        assert node.wait(60.0) == 1
+        assert 'waited 1 s, and ' in node.tail()
+    assert not (tmp_path / 'results').exists()
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'message'),
+    [
+        ({'joints': ['elbow']}, 'no joint elbow'),
+        ({'speeds': [0.5]}, 'two or more different'),
+        ({'posture': [0.0, 1.5]}, 'posture has 2 angles'),
+        ({'without_mass': '/nowhere/motor_bench.yaml'}, '/nowhere/motor_bench.yaml'),
+        ({'known_mass': 0.2, 'known_mass_position': [0.1]}, 'needs x, y and z'),
+        ({'config': '/nowhere/arm.yaml'}, '/nowhere/arm.yaml'),
+    ],
+)
+def test_bad_input_is_one_line(
+    ros_domain: dict[str, str], tmp_path: Path, parameters: dict, message: str
+) -> None:
+    with start(tmp_path, **parameters) as node:
+        assert node.wait(60.0) == 1
+        log = node.tail()
+    assert message in log
+    assert 'Traceback' not in log
+    assert len(log.splitlines()) == 1
+
+
+def test_a_place_that_cannot_be_written_is_found_before_anything_moves(
+    ros_domain: dict[str, str], tmp_path: Path
+) -> None:
+    (tmp_path / 'results').mkdir()
+    (tmp_path / 'results' / 'out').write_text('')
+    with start(tmp_path) as node:
+        assert node.wait(60.0) == 1
+        assert 'is a file: name a folder with the parameter out' in node.tail()
