@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
+from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
 from aerarm_ros.control.base_reaction import BaseReaction
 from aerarm_ros.control.board_computed_torque import BoardComputedTorque
 from aerarm_ros.control.cartesian_impedance import CartesianImpedance
@@ -19,6 +20,7 @@ from aerarm_ros.control.damped_inverse import DampedInverse
 from aerarm_ros.control.follower_tolerances import FollowerTolerances
 from aerarm_ros.control.friction_compensation import FrictionCompensation
 from aerarm_ros.control.gravity_compensation import GravityCompensation
+from aerarm_ros.control.imu_sample import ImuSample
 from aerarm_ros.control.joint_limits import JointLimits
 from aerarm_ros.control.joint_motion_control import JointMotionControl
 from aerarm_ros.control.joint_reference import JointReference
@@ -66,7 +68,7 @@ def bare_calls() -> dict[str, Callable[[], Any]]:
 def laws() -> dict[str, Callable[[], Any]]:
     config, robot = load_arm_config(), load_robot()
     dynamics = MovingBaseDynamics(robot, config.column('reflected_inertia'))
-    friction = FrictionCompensation(robot.viscous, robot.coulomb)
+    friction = FrictionCompensation(robot.viscous, robot.coulomb, load_share=0.04)
     limits, kinematics = JointLimits.from_config(config), Kinematics(robot)
     resolution = VelocityResolution(kinematics, limits, config.rest_position, DampedInverse())
     state = ArmState(Q, DQ, dynamics.inverse(Q, DQ, DDQ))
@@ -82,6 +84,9 @@ def laws() -> dict[str, Callable[[], Any]]:
     joint_motion.take_over(Q)
     cartesian_motion = CartesianMotionControl(resolution, 8.0)
     reaction = BaseReaction(robot)
+    level = np.array([0.0, 0.0, 0.0, 1.0])
+    imu = BaseMotionEstimator([0.0, 0.0, -9.81])
+    imu.offer(ImuSample(0.0, level, DQ[:3], np.array([0.0, 0.0, 9.81])), 0.0)
     return {
         'gravity compensation (2.14)': lambda: gravity.update(state, joints, CYCLE),
         'computed torque (2.21)': lambda: torque.update(state, joints, CYCLE),
@@ -91,6 +96,7 @@ def laws() -> dict[str, Callable[[], Any]]:
         'momentum observer': lambda: observer.update(state, CYCLE),
         'kinematic, joint (2.5.2)': lambda: joint_motion.update(state, task, CYCLE),
         'kinematic, Cartesian (2.5.3)': lambda: cartesian_motion.update(state, task, CYCLE),
+        'base motion from the IMU': lambda: imu.motion(0.003),
         'base reaction': lambda: reaction.evaluate(Q, DQ, DDQ, base),
     }
 

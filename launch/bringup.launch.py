@@ -52,8 +52,8 @@ ARGUMENTS = (
     ),
     DeclareLaunchArgument(
         'base_motion',
-        default_value='off',
-        choices=['off', 'attitude', 'full'],
+        default_value='none',
+        choices=['none', 'attitude', 'full'],
         description='what a controller uses of the IMU',
     ),
     DeclareLaunchArgument('imu_topic', default_value='imu', description="the base's IMU"),
@@ -112,9 +112,7 @@ def _enable() -> Node:
 
 def _controller() -> Node:
     controller = LaunchConfiguration('controller')
-    arm = {name: LaunchConfiguration(name) for name in ('config', 'urdf')}
-    # As text: YAML would read 'off' as a boolean.
-    arm['base_motion'] = ParameterValue(LaunchConfiguration('base_motion'), value_type=str)
+    arm = {name: LaunchConfiguration(name) for name in ('config', 'urdf', 'base_motion')}
     return Node(
         package='aerarm_ros',
         executable=controller,

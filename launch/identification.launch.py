@@ -27,7 +27,9 @@ WAIT_FOR_A_PERSON = 600.0  # [s]
 ARGUMENTS = (
     DeclareLaunchArgument('out', default_value='identification', description='new folder'),
     DeclareLaunchArgument('seed', default_value='1', description='seed of the trajectory'),
-    DeclareLaunchArgument('periods', default_value='2', description='periods of 10 s to play'),
+    DeclareLaunchArgument(
+        'periods', default_value='0', description='periods to play; 0: as the file says, or 2'
+    ),
     DeclareLaunchArgument(
         'trajectory', default_value="''", description='YAML file to play instead of a random one'
     ),

@@ -4,15 +4,17 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.base_motion import BaseMotion
+from aerarm_ros.control.base_motion_prediction import BaseMotionPrediction
 from aerarm_ros.control.frame_conversion import rotation_matrix
-from aerarm_ros.control.gains import positive
+from aerarm_ros.control.gains import non_negative_number, positive
 from aerarm_ros.control.imu_sample import ImuSample
 from aerarm_ros.control.mount import Mount
 from aerarm_ros.control.rejected_input_error import RejectedInputError
 
 Array = npt.NDArray[np.float64]
 
-MODES = ('off', 'attitude', 'full')
+NONE, ATTITUDE, FULL = 'none', 'attitude', 'full'
+MODES = (NONE, ATTITUDE, FULL)
 
 _GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
 
@@ -20,12 +22,13 @@ _GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
 class BaseMotionEstimator:
     """Turns IMU samples into `BaseMotion`.
 
-    Modes: 'off' uses the configured gravity; 'attitude' turns gravity with the drone and
+    Modes: 'none' uses the configured gravity; 'attitude' turns gravity with the drone and
     takes the base for still otherwise; 'full' also uses angular rate and specific force.
     Angular acceleration is the filtered derivative of the rate.
 
-    While samples come the result follows them. When they stop it holds for `hold_time`, then
-    fades to the configured gravity; when they come back it fades back.
+    While samples come the result follows them, each turned on with its rate for as long as
+    it is old (see `BaseMotionPrediction`). When they stop this goes on for `hold_time`, then
+    the result stays and fades to the configured gravity; when they come back it fades back.
 
     Parameters
     ----------
@@ -39,6 +42,8 @@ class BaseMotionEstimator:
         [s]
     cutoff : float
         Of the angular acceleration's low-pass [Hz].
+    latency : float
+        Age [s] of a sample when it is received, known to the user alone.
 
     Attributes
     ----------
@@ -50,17 +55,18 @@ class BaseMotionEstimator:
     Raises
     ------
     ValueError
-        If the mode is unknown or a time isn't positive.
+        If the mode is unknown, a time isn't positive, or the latency negative.
     """
 
     def __init__(
         self,
         gravity_in_base: npt.ArrayLike,
-        mode: str = 'full',
+        mode: str = FULL,
         mount: Mount | None = None,
         hold_time: float = 0.1,
         fade_time: float = 0.5,
-        cutoff: float = 30.0,
+        cutoff: float = 60.0,
+        latency: float = 0.0,
     ) -> None:
         if mode not in MODES:
             raise ValueError(f'mode = {mode!r} must be one of {", ".join(MODES)}')
@@ -70,7 +76,9 @@ class BaseMotionEstimator:
         self._hold_time = positive('hold_time', hold_time)
         self._fade_time = positive('fade_time', fade_time)
         self._time_constant = 1.0 / (2.0 * np.pi * positive('cutoff', cutoff))
+        self._latency = non_negative_number('latency', latency)
         self._measured = self.configured
+        self._prediction = BaseMotionPrediction(self.configured, np.zeros(3))
         self._stamp = -np.inf
         self._received = -np.inf
         self._updated: float | None = None
@@ -80,7 +88,7 @@ class BaseMotionEstimator:
 
     def status(self, now: float) -> str:
         """Return where the motion comes from at `now` [s], for diagnostics."""
-        if self.mode == 'off':
+        if self.mode == NONE:
             return 'configured gravity'
         age = now - self._received
         if age <= self._hold_time:
@@ -102,9 +110,9 @@ class BaseMotionEstimator:
         RejectedInputError
             If it is older than the one before, or lacks the attitude that the mode needs.
         """
-        if self.mode == 'off':
+        if self.mode == NONE:
             return
-        if self.mode == 'attitude' and sample.attitude is None:
+        if self.mode == ATTITUDE and sample.attitude is None:
             self._refuse("IMU: it gives no attitude, which mode 'attitude' needs: use 'full'")
         step = sample.stamp - self._stamp
         # A stamp far in the past is a clock that was set back: start anew.
@@ -112,25 +120,29 @@ class BaseMotionEstimator:
             self._refuse('IMU: a sample is not newer than the one before: one publisher only')
         continues = 0.0 < step < self._hold_time
         self._measured = self._convert(sample, step if continues else None)
+        rate = self._mount.rotation_imu_to_base @ sample.angular_velocity
+        self._prediction = BaseMotionPrediction(self._measured, rate)
         self._stamp, self._received = sample.stamp, now
 
     def motion(self, now: float) -> BaseMotion:
         """Return the base's motion at `now` [s]."""
-        if self.mode == 'off':
+        if self.mode == NONE:
             return self.configured
-        fresh = now - self._received <= self._hold_time
+        age = now - self._received
+        fresh = age <= self._hold_time
         if self._updated is None:
             self._weight = 1.0 if fresh else 0.0
         elif self._weight != fresh:
             change = (now - self._updated) / self._fade_time
             self._weight = min(1.0, max(0.0, self._weight + (change if fresh else -change)))
         self._updated = now
-        if self._weight == 1.0:
-            return self._measured
         if self._weight == 0.0:
             return self.configured
+        predicted = self._prediction.after(self._latency + min(max(age, 0.0), self._hold_time))
+        if self._weight == 1.0:
+            return predicted
         w = self._weight
-        pairs = zip(self._measured, self.configured, strict=True)
+        pairs = zip(predicted, self.configured, strict=True)
         return BaseMotion(*(w * measured + (1.0 - w) * still for measured, still in pairs))
 
     def _refuse(self, reason: str) -> None:
@@ -144,7 +156,7 @@ class BaseMotionEstimator:
             gravity = -(rotation @ sample.specific_force)
         else:
             gravity = rotation @ (rotation_matrix(sample.attitude).T @ _GRAVITY_IN_WORLD)
-        if self.mode == 'attitude':
+        if self.mode == ATTITUDE:
             return BaseMotion.still(gravity)
         rate = rotation @ sample.angular_velocity
         acceleration = np.zeros(3)

@@ -59,5 +59,6 @@ class BoardComputedTorque:
         # loop keeps the arm close enough to it.
         u = self._dynamics.inverse(reference.q, reference.dq, a, base)
         if self._friction is not None:
-            u = u + self._friction.torque(reference.dq)
+            load = u - self._dynamics.fixed.rotor_inertia * a
+            u = u + self._friction.torque(reference.dq, load)
         return JointCommand(reference.q, reference.dq, u)

@@ -6,7 +6,7 @@ import numpy.typing as npt
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.friction_compensation import FrictionCompensation
-from aerarm_ros.control.gains import non_negative, positive
+from aerarm_ros.control.gains import finite, non_negative, non_negative_number, positive
 from aerarm_ros.control.joint_command import JointCommand
 from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.task_reference import TaskReference
@@ -52,7 +52,7 @@ class CartesianImpedance:
     Raises
     ------
     ValueError
-        If a gain is negative or their number isn't right.
+        If a gain is negative, or the number of gains or of joints isn't right.
     """
 
     def __init__(
@@ -71,9 +71,9 @@ class CartesianImpedance:
         self._kinematics = kinematics
         self.stiffness = non_negative('stiffness', stiffness, 3)
         self.damping = non_negative('damping', damping, 3)
-        self._rest = np.array(rest, dtype=float)
-        self._rest_stiffness = rest_stiffness
-        self._rest_damping = rest_damping
+        self._rest = finite('rest', rest, dynamics.n)
+        self._rest_stiffness = non_negative_number('rest_stiffness', rest_stiffness)
+        self._rest_damping = non_negative_number('rest_damping', rest_damping)
         self._friction = friction
         self._floor = positive('regularisation', regularisation) ** 2 * np.eye(3)
 
@@ -100,7 +100,8 @@ class CartesianImpedance:
         posture = self._rest_stiffness * (self._rest - q) - self._rest_damping * dq
         # N^T = 1 - J^T (L J B^-1), dynamically consistent.
         force -= task_inertia @ (mobility.T @ posture)
-        u = self._dynamics.bias(q, dq, base) + jacobian.T @ force + posture
+        bias = self._dynamics.bias(q, dq, base)
+        u = bias + jacobian.T @ force + posture
         if self._friction is not None:
-            u += self._friction.torque(dq)
+            u += self._friction.torque(dq, bias)
         return JointCommand(effort=u)

@@ -79,5 +79,6 @@ class ComputedTorque:
             a += self._integral.update(error, dt)
         u = self._dynamics.inverse(q, dq, a, base)
         if self._friction is not None:
-            u = u + self._friction.torque(reference.dq)
+            load = u - self._dynamics.fixed.rotor_inertia * a
+            u = u + self._friction.torque(reference.dq, load)
         return JointCommand(effort=u)

@@ -20,6 +20,8 @@ Followed = TypeVar('Followed', contravariant=True)
 
 # After a longer silence [s] the arm may have been moved by others.
 LONGEST_GAP = 0.1
+# A command acts from the next cycle on, for one cycle: in its middle [s] after the state.
+COMMAND_DELAY = 1.5e-3
 # Time [s] in which compensation comes and goes.
 _COMPENSATION_FADE = 0.5
 
@@ -132,7 +134,7 @@ class ControlLoop(Generic[Reference]):
             self.skipped += 1
             return None
         self._last = now
-        base = None if self.base is None else self.base.motion(now)
+        base = None if self.base is None else self.base.motion(now + COMMAND_DELAY)
         reference = self.source.update(q, now, dt)
         command = self.law.update(state, reference, dt, base)
         if self.observer is not None:

@@ -89,13 +89,13 @@ class GravityCompensation:
         stiffness = self._fade(dt)
         q, dq, _ = state
         damping = stiffness + (1.0 - stiffness) * HAND_GUIDING_DAMPING
-        u = self._dynamics.gravity(q, base)
-        u = u + stiffness * self.kp * (reference.q - q)
+        load = self._dynamics.gravity(q, base)
+        u = load + stiffness * self.kp * (reference.q - q)
         u += damping * self.kd * (stiffness * reference.dq - dq)
         if self._friction is not None:
-            u += stiffness * self._friction.torque(reference.dq)
+            u += stiffness * self._friction.torque(reference.dq, load)
         if self._hand_friction is not None and stiffness < 1.0:
-            u += (1.0 - stiffness) * self._hand_friction.torque(dq)
+            u += (1.0 - stiffness) * self._hand_friction.torque(dq, load)
         return JointCommand(effort=u)
 
     def _fade(self, dt: float) -> float:

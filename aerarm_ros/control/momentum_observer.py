@@ -72,10 +72,11 @@ class MomentumObserver:
             self._integral = p
             return self._residual
         coriolis = fixed.coriolis_matrix(q, dq)
-        rate = tau - self._dynamics.bias(q, dq, base)
+        bias = self._dynamics.bias(q, dq, base)
+        rate = tau - bias
         rate += (coriolis + coriolis.T) @ dq
         if self._friction is not None:
-            rate -= self._friction.torque(dq)
+            rate -= self._friction.torque(dq, bias)
         integral = self._integral + dt * rate
         # Backward Euler: stable for every gain and cycle.
         self._residual = self._gain * (p - integral) / (1.0 + dt * self._gain)

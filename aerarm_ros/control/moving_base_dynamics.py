@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.model.dynamics import Dynamics, carry
 
 Array = npt.NDArray[np.float64]
 
@@ -51,10 +51,27 @@ class MovingBaseDynamics:
         self._model = _on_free_joint(robot)
         self._model.armature = np.concatenate([np.zeros(6), self.fixed.rotor_inertia])
         self._data = self._model.createData()
+        self._last_link = pin.Inertia(self._model.inertias[self._model.njoints - 1])
         self._q = pin.neutral(self._model)
         self._dq = np.zeros(6 + robot.n)
         self._ddq = np.zeros(6 + robot.n)
         self._zero = np.zeros(robot.n)
+
+    def carry(self, payload: npt.ArrayLike) -> None:
+        """Add a body to the last link, in place of one added before.
+
+        Parameters
+        ----------
+        payload : (10,) array_like
+            Inertial parameters (3.3) in the frame of the last link's joint; zeros for nothing.
+
+        Raises
+        ------
+        ValueError
+            If no body has them; nothing is changed then.
+        """
+        carry(self._model, self._last_link, payload)
+        self.fixed.carry(payload)
 
     def inverse(self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None = None) -> Array:
         """Return the joint torques xi of a motion, (n,) [Nm]; rotors included, friction not.

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.damped_inverse import DampedInverse
-from aerarm_ros.control.gains import positive
+from aerarm_ros.control.gains import finite, non_negative_number, positive
 from aerarm_ros.control.joint_limits import JointLimits
 from aerarm_ros.model.kinematics import Kinematics
 
@@ -40,6 +40,11 @@ class VelocityResolution:
         Of the last Jacobian [m/rad]: how far from singular the arm is.
     slowdown : float
         Part of the wanted velocity that was given last, 0 .. 1.
+
+    Raises
+    ------
+    ValueError
+        If a gain is negative or the rest posture hasn't n joints.
     """
 
     def __init__(
@@ -54,10 +59,11 @@ class VelocityResolution:
     ) -> None:
         self.kinematics = kinematics
         self._limits = limits
-        self._rest = np.array(rest, dtype=float)
+        self._rest = finite('rest', rest, limits.n)
         self._inverse = inverse
-        self._rest_gain = rest_gain
+        self._rest_gain = non_negative_number('rest_gain', rest_gain)
         self._limit_gain = positive('limit_gain', limit_gain)
+        margin = non_negative_number('margin', margin)
         self._low = limits.position_min + margin
         self._high = limits.position_max - margin
         self.least_singular_value = np.inf

@@ -1,12 +1,17 @@
 """Inverse and direct dynamics of an arm, thesis (2.5)."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.inertia import is_physically_consistent
 
 Array = npt.NDArray[np.float64]
+
+_ROUNDING = 1e-9  # of a payload's pseudo-inertia: what writing it in decimals costs
 
 
 class Dynamics:
@@ -42,6 +47,7 @@ class Dynamics:
         # Pinocchio adds the armature in rnea, crba and aba.
         self._model.armature = np.broadcast_to(inertia, (robot.n,)).copy()
         self._data = self._model.createData()
+        self._last_link = pin.Inertia(self._model.inertias[self._model.njoints - 1])
 
     @property
     def rotor_inertia(self) -> Array:
@@ -51,6 +57,21 @@ class Dynamics:
     def set_gravity(self, gravity_in_base: npt.ArrayLike) -> None:
         """Change gravity, (3,) in the base frame [m/s^2], e.g. as a drone's IMU reports it."""
         self._model.gravity.linear = np.asarray(gravity_in_base, dtype=float)
+
+    def carry(self, payload: npt.ArrayLike) -> None:
+        """Add a body to the last link, in place of one added before.
+
+        Parameters
+        ----------
+        payload : (10,) array_like
+            Inertial parameters (3.3) in the frame of the last link's joint; zeros for nothing.
+
+        Raises
+        ------
+        ValueError
+            If no body has them.
+        """
+        carry(self._model, self._last_link, payload)
 
     def inertia_matrix(self, q: Array) -> Array:
         """Return B(q), (n, n) [kg m^2], symmetric, rotors included."""
@@ -105,3 +126,30 @@ class Dynamics:
     def potential_energy(self, q: Array) -> float:
         """Return the energy [J] in the field of gravity, up to a constant."""
         return float(pin.computePotentialEnergy(self._model, self._data, q))
+
+
+def carry(model: Any, last_link: Any, payload: npt.ArrayLike) -> None:
+    """Set the inertia of a model's last body: that of its link alone plus a payload's.
+
+    Parameters
+    ----------
+    model : pin.Model
+    last_link : pin.Inertia
+        Of the link alone.
+    payload : (10,) array_like
+        As in `Dynamics.carry`, which raises the same.
+    """
+    whole = last_link.toDynamicParameters() + checked_payload(payload)
+    model.inertias[model.njoints - 1] = pin.Inertia.FromDynamicParameters(whole)
+
+
+def checked_payload(payload: npt.ArrayLike) -> Array:
+    """Return a payload's (10,) inertial parameters; raises ValueError if no body has them."""
+    values = np.array(payload, dtype=float)
+    numbers = values.shape == (10,) and bool(np.isfinite(values).all())
+    if not numbers or not is_physically_consistent(values, _ROUNDING):
+        raise ValueError(
+            f'payload {values.tolist()}: no body has these inertial parameters: give the ten of '
+            'payload.yaml'
+        )
+    return values

@@ -22,12 +22,12 @@ from aerarm_ros.control.base_reaction import BaseReaction
 from aerarm_ros.control.control_loop import LONGEST_GAP
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.state_node import StateNode
+from aerarm_ros.nodes.state_node import StateNode, state_node_parameters
 
 NAME = 'base_reaction'
 BASE_FRAME = 'base_link'
 
-PARAMETERS = (
+PARAMETERS = state_node_parameters(
     Parameter('rate', 100.0, 'how often the wrench is published', 'Hz', 1.0, 1000.0),
     Parameter('cutoff', 20.0, 'low-pass of the joint acceleration', 'Hz', 0.1, 500.0),
 )
@@ -103,7 +103,7 @@ def _fill(message: Any, vector: NDArray[np.float64]) -> None:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(NAME, BaseReactionNode, args)
+    return run_node(NAME, BaseReactionNode, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

@@ -21,12 +21,13 @@ from aerarm_ros.nodes.controller_parameters import (
 )
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.state_node import state_node_parameters
 from aerarm_ros.nodes.trajectory_input import follow_trajectory, go_to_set_point
 
 NAME = 'computed_torque'
 HOST, BOARDS = 'host', 'boards'
 
-PARAMETERS = (
+PARAMETERS = state_node_parameters(
     *FRICTION_PARAMETERS,
     *OBSERVER_PARAMETERS,
     *FOLLOWER_PARAMETERS,
@@ -90,7 +91,7 @@ class ComputedTorqueNode(ControllerNode):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(NAME, ComputedTorqueNode, args)
+    return run_node(NAME, ComputedTorqueNode, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.base_motion_estimator import MODES, BaseMotionEstimator
+from aerarm_ros.control.base_motion_estimator import MODES, NONE, BaseMotionEstimator
 from aerarm_ros.control.follower_tolerances import FollowerTolerances
 from aerarm_ros.control.friction_compensation import FrictionCompensation
 from aerarm_ros.control.joint_limits import JointLimits
@@ -19,14 +20,16 @@ from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.trajectory_follower import TrajectoryFollower
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.model.dynamics import checked_payload
 from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.real_time_parameters import REAL_TIME_PARAMETERS
 
 ARM_PARAMETERS = (
     Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
     Parameter('urdf', '', 'URDF of the arm, for example an identified one; the packaged if empty'),
     Parameter(
         'base_motion',
-        'off',
+        NONE,
         'what of the imu topic is used: nothing, its attitude, or attitude, rate and acceleration',
         choices=MODES,
     ),
@@ -35,26 +38,28 @@ ARM_PARAMETERS = (
         'imu_hold_time', 0.1, 'age up to which the last IMU sample is held', 's', 0.001, 10.0
     ),
     Parameter('imu_fade_time', 0.5, 'time in which gravity falls back', 's', 0.01, 60.0),
-    Parameter('imu_cutoff', 30.0, "low-pass of the base's angular acceleration", 'Hz', 0.1, 500.0),
+    Parameter('imu_cutoff', 60.0, "low-pass of the base's angular acceleration", 'Hz', 0.1, 500.0),
+    Parameter('imu_latency', 0.0, 'age of an IMU sample when it arrives', 's', 0.0, 0.1),
 )
 
 LOOP_PARAMETERS = (
     Parameter('state_timeout', 0.1, 'silence of joint_states that is reported', 's', 0.005, 10.0),
-    Parameter(
-        'realtime_priority',
-        0,
-        'SCHED_FIFO priority of the loop; 0 leaves it to the ordinary scheduler',
-        minimum=0,
-        maximum=98,
-    ),
-    Parameter('lock_memory', False, 'keep all memory of the process in RAM'),
+    *REAL_TIME_PARAMETERS,
 )
 
+# The key that it has in payload.yaml, so that the file serves as parameter file.
+PAYLOAD = 'payload.inertial_parameters'
+
 FRICTION_PARAMETERS = (
+    Parameter(PAYLOAD, [], 'inertial parameters (3.3) of what the last link carries, in the frame '
+              'of its joint, as in payload.yaml; nothing if empty', 'kg, kg m, kg m^2',
+              element=float, live=True),
     Parameter('friction_fraction', 1.0, "share of the URDF's joint friction compensated", '', 0, 1),
     Parameter('friction_width', 0.02, 'velocity of 3/4 of the friction', 'rad/s', 1e-4, 1.0),
     Parameter('rotor_inertia', [], 'rotor inertia at the joints, J_m / k_g^2; from the '
               'configuration if empty', 'kg m^2', 0.0, element=float),
+    Parameter('load_friction', [0.0], "share of the torque passed on that joints' gears lose, one "
+              'or one a joint; `load` in estimate.yaml', '', 0.0, 1.0),
 )  # fmt: skip
 
 OBSERVER_PARAMETERS = (
@@ -80,6 +85,7 @@ class ControlledArm:
     config: ArmConfig
     robot: Robot
     limits: JointLimits
+    _models: list[MovingBaseDynamics] = field(default_factory=list)
 
     @classmethod
     def from_parameters(cls, values: SimpleNamespace) -> ControlledArm:
@@ -95,13 +101,25 @@ class ControlledArm:
     def dynamics(self, values: SimpleNamespace) -> MovingBaseDynamics:
         """Return the model with the rotors' inertia."""
         given = values.rotor_inertia or self.config.column('reflected_inertia')
-        return MovingBaseDynamics(self.robot, given)
+        model = MovingBaseDynamics(self.robot, given)
+        model.carry(_payload(getattr(values, PAYLOAD, [])))
+        self._models.append(model)
+        return model
+
+    def carry(self, payload: Sequence[float]) -> None:
+        """Tell every model what the arm carries from now on; raises ValueError."""
+        for model in self._models:
+            model.carry(_payload(payload))
 
     def friction(self, values: SimpleNamespace) -> FrictionCompensation:
         """Return the compensation of the URDF's joint friction."""
         viscous, coulomb = self.robot.viscous, self.robot.coulomb
         return FrictionCompensation(
-            viscous, coulomb, values.friction_width, values.friction_fraction
+            viscous,
+            coulomb,
+            values.friction_width,
+            values.friction_fraction,
+            one_or_each(values.load_friction),
         )
 
     def observer(
@@ -129,6 +147,7 @@ class ControlledArm:
             values.imu_hold_time,
             values.imu_fade_time,
             values.imu_cutoff,
+            values.imu_latency,
         )
 
     def follower(self, values: SimpleNamespace) -> TrajectoryFollower:
@@ -142,6 +161,20 @@ class ControlledArm:
             values.stream_timeout,
         )
         return TrajectoryFollower(self.limits, tolerances, values.interpolation)
+
+
+def payload_problem(changes: Mapping[str, Any]) -> str:
+    """Return why the payload among changed parameters can't be one, or ''."""
+    try:
+        checked_payload(_payload(changes.get(PAYLOAD, [])))
+    except ValueError as error:
+        return f'parameter {PAYLOAD}: {error}'
+    return ''
+
+
+def _payload(values: Sequence[float]) -> Sequence[float]:
+    """Return ten inertial parameters, those of nothing if none are given."""
+    return values if len(values) else [0.0] * 10
 
 
 def one_or_each(values: Sequence[float]) -> npt.NDArray[np.float64]:

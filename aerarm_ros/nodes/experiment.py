@@ -68,9 +68,14 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     plant = parser.add_mutually_exclusive_group()
     plant.add_argument('--arm-seed', type=int, default=7, help='seed of the simulated arm')
     plant.add_argument(
-        '--identified', type=Path, help='URDF of an identified model to be the simulated arm'
+        '--identified', type=_file, help='URDF of an identified model to be the simulated arm'
     )
     return parser.parse_args(arguments)
+
+
+def _file(text: str) -> Path | None:
+    """Return a path; no text, as a launch file gives it, is no file."""
+    return Path(text) if text else None
 
 
 def _truth(
@@ -108,7 +113,7 @@ def _motion(config: ArmConfig, robot: Robot, options: argparse.Namespace) -> Ram
 def _run(
     bench: ExperimentBench, report: ExperimentReport, case: ExperimentCase, progress: str
 ) -> None:
-    name, joints, *_, tool, _, _ = report.add(bench.run(case))
+    name, joints, _, _, tool, *_ = report.add(bench.run(case))
     print(f'{progress:>6}  {name}: joints {joints} mrad, tool {tool} mm RMS', flush=True)
 
 

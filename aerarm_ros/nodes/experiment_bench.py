@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.base_motion_estimator import FULL, NONE, BaseMotionEstimator
 from aerarm_ros.control.board_computed_torque import BoardComputedTorque
 from aerarm_ros.control.computed_torque import ComputedTorque
 from aerarm_ros.control.control_loop import ControlLoop
@@ -27,9 +27,12 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.emulated_base import mount_on_base
 from aerarm_ros.hardware.emulation import make_emulated_transport
-from aerarm_ros.nodes.experiment_case import BASES, CAD, GRAVITY, HOST, STILL, ExperimentCase
+from aerarm_ros.hardware.offered_command import OfferedCommand
+from aerarm_ros.model.gravity_load import largest_gravity_load
+from aerarm_ros.nodes.experiment_case import CAD, GRAVITY, HOST, ExperimentCase
+from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
 from aerarm_ros.simulation.moving_base_plant import MovingBasePlant
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
@@ -39,8 +42,6 @@ CYCLE = 1e-3
 SETTLE = 1.0  # [s] at rest before the motion begins, and after it has ended
 _IMU_PERIOD = 4  # cycles: 250 Hz
 _START_LIMIT = 20.0  # [s]
-# A joint that rests while the drone's motion changes its load is no stuck encoder.
-_SETTINGS = BridgeSettings(stall_time=60.0)
 
 
 class MotionSource:
@@ -113,10 +114,9 @@ class ExperimentBench:
             self._config, self._robot, None, position=start, parameters=self._truth
         )
         if case.base != STILL:
-            transport.plant = MovingBasePlant(self._robot, self._truth, start, BASES[case.base])
-            transport.carry()
+            mount_on_base(transport, self._robot, BASE_PROFILES[case.base])
         plant = transport.plant
-        bridge = BridgeCycle(self._config, transport, _SETTINGS)
+        bridge = BridgeCycle(self._config, transport, load_max=largest_gravity_load(self._robot))
         transport.open()
         now = self._enable(bridge)
         source, estimator = MotionSource(self._motion), self._estimator(case)
@@ -133,7 +133,9 @@ class ExperimentBench:
             now += CYCLE
             if command is not None:
                 # The answer to this cycle's state acts in the next cycle, as over topics.
-                bridge.command(self._config.joint_names, *command, CYCLE, now, 'experiment')
+                bridge.command(
+                    OfferedCommand(self._config.joint_names, *command, CYCLE, 'experiment'), now
+                )
             bridge.update(now)
             desired = source.update(state.q, now, CYCLE).q
             rows.append(np.concatenate([[now - source.begin], plant.position, desired, bridge.tau]))
@@ -161,7 +163,7 @@ class ExperimentBench:
         return now
 
     def _estimator(self, case: ExperimentCase) -> BaseMotionEstimator:
-        return BaseMotionEstimator(self._config.gravity_in_base, 'full' if case.aware else 'off')
+        return BaseMotionEstimator(self._config.gravity_in_base, FULL if case.aware else NONE)
 
     def _loop(
         self, case: ExperimentCase, source: MotionSource, estimator: BaseMotionEstimator
@@ -170,11 +172,13 @@ class ExperimentBench:
         if case.parameters == CAD:
             inertia = self._config.column('reflected_inertia')
             viscous, coulomb = robot.viscous, robot.coulomb
+            load_share = np.zeros(robot.n)
         else:
             robot = robot.with_inertial_parameters(truth.inertial_parameters)
             inertia, viscous, coulomb = truth.rotor_inertia, truth.viscous, truth.coulomb
+            load_share = truth.load_friction
         dynamics = MovingBaseDynamics(robot, inertia)
-        friction = FrictionCompensation(viscous, coulomb)
+        friction = FrictionCompensation(viscous, coulomb, load_share=load_share)
         law: Any
         if case.law == GRAVITY:
             law = GravityCompensation(dynamics, [60, 60, 40, 40], [5, 5, 1, 1], friction)

@@ -2,20 +2,10 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from aerarm_ros.simulation.base_profile import BaseProfile
+from aerarm_ros.simulation.base_profile import MOVING, STILL, TILTED
 
 GRAVITY, HOST, BOARDS = 'gravity compensation', 'computed torque, host', 'computed torque, boards'
 CAD, IDENTIFIED = 'CAD', 'identified'
-STILL, TILTED, MOVING = 'still', 'tilted', 'moving'
-
-BASES = {
-    STILL: BaseProfile(),
-    TILTED: BaseProfile(axis=np.array([0.8, 0.6, 0.0]), tilt=np.radians(20.0)),
-    # 30 degrees at 0.5 Hz about the roll axis, with a sway.
-    MOVING: BaseProfile(swing=np.radians(30.0), shift=np.array([0.1, 0.15, 0.1])),
-}
 
 
 @dataclass(frozen=True)
@@ -58,13 +48,12 @@ def all_cases() -> list[ExperimentCase]:
         for parameters in (CAD, IDENTIFIED)
         for observer in (False, True)
     ]
-    host = ExperimentCase(HOST, IDENTIFIED)
-    boards = ExperimentCase(BOARDS, IDENTIFIED)
-    cad = ExperimentCase(HOST, CAD, observer=True)
+    host, cad = ExperimentCase(HOST, IDENTIFIED), ExperimentCase(HOST, CAD)
+    compared = [host, ExperimentCase(BOARDS, IDENTIFIED), cad, replace(cad, observer=True)]
     moved = [
         replace(case, base=base, aware=aware)
         for base in (TILTED, MOVING)
-        for case in (host, boards)
+        for case in compared
         for aware in (False, True)
     ]
-    return [*still, *moved, replace(cad, base=MOVING, aware=True)]
+    return [*still, *moved]

@@ -1,6 +1,7 @@
 """Errors of the experiment, as a table and as an HTML page with a figure like 5.6."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.html_text import Html, page, paragraph, section, table
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes.experiment_bench import ExperimentRun
+from aerarm_ros.nodes.experiment_case import ExperimentCase
+from aerarm_ros.simulation.base_profile import STILL
 
 Array = npt.NDArray[np.float64]
 
@@ -22,6 +25,7 @@ HEADINGS = (
     'tool RMS [mm]',
     'tool max [mm]',
     'tool final [mm]',
+    'RMS over still: joint, tool',
 )
 _MOST_POINTS = 1500
 
@@ -39,6 +43,7 @@ class ExperimentReport:
         self._kinematics = Kinematics(robot)
         self._runs: list[ExperimentRun] = []
         self._rows: list[tuple[str, ...]] = []
+        self._still: dict[ExperimentCase, Array] = {}
 
     def add(self, run: ExperimentRun) -> tuple[str, ...]:
         """Add a run and return its row of the table."""
@@ -46,15 +51,16 @@ class ExperimentReport:
         tool = 1e3 * np.linalg.norm(self._path(run.qd) - self._path(run.q), axis=1)
         final_joints, final_tool = joints[-1].max(), tool[-1]
         joints, tool = joints[run.at_full_speed], tool[run.at_full_speed]
-        rms = np.sqrt((joints**2).mean(axis=0))
+        rms, tool_rms = np.sqrt((joints**2).mean(axis=0)), np.sqrt((tool**2).mean())
         row = (
             run.case.name,
             ' '.join(f'{value:.2f}' for value in rms),
             f'{joints.max():.2f}',
             f'{final_joints:.2f}',
-            f'{np.sqrt((tool**2).mean()):.2f}',
+            f'{tool_rms:.2f}',
             f'{tool.max():.2f}',
             f'{final_tool:.2f}',
+            self._over_still(run.case, np.array([rms.max(), tool_rms])),
         )
         self._runs.append(run)
         self._rows.append(row)
@@ -74,6 +80,17 @@ class ExperimentReport:
             section('Path of the tool', Html(self._figure())),
         ]
         path.write_text(page('Dynamic controllers', '', body), encoding='utf-8')
+
+    def _over_still(self, case: ExperimentCase, rms: Array) -> str:
+        """Return how much larger the errors are than those of the same case on a still base.
+
+        Of the joints the worst is taken; '' for a still base, or where that was not run.
+        """
+        if case.base == STILL:
+            self._still[case] = rms
+            return ''
+        still = self._still.get(replace(case, base=STILL, aware=False))
+        return '' if still is None else ' '.join(f'{ratio:.2f}' for ratio in rms / still)
 
     def _figure(self) -> str:
         figure = go.Figure()

@@ -22,12 +22,13 @@ from aerarm_ros.nodes.controller_parameters import (
 )
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.state_node import state_node_parameters
 from aerarm_ros.nodes.trajectory_input import follow_trajectory, go_to_set_point
 
 NAME = 'gravity_compensation'
 KP, KD = [60.0, 60.0, 40.0, 40.0], [5.0, 5.0, 1.0, 1.0]
 
-PARAMETERS = (
+PARAMETERS = state_node_parameters(
     *FRICTION_PARAMETERS,
     *OBSERVER_PARAMETERS,
     *FOLLOWER_PARAMETERS,
@@ -89,7 +90,7 @@ class GravityCompensationNode(ControllerNode):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(NAME, GravityCompensationNode, args)
+    return run_node(NAME, GravityCompensationNode, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

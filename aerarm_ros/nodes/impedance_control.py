@@ -16,12 +16,13 @@ from aerarm_ros.nodes.controller_parameters import (
 )
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.state_node import state_node_parameters
 from aerarm_ros.nodes.target_parameters import TARGET_PARAMETERS, make_target_follower
 from aerarm_ros.nodes.tool_topics import ToolTopics
 
 NAME = 'impedance_control'
 
-PARAMETERS = (
+PARAMETERS = state_node_parameters(
     *TARGET_PARAMETERS,
     *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
     # By measured velocity: below one, so that the arm stays passive.
@@ -70,7 +71,7 @@ class ImpedanceControlNode(ControllerNode):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(NAME, ImpedanceControlNode, args)
+    return run_node(NAME, ImpedanceControlNode, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

@@ -13,13 +13,14 @@ from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes.controller_node import ControllerNode
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.state_node import state_node_parameters
 from aerarm_ros.nodes.target_parameters import TARGET_PARAMETERS, make_target_follower
 from aerarm_ros.nodes.tool_topics import ToolTopics
 
 NAME = 'kinematic_control'
 JOINT, CARTESIAN = 'joint', 'cartesian'
 
-PARAMETERS = (
+PARAMETERS = state_node_parameters(
     *TARGET_PARAMETERS,
     Parameter('scheme', CARTESIAN, 'where the error is fed back', choices=(JOINT, CARTESIAN)),
     Parameter('gain', 8.0, 'K: errors decay as exp(-K t)', '1/s', 0.0, 100.0),
@@ -68,7 +69,7 @@ class KinematicControlNode(ControllerNode):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(NAME, KinematicControlNode, args)
+    return run_node(NAME, KinematicControlNode, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

@@ -4,22 +4,34 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import rclpy
 
 from aerarm_msgs_py.topic import Topic
 from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.base_motion_estimator import NONE
 from aerarm_ros.control.rejected_input_error import RejectedInputError
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
-from aerarm_ros.nodes.controller_parameters import ARM_PARAMETERS, LOOP_PARAMETERS, ControlledArm
+from aerarm_ros.nodes.controller_parameters import (
+    ARM_PARAMETERS,
+    LOOP_PARAMETERS,
+    PAYLOAD,
+    ControlledArm,
+    payload_problem,
+)
 from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.nodes.real_time_parameters import prepare_thread
 from aerarm_ros.nodes.state_diagnostics import StateDiagnostics
 from aerarm_ros.nodes.state_stream import StateStream
 from aerarm_ros.nodes.stop_signals import StopSignals
-from aerarm_ros.realtime.scheduling import freeze_garbage_collector, lock_memory, set_fifo
+
+
+def state_node_parameters(*parameters: Parameter) -> ParameterTable:
+    """Return the parameters of a node: those of every such node, and its own."""
+    return ParameterTable(*ARM_PARAMETERS, *LOOP_PARAMETERS, *parameters)
 
 
 class StateNode:
@@ -34,7 +46,7 @@ class StateNode:
     name
         Node name.
     parameters
-        Parameters beside those of every such node.
+        Its parameters, made by `state_node_parameters`.
 
     Attributes
     ----------
@@ -51,14 +63,13 @@ class StateNode:
         If a parameter or a file can't be used.
     """
 
-    def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
+    def __init__(self, name: str, parameters: ParameterTable) -> None:
         self.status = 0
         self.state: ArmState | None = None
         self._requests: deque[Callable[[float], None]] = deque()
         self._stopping = False
         self.node = rclpy.create_node(name)
-        table = ParameterTable(*ARM_PARAMETERS, *LOOP_PARAMETERS, *parameters)
-        self.values = table.declare(self.node, self._on_parameter)
+        self.values = parameters.declare(self.node, self._on_parameter, payload_problem)
         self.arm = ControlledArm.from_parameters(self.values)
         self.base = self.arm.base(self.values)
         self.build()
@@ -85,7 +96,7 @@ class StateNode:
     def warning(self) -> str:
         """Return what diagnostics should warn of, '' if nothing."""
         source = self.base.status(time.time_ns() * 1e-9)
-        return source if self.base.mode != 'off' and source != 'IMU' else ''
+        return source if self.base.mode != NONE and source != 'IMU' else ''
 
     def describe(self) -> dict[str, object]:
         """Return what diagnostics should tell."""
@@ -118,7 +129,7 @@ class StateNode:
     def run(self) -> None:
         """Answer states until SIGINT, SIGTERM or a shutdown."""
         with StopSignals(self._on_stop), BackgroundExecutor(self.node):
-            self._prepare_thread()
+            prepare_thread(self.values, self.node.get_logger())
             while not self._stopping and rclpy.ok():
                 if self._stream.wait(self.values.state_timeout):
                     self._take()
@@ -128,17 +139,6 @@ class StateNode:
         """Destroy the node."""
         self._stream.destroy()
         self.node.destroy_node()
-
-    def _prepare_thread(self) -> None:
-        """Ask for what real time needs; a refusal is a warning, the node works without."""
-        values = self.values
-        warnings = [
-            set_fifo(values.realtime_priority) if values.realtime_priority else None,
-            lock_memory() if values.lock_memory else None,
-            freeze_garbage_collector(),
-        ]
-        for warning in filter(None, warnings):
-            self.node.get_logger().warning(warning)
 
     def _take(self) -> None:
         newest = self._stream.newest_state()
@@ -163,7 +163,10 @@ class StateNode:
     def _on_parameter(self, name: str, value: Any) -> None:
         def change(_: float) -> None:
             try:
-                self.on_parameter(name, value)
+                if name == PAYLOAD:
+                    self.arm.carry(value)
+                else:
+                    self.on_parameter(name, value)
             except ValueError as error:
                 raise RejectedInputError(f'parameter {name}: {error}') from None
 

@@ -1,6 +1,8 @@
 """A motion that a drone makes under the arm, as a function of time."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import cos, pi, radians, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -64,9 +66,11 @@ class BaseProfile:
         angle, rate, spin = self._oscillation(time, self.frequency)
         offset, speed, surge = self._oscillation(time, self.shift_frequency)
         half = 0.5 * (self.tilt + self.swing * angle)
+        quaternion = np.empty(4)
+        quaternion[0], quaternion[1:] = cos(half), sin(half) * self.axis
         return BaseState(
             self.shift * offset,
-            np.concatenate([[np.cos(half)], np.sin(half) * self.axis]),
+            quaternion,
             self.shift * speed,
             self.swing * rate * self.axis,
             self.shift * surge,
@@ -79,10 +83,21 @@ class BaseProfile:
         grown = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
         growth = 30.0 * x**2 * (1.0 - x) ** 2 / self.ramp
         bend = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / self.ramp**2
-        w = 2.0 * np.pi * frequency
-        s, c = np.sin(w * time), np.cos(w * time)
+        w = 2.0 * pi * frequency
+        s, c = sin(w * time), cos(w * time)
         return (
             grown * s,
             growth * s + grown * w * c,
             bend * s + 2.0 * growth * w * c - grown * w**2 * s,
         )
+
+
+STILL, TILTED, MOVING = 'still', 'tilted', 'moving'
+
+BASE_PROFILES: Mapping[str, BaseProfile] = {
+    STILL: BaseProfile(),
+    TILTED: BaseProfile(axis=np.array([0.8, 0.6, 0.0]), tilt=radians(20.0)),
+    # 30 degrees at 0.5 Hz about the roll axis, with a sway.
+    MOVING: BaseProfile(swing=radians(30.0), shift=np.array([0.1, 0.15, 0.1])),
+}
+"""What a drone does: nothing, lean by 20 degrees, or swing by 30 degrees while it sways."""

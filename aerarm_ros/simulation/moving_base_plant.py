@@ -53,6 +53,12 @@ class MovingBasePlant(ArmPlant):
         self._acceleration = self._data.qacc[joints]
         self._constraint = self._data.qfrc_constraint[joints]
         self._friction_limit = self._model.dof_frictionloss[joints]
+        data, parts = self._data, (slice(0, 3), slice(3, 6))
+        # What a base's state is written to, and the force on the base.
+        self._pose = (data.qpos[:3], data.qpos[3:7])
+        self._twist = tuple(data.qvel[part] for part in parts)
+        self._push = tuple(data.qfrc_applied[part] for part in parts)
+        self._engine_gravity = self._model.opt.gravity
         self._is_moving = True
         self.reset(position)
 
@@ -108,14 +114,14 @@ class MovingBasePlant(ArmPlant):
         super().step()
 
     def _drive_base(self) -> None:
-        base, data = self.base, self._data
+        base = self.base
         # Whoever carries the arm's weight carries it in the world.
-        gravity = (1.0 - self.support) * _GRAVITY
-        self._model.opt.gravity = gravity
-        data.qpos[:3], data.qpos[3:7] = base.position, base.quaternion
-        data.qvel[:3], data.qvel[3:6] = base.velocity, base.angular_velocity
-        data.qfrc_applied[:3] = _BASE_INERTIA * (base.acceleration - gravity)
-        data.qfrc_applied[3:6] = _BASE_INERTIA * base.angular_acceleration
+        gravity = (1.0 - self._support) * _GRAVITY
+        self._engine_gravity[:] = gravity
+        self._pose[0][:], self._pose[1][:] = base.position, base.quaternion
+        self._twist[0][:], self._twist[1][:] = base.velocity, base.angular_velocity
+        self._push[0][:] = _BASE_INERTIA * (base.acceleration - gravity)
+        self._push[1][:] = _BASE_INERTIA * base.angular_acceleration
 
 
 def _with_free_base(robot: Robot, fixed: Any) -> Any:

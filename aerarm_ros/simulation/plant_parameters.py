@@ -1,6 +1,6 @@
 """The true physical parameters of a simulated arm."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -106,6 +106,24 @@ class PlantParameters:
         """Return the parameters of an arm whose joints have no friction at all."""
         zero = np.zeros(len(self.joint_names))
         return replace(self, viscous=zero, coulomb=zero, load_friction=zero)
+
+    def carrying(self, mass: float, centre: Sequence[float], radius: float) -> 'PlantParameters':
+        """Return the parameters with a homogeneous ball fixed to the last link.
+
+        Parameters
+        ----------
+        mass
+            [kg], not negative.
+        centre
+            (3,) in the frame of the last link's joint [m].
+        radius
+            Of the ball [m].
+        """
+        point = np.append(np.asarray(centre, dtype=float), 1.0)
+        ball = np.outer(point, point) + np.diag([*[0.2 * radius**2] * 3, 0.0])
+        inertial = np.array(self.inertial_parameters)
+        inertial[-1] += from_pseudo_inertia(mass * ball)
+        return replace(self, inertial_parameters=inertial)
 
     def perturbed(self, seed: int, spread: Spread | None = None) -> 'PlantParameters':
         """Return an arm that differs from this one as a made arm differs from its drawing.

@@ -76,6 +76,18 @@ def test_silence_is_held_then_fades_to_the_configured_gravity() -> None:
     np.testing.assert_allclose(back[-1], gravity[0])
 
 
+def test_a_sample_is_turned_on_by_its_age_and_the_latency() -> None:
+    rate = np.array([2.0, 0.0, 0.0])
+    level = Rotation.identity().as_quat()
+    late = BaseMotionEstimator(GRAVITY, 'full', fade_time=1e6, latency=0.010)
+    late.offer(sample(0.0, level, rate, -GRAVITY), 0.0)
+    there = Rotation.from_rotvec(0.015 * rate).inv().apply(GRAVITY)
+    np.testing.assert_allclose(late.motion(0.005).gravity, there, atol=1e-4)
+    np.testing.assert_allclose(late.motion(0.005).specific_force, -there, atol=1e-4)
+    # An IMU that has fallen silent is not believed to turn for ever.
+    np.testing.assert_allclose(late.motion(0.1).gravity, late.motion(0.2).gravity, atol=1e-5)
+
+
 def test_before_the_first_sample_the_configured_gravity_counts() -> None:
     estimator = BaseMotionEstimator(GRAVITY)
     np.testing.assert_array_equal(estimator.motion(3.0).gravity, GRAVITY)
@@ -83,7 +95,7 @@ def test_before_the_first_sample_the_configured_gravity_counts() -> None:
 
 
 def test_switched_off_it_never_listens() -> None:
-    estimator = BaseMotionEstimator(GRAVITY, 'off')
+    estimator = BaseMotionEstimator(GRAVITY, 'none')
     estimator.offer(sample(0.0, force=[5.0, 0.0, 0.0]), 0.0)
     np.testing.assert_array_equal(estimator.motion(0.0).specific_force, -GRAVITY)
 

@@ -112,7 +112,7 @@ def test_settles_within_5_mrad_of_any_set_point(limits, dynamics, bench, config,
             follower,
             GravityCompensation(dynamics, [60, 60, 40, 40], [5, 5, 1, 1], friction),
             MomentumObserver(dynamics, 10.0, friction),
-            BaseMotionEstimator(gravity, 'off'),
+            BaseMotionEstimator(gravity, 'none'),
             compensation_max=1.0,
         )
         arm = bench(postures[index + 1])

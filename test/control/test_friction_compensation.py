@@ -24,6 +24,18 @@ def test_is_zero_at_rest_and_small_for_velocity_noise() -> None:
     assert np.all(np.abs(torques).max(axis=0) < 0.15 * COULOMB)
 
 
+def test_a_loaded_gear_loses_a_share_of_what_it_passes_on() -> None:
+    share = np.array([0.04, 0.02])
+    compensation = FrictionCompensation(VISCOUS, COULOMB, load_share=share)
+    dq, load = np.array([0.5, -0.5]), np.array([-1.5, 2.0])
+    np.testing.assert_allclose(
+        compensation.torque(dq, load),
+        viscous_coulomb(dq, VISCOUS, COULOMB + share * np.abs(load)),
+        atol=1e-8,
+    )
+    np.testing.assert_array_equal(compensation.torque(np.zeros(2), load), np.zeros(2))
+
+
 def test_with_a_fraction_below_one_friction_still_wins_at_every_velocity() -> None:
     compensation = FrictionCompensation(VISCOUS, COULOMB, fraction=0.8)
     for speed in np.linspace(-3.0, 3.0, 601):
@@ -39,6 +51,7 @@ def test_with_a_fraction_below_one_friction_still_wins_at_every_velocity() -> No
         ({'width': 0.0}, 'width'),
         ({'coulomb': [-0.1, 0.1]}, 'Coulomb'),
         ({'coulomb': [0.1, 0.1, 0.1]}, '3 values'),
+        ({'load_share': -0.1}, 'load share'),
     ],
 )
 def test_wrong_coefficients_are_refused(changes, message) -> None:

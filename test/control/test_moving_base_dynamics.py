@@ -87,3 +87,16 @@ def test_composite_inertia_is_the_sum_of_the_links(robot, dynamics, postures) ->
 def test_a_negative_rotor_inertia_is_refused(robot) -> None:
     with pytest.raises(ValueError, match='rotor'):
         MovingBaseDynamics(robot, -0.01)
+
+
+def test_a_payload_is_felt_by_joints_and_base() -> None:
+    robot = load_robot()
+    payload = np.zeros(10)
+    payload[0] = 0.2  # a point at the last joint
+    alone, carrying = MovingBaseDynamics(robot), MovingBaseDynamics(robot)
+    carrying.carry(payload)
+    q, zero = np.array([0.1, 0.4, -0.2, 0.3]), np.zeros(4)
+    more = carrying.mount_wrench(q, zero, zero) - alone.mount_wrench(q, zero, zero)
+    np.testing.assert_allclose(more[:3], [0.0, 0.0, 0.2 * 9.81], atol=1e-9)
+    np.testing.assert_allclose(carrying.gravity(q), carrying.fixed.gravity(q), atol=1e-12)
+    assert carrying.composite_inertia(q)[0] == pytest.approx(alone.composite_inertia(q)[0] + 0.2)

@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.model.inertia import from_pseudo_inertia
 
 State = tuple[np.ndarray, np.ndarray]
 
@@ -192,3 +193,24 @@ def test_results_are_not_overwritten_by_the_next_call(arm: Robot) -> None:
 def test_a_wrong_rotor_inertia_is_refused(arm: Robot, rotor: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Dynamics(arm, rotor)  # type: ignore[arg-type]
+
+
+def test_a_payload_is_a_part_of_the_last_link() -> None:
+    robot = load_robot()
+    point = np.array([0.1, 0.01, -0.02, 1.0])
+    payload = from_pseudo_inertia(0.2 * (np.outer(point, point) + np.diag([1e-4] * 3 + [0.0])))
+    inertial = np.array(robot.inertial_parameters)
+    inertial[-1] += payload
+    expected = Dynamics(robot.with_inertial_parameters(inertial), 0.01)
+    carrying, alone = Dynamics(robot, 0.01), Dynamics(robot, 0.01)
+    q, dq, ddq = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 4))
+    carrying.carry(0.5 * payload)
+    carrying.carry(payload)  # in place of the first, not on top of it
+    wanted = expected.inverse(q, dq, ddq)
+    np.testing.assert_allclose(carrying.inverse(q, dq, ddq), wanted, atol=1e-12)
+    assert np.abs(wanted - alone.inverse(q, dq, ddq)).max() > 0.1
+    carrying.carry(np.zeros(10))
+    np.testing.assert_allclose(carrying.inverse(q, dq, ddq), alone.inverse(q, dq, ddq), atol=1e-12)
+    for impossible in (-payload, payload[:4], np.full(10, np.nan)):
+        with pytest.raises(ValueError, match='no body has these'):
+            carrying.carry(impossible)

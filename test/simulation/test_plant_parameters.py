@@ -74,3 +74,12 @@ def test_configuration_and_urdf_must_name_the_same_joints():
     renamed = replace(config.joints[0], name='shoulder')
     with pytest.raises(ValueError, match='shoulder'):
         PlantParameters.nominal(replace(config, joints=(renamed, *config.joints[1:])), load_robot())
+
+
+def test_a_payload_adds_its_mass_where_it_is() -> None:
+    carrying = NOMINAL.carrying(0.2, (0.1, 0.0, -0.05), radius=0.03)
+    added = carrying.inertial_parameters - NOMINAL.inertial_parameters
+    assert not added[:-1].any()
+    assert added[-1, :4] == pytest.approx([0.2, 0.02, 0.0, -0.01])
+    # Steiner, and 2/5 m r^2 of the ball itself.
+    assert added[-1, 6] == pytest.approx(0.2 * (0.1**2 + 0.05**2) + 0.4 * 0.2 * 0.03**2)

@@ -1,0 +1,35 @@
+"""The experiment of thesis 5.4: dynamic controllers on the simulated arm, as a table and a page.
+
+ros2 launch aerarm_ros experiment.launch.py out:=controllers identified:=run1/identified.urdf
+Needs neither bridge nor motors, and ends by itself.
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, ExecuteProcess
+from launch.substitutions import LaunchConfiguration
+from launch_ros.substitutions import ExecutableInPackage
+
+ARGUMENTS = (
+    DeclareLaunchArgument('out', default_value='experiment', description='folder for the page'),
+    DeclareLaunchArgument('seed', default_value='1', description='seed of the trajectory'),
+    DeclareLaunchArgument(
+        'identified',
+        default_value='',
+        description='URDF of an identified model to be the simulated arm; a made-up arm if empty',
+    ),
+    DeclareLaunchArgument('only', default_value='', description='only runs whose name holds this'),
+)
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return what `ros2 launch` starts."""
+    options = [
+        part
+        for argument in ARGUMENTS
+        for part in (f'--{argument.name}', LaunchConfiguration(argument.name))
+    ]
+    experiment = ExecuteProcess(
+        cmd=[ExecutableInPackage(package='aerarm_ros', executable='experiment'), *options],
+        output='screen',
+    )
+    return LaunchDescription([*ARGUMENTS, experiment])

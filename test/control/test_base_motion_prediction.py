@@ -1,0 +1,36 @@
+"""What an IMU at the base would read a little later."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from aerarm_ros.control.base_motion import BaseMotion
+from aerarm_ros.control.base_motion_prediction import BaseMotionPrediction
+
+RATE = np.array([0.4, -1.5, 0.8])
+GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
+FORCE_IN_WORLD = np.array([1.0, -2.0, 10.5])
+START = Rotation.from_rotvec([0.3, 0.2, -0.5])
+
+
+def motion_at(time: float) -> BaseMotion:
+    """Return the motion of a base that turns at a constant rate under a constant force."""
+    to_base = (START * Rotation.from_rotvec(time * RATE)).inv()
+    gravity, force = to_base.apply([GRAVITY_IN_WORLD, FORCE_IN_WORLD])
+    return BaseMotion(gravity, force, RATE, np.zeros(3))
+
+
+@pytest.mark.parametrize('time', [0.0, 0.002, 0.02])
+def test_what_is_constant_in_the_world_turns_against_the_base(time: float) -> None:
+    predicted = BaseMotionPrediction(motion_at(0.0), RATE).after(time)
+    error = (np.linalg.norm(RATE) * time) ** 3 * 10.0
+    for now, then in zip(predicted, motion_at(time), strict=True):
+        np.testing.assert_allclose(now, then, atol=error + 1e-12)
+
+
+def test_the_rate_changes_with_the_angular_acceleration() -> None:
+    spin = np.array([1.0, 2.0, 3.0])
+    measured = motion_at(0.0)._replace(angular_acceleration=spin)
+    predicted = BaseMotionPrediction(measured, RATE).after(0.01)
+    np.testing.assert_allclose(predicted.angular_velocity, RATE + 0.01 * spin)
+    np.testing.assert_array_equal(predicted.angular_acceleration, spin)
