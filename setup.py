@@ -52,6 +52,7 @@ EXECUTABLES = [
     'identifier',
     'impedance_control',
     'kinematic_control',
+    'motor_bench',
     'px4_imu',
     'recorder',
     'tool_path',

@@ -32,7 +32,7 @@ class Arm:
         self.status = 1
         self._options = options
         self._node = rclpy.create_node(NAME)
-        self._client = ArmClient(self._node, options.bridge or BRIDGES)
+        self._client = ArmClient(self._node, options.bridge or BRIDGES, [options.action])
 
     def run(self) -> None:
         """Ask, and wait for the mode if told to."""

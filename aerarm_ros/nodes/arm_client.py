@@ -15,6 +15,8 @@ from aerarm_msgs_py import topics
 
 BRIDGES = ('hardware_bridge', 'fake_hardware')
 ACTIONS = ('enable', 'disable', 'clear_fault', 'home', 'e_stop')
+_STOPS = ('disable', 'e_stop')
+_DISCOVERY_TIME = 0.5  # [s]
 _SPIN = 0.05  # [s]
 
 
@@ -25,7 +27,8 @@ class ArmClientError(RuntimeError):
 class ArmClient:
     """Calls the services of the bridge that is there and follows the arm's mode.
 
-    Its methods spin the node themselves: no executor may hold it.
+    Its methods spin the node themselves: no executor may hold it. The service clients are made
+    at once: an answer to a client that the bridge has not discovered yet is lost.
 
     Parameters
     ----------
@@ -33,6 +36,8 @@ class ArmClient:
         Owner of clients and subscription.
     bridges
         Node names the bridge may have.
+    actions
+        Those that will be called.
 
     Attributes
     ----------
@@ -40,10 +45,15 @@ class ArmClient:
         Last `arm_mode`, '' before the first.
     """
 
-    def __init__(self, node: Node, bridges: Sequence[str] = BRIDGES) -> None:
+    def __init__(
+        self, node: Node, bridges: Sequence[str] = BRIDGES, actions: Sequence[str] = ACTIONS
+    ) -> None:
         self.mode = ''
         self._node = node
-        self._bridges = tuple(bridges)
+        self._clients = {
+            action: [node.create_client(Trigger, f'{bridge}/{action}') for bridge in bridges]
+            for action in actions
+        }
         topic = topics.ARM_MODE
         self._subscription = node.create_subscription(
             topic.type, topic.name, self._on_mode, topic.qos
@@ -52,10 +62,12 @@ class ArmClient:
     def call(self, action: str, timeout: float = 10.0) -> str:
         """Call a service of the bridge and return what it says.
 
+        With several bridges, what stops an arm goes to all of them, and nothing else to any.
+
         Parameters
         ----------
         action
-            One of `ACTIONS`.
+            One of those given at the start.
         timeout
             Longest time to find the bridge, and again for its answer [s].
 
@@ -64,14 +76,27 @@ class ArmClient:
         ArmClientError
             If there is no bridge, or it does not answer, or refuses.
         """
-        clients = [
-            self._node.create_client(Trigger, f'{bridge}/{action}') for bridge in self._bridges
-        ]
-        try:
-            return self._call(clients, action, timeout)
-        finally:
-            for client in clients:
-                self._node.destroy_client(client)
+        clients = self._clients[action]
+
+        def ready() -> list[Client]:
+            return [client for client in clients if client.service_is_ready()]
+
+        if not self._spin_until(ready, timeout):
+            names = ' or '.join(client.srv_name for client in clients)
+            raise ArmClientError(f'no service {names}: is a bridge running in this ROS domain?')
+        found = ready()
+        if len(found) > 1 and action not in _STOPS:
+            names = ' and '.join(client.srv_name for client in found)
+            raise ArmClientError(f'there are {names}: stop one bridge, or name the one meant')
+        replies = [self._ask(client, timeout) for client in found]
+        if action in _STOPS:
+            # Who was found first is stopped first; another bridge may only just be discovered.
+            self._spin_until(lambda: len(ready()) == len(clients), _DISCOVERY_TIME)
+            replies += [self._ask(client, timeout) for client in ready() if client not in found]
+        refusals = [reply.message for reply in replies if not reply.success]
+        if refusals:
+            raise ArmClientError(f'{action} refused: {"; ".join(refusals)}')
+        return '; '.join(reply.message for reply in replies)
 
     def wait_for_mode(self, modes: Collection[str], timeout: float) -> None:
         """Wait until the arm is in one of `modes`.
@@ -82,26 +107,19 @@ class ArmClient:
             If it is not within `timeout` [s].
         """
         if not self._spin_until(lambda: self.mode in modes, timeout):
-            seen = f"arm_mode is '{self.mode}'" if self.mode else 'there is no arm_mode'
-            raise ArmClientError(
-                f'waited {timeout:g} s for {" or ".join(modes)}: {seen}: see /diagnostics'
-            )
+            seen = 'there is no arm_mode: is a bridge running in this ROS domain?'
+            if self.mode:
+                seen = f"arm_mode is '{self.mode}': see the log of the bridge"
+            raise ArmClientError(f'waited {timeout:g} s for {" or ".join(modes)}: {seen}')
 
-    def _call(self, clients: Sequence[Client], action: str, timeout: float) -> str:
-        def ready() -> list[Client]:
-            return [client for client in clients if client.service_is_ready()]
-
-        if not self._spin_until(ready, timeout):
-            names = ' or '.join(client.srv_name for client in clients)
-            raise ArmClientError(f'no service {names}: is a bridge running in this ROS domain?')
-        client = ready()[0]
+    def _ask(self, client: Client, timeout: float) -> Trigger.Response:
         future = client.call_async(Trigger.Request())
         if not self._spin_until(future.done, timeout):
-            raise ArmClientError(f'{client.srv_name} gave no answer within {timeout:g} s')
-        reply = future.result()
-        if not reply.success:
-            raise ArmClientError(f'{action} refused: {reply.message}')
-        return str(reply.message)
+            client.remove_pending_request(future)
+            raise ArmClientError(
+                f'{client.srv_name} gave no answer within {timeout:g} s: see arm_mode'
+            )
+        return future.result()
 
     def _spin_until(self, condition: Callable[[], object], timeout: float) -> bool:
         deadline = time.monotonic() + timeout

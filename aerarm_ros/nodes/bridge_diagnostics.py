@@ -13,6 +13,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.command_publishers import CommandPublishers
 from aerarm_ros.nodes.bridge_timing import BridgeTiming
+from aerarm_ros.nodes.publisher_watch import PublisherWatch
 
 _PERIOD = 1.0  # [s]
 _END = object()
@@ -30,6 +31,7 @@ class Watched:
     cycle: BridgeCycle
     timing: BridgeTiming
     publishers: CommandPublishers
+    watch: PublisherWatch
 
 
 class BridgeDiagnostics:
@@ -114,7 +116,7 @@ class BridgeDiagnostics:
 
 def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     cycle, publishers = watched.cycle, watched.publishers
-    texts = [*cycle.faults, *filter(None, [publishers.warning])]
+    texts = [*cycle.faults, *filter(None, [publishers.warning]), *watched.watch.problems]
     level = DiagnosticStatus.WARN if texts else DiagnosticStatus.OK
     if cycle.mode in ('fault', 'disconnected'):
         level = DiagnosticStatus.ERROR

@@ -10,7 +10,6 @@ import argparse
 import json
 import os
 import random
-import re
 import signal
 import sys
 import time
@@ -25,7 +24,11 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
+from aerarm_ros.nodes.demo_account import DemoAccount
 from aerarm_ros.nodes.node_process import NodeProcess
+
+# Stands in the folder until everything in it is whole.
+INCOMPLETE = 'INCOMPLETE'
 
 
 class DemoError(RuntimeError):
@@ -51,6 +54,8 @@ def main(arguments: list[str] | None = None) -> int:
         if out.is_dir() and any(out.iterdir()):
             raise FileExistsError('it is not empty')
         (out / 'logs').mkdir(parents=True)
+        marker = out / INCOMPLETE
+        marker.write_text('The demo is still running, or ended before its result was whole.\n')
     except OSError as error:
         reason = error.strerror or error
         print(f'demo: {out} cannot be used ({reason}): name another with --out', file=sys.stderr)
@@ -61,19 +66,16 @@ def main(arguments: list[str] | None = None) -> int:
         Motion('validation', options.seed + 1, out / 'validation_bag'),
     ]
     try:
-        cycles = _move_and_record(motions, out, options)
+        account = _move_and_record(motions, out, options)
         _identify(motions, out)
-    except (DemoError, ArmClientError, TimeoutExpired) as error:
-        print(f'demo: {error}', file=sys.stderr)
+    except (DemoError, ArmClientError) as error:
+        print(f'demo: {error}\ndemo: {out} is incomplete', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print('demo: interrupted; every node was stopped', file=sys.stderr)
+        print(f'\ndemo: interrupted, every node was stopped; {out} is incomplete', file=sys.stderr)
         return 130
-    print(f'\nBridge    {cycles}')
-    for motion in motions:
-        print(f'Recorder  {motion.name}: {_recorder_summary(out / "logs", motion)}')
-    print(f'Report    {out / "result" / "report.html"}')
-    print(f'Time      {time.monotonic() - started:.0f} s')
+    marker.unlink()
+    print(*account.lines(), f'Time      {time.monotonic() - started:.0f} s', sep='\n')
     return 0
 
 
@@ -112,8 +114,8 @@ def _isolate_from_other_ros_graphs() -> None:
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
 
-def _move_and_record(motions: list[Motion], out: Path, options: argparse.Namespace) -> str:
-    """Drive the emulated arm through the motions; return the bridge's account of its cycles."""
+def _move_and_record(motions: list[Motion], out: Path, options: argparse.Namespace) -> DemoAccount:
+    """Drive the emulated arm through the motions; return what its nodes say of it."""
     logs = out / 'logs'
     hardware = NodeProcess(
         'fake_hardware',
@@ -134,7 +136,12 @@ def _move_and_record(motions: list[Motion], out: Path, options: argparse.Namespa
             client.call('enable')  # hold the arm, which is only damped once its commands end
     if hardware.returncode != 0:
         raise DemoError(f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}')
-    return _last_match(hardware.log, r'(\d+ cycles, .*)$')
+    try:
+        return DemoAccount.read(
+            logs / 'fake_hardware.log', {m.name: _recorder_log(logs, m) for m in motions}
+        )
+    except ValueError as error:
+        raise DemoError(str(error)) from None
 
 
 @contextmanager
@@ -155,7 +162,7 @@ def _run_motion(motion: Motion, logs: Path, options: argparse.Namespace) -> None
             NodeProcess(
                 'recorder',
                 parameters={'bag': motion.bag},
-                log=logs / f'recorder_{motion.name}.log',
+                log=_recorder_log(logs, motion),
             )
         )
         print(f'Motion    {motion.name} (seed {motion.seed})', flush=True)
@@ -171,8 +178,7 @@ def _run_motion(motion: Motion, logs: Path, options: argparse.Namespace) -> None
                 },
             )
         )
-        if excitation.wait(timeout=60.0 + 10.0 * options.periods) != 0:
-            raise DemoError(f'excitation ended with {excitation.returncode}')
+        _wait(excitation, 60.0 + 10.0 * options.periods)
         if recorder.returncode is not None:
             raise DemoError(f'recorder ended early:\n{recorder.tail()}')
     if recorder.returncode != 0:
@@ -184,8 +190,7 @@ def _identify(motions: list[Motion], out: Path) -> None:
     arguments = ['--bag', str(identification.bag), '--validation', str(validation.bag)]
     arguments += ['--truth', str(out / 'truth.yaml'), '--out', str(out / 'result')]
     with NodeProcess('identifier', arguments) as identifier:
-        if identifier.wait(timeout=120.0) != 0:
-            raise DemoError(f'identifier ended with {identifier.returncode}')
+        _wait(identifier, 120.0)
     # The promise of the demo, checked and not only printed.
     solvers = json.loads((out / 'result' / 'summary.json').read_text())['solvers']
     if not solvers['sdp']['physically_consistent']:
@@ -195,16 +200,18 @@ def _identify(motions: list[Motion], out: Path) -> None:
         raise DemoError(f'the identified model ({identified:.1f} %) does not beat CAD clearly')
 
 
-def _recorder_summary(logs: Path, motion: Motion) -> str:
-    return _last_match(logs / f'recorder_{motion.name}.log', r'(\d+ messages.*)$')
+def _wait(process: NodeProcess, timeout: float) -> None:
+    """Wait for a good end of a process; raise DemoError if there is none within `timeout` [s]."""
+    try:
+        status = process.wait(timeout)
+    except TimeoutExpired:
+        raise DemoError(f'{process.name} did not end within {timeout:g} s') from None
+    if status != 0:
+        raise DemoError(f'{process.name} ended with {status}')
 
 
-def _last_match(log: Path | None, pattern: str) -> str:
-    """Return the last line of a log that holds `pattern`."""
-    if log is None:
-        return 'no log'
-    found = re.findall(pattern, log.read_text(errors='replace'), flags=re.MULTILINE)
-    return found[-1] if found else f'no account found in {log}'
+def _recorder_log(logs: Path, motion: Motion) -> Path:
+    return logs / f'recorder_{motion.name}.log'
 
 
 if __name__ == '__main__':

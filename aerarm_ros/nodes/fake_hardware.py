@@ -14,17 +14,24 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.answer import Answer
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulated_base import mount_on_base
 from aerarm_ros.hardware.emulated_transport import EmulatedTransport
 from aerarm_ros.hardware.emulation import make_emulated_transport
 from aerarm_ros.hardware.fault_injection import FAULTS
 from aerarm_ros.hardware.fault_request import FORM, FaultRequest
 from aerarm_ros.hardware.frame_profile import FrameProfile
+from aerarm_ros.nodes.bridge_parameters import BRIDGE_PARAMETERS
 from aerarm_ros.nodes.cycle_requests import Action
+from aerarm_ros.nodes.emulated_drone import EmulatedDrone
 from aerarm_ros.nodes.hardware_bridge import HardwareBridge
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
+from aerarm_ros.simulation.plant_parameters import PlantParameters
 
-FAKE_PARAMETERS = (
+PARAMETERS = ParameterTable(
+    *BRIDGE_PARAMETERS,
     Parameter(
         'seed',
         0,
@@ -38,6 +45,21 @@ FAKE_PARAMETERS = (
         'rad',
         element=float,
     ),
+    Parameter(
+        'payload',
+        [],
+        "what the arm carries: mass, and x, y, z of its centre in the frame of the last link's "
+        'joint; nothing if empty',
+        'kg, m',
+        element=float,
+    ),
+    Parameter(
+        'base_motion_profile',
+        STILL,
+        "what the arm's base does once the motors are ready; unless it is still, its IMU is "
+        'published on imu',
+        choices=tuple(BASE_PROFILES),
+    ),
     Parameter('truth_file', '', "YAML file to write the arm's true parameters to"),
     Parameter(
         'fault',
@@ -46,6 +68,9 @@ FAKE_PARAMETERS = (
         live=True,
     ),
 )
+
+# The payload is a ball of this radius [m]: its own inertia, small beside that of its place.
+PAYLOAD_RADIUS = 0.03
 
 
 class FakeHardware(HardwareBridge):
@@ -57,20 +82,26 @@ class FakeHardware(HardwareBridge):
 
     def __init__(self) -> None:
         self._boards: EmulatedTransport | None = None
-        super().__init__('fake_hardware', FAKE_PARAMETERS)
+        self._drone: EmulatedDrone | None = None
+        super().__init__('fake_hardware', PARAMETERS)
 
     def make_transport(
         self, config: ArmConfig, robot: Robot, profile: FrameProfile
     ) -> EmulatedTransport:
         """Return emulated boards; writes the true parameters if asked to."""
         values = self.values
+        seed = None if values.seed < 0 else values.seed
         self._boards = transport = make_emulated_transport(
             config,
             robot,
-            None if values.seed < 0 else values.seed,
+            seed,
             position=values.initial_position or None,
+            parameters=_plant_parameters(config, robot, seed, values.payload),
             profile=profile,
         )
+        if values.base_motion_profile != STILL:
+            plant = mount_on_base(transport, robot, BASE_PROFILES[values.base_motion_profile])
+            self._drone = EmulatedDrone(self, plant)
         if values.truth_file:
             text = yaml.safe_dump(transport.plant.true_parameters(), sort_keys=False)
             Path(values.truth_file).write_text(text)
@@ -91,6 +122,8 @@ class FakeHardware(HardwareBridge):
         """Run boards and arm on to the next cycle, while the controllers compute."""
         if self._boards is not None:
             self._boards.advance(now + self.values.period)
+        if self._drone is not None and self._cycle is not None:
+            self._drone.update(self._cycle.mode, now)
 
     def check_parameters(self, changes: Mapping[str, Any]) -> str:
         """Return why live parameters can't be set, or ''."""
@@ -134,9 +167,25 @@ class FakeHardware(HardwareBridge):
         return Answer(True, 'the arm is back where it started, carried until its motors hold it')
 
 
+def _plant_parameters(
+    config: ArmConfig, robot: Robot, seed: int | None, payload: Sequence[float]
+) -> PlantParameters:
+    """Return what the simulated arm is made of; raises ValueError for an impossible payload."""
+    parameters = PlantParameters.nominal(config, robot)
+    if seed is not None:
+        parameters = parameters.perturbed(seed)
+    if not payload:
+        return parameters
+    if len(payload) != 4 or not payload[0] >= 0.0:
+        raise ValueError(
+            f'payload {list(payload)}: give a mass not below 0 [kg] and x, y, z of its centre [m]'
+        )
+    return parameters.carrying(payload[0], payload[1:], PAYLOAD_RADIUS)
+
+
 def main(args: Sequence[str] | None = None) -> int:
     """Run the bridge on the emulated boards."""
-    return run_node('fake_hardware', FakeHardware, args)
+    return run_node('fake_hardware', FakeHardware, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

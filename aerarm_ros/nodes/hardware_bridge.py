@@ -18,9 +18,11 @@ from aerarm_ros.hardware.answer import Answer
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.command_publishers import CommandPublishers
 from aerarm_ros.hardware.frame_profile import FrameProfile
+from aerarm_ros.hardware.offered_command import OfferedCommand
 from aerarm_ros.hardware.spi_self_test import self_test
 from aerarm_ros.hardware.spidev_transport import SpidevTransport
 from aerarm_ros.hardware.transport import Transport
+from aerarm_ros.model.gravity_load import largest_gravity_load
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.bridge_diagnostics import BridgeDiagnostics, Watched
 from aerarm_ros.nodes.bridge_parameters import (
@@ -33,12 +35,14 @@ from aerarm_ros.nodes.bridge_services import ACTIONS, BridgeServices
 from aerarm_ros.nodes.bridge_streams import BridgeStreams
 from aerarm_ros.nodes.bridge_timing import BridgeTiming
 from aerarm_ros.nodes.cycle_requests import Action, CycleRequests
+from aerarm_ros.nodes.invalid_transitions import answer_invalid_transitions
+from aerarm_ros.nodes.mode_log import ModeLog
 from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.parameters import ParameterTable
 from aerarm_ros.nodes.publisher_watch import PublisherWatch
 from aerarm_ros.nodes.robot_description import RobotDescription
 from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.realtime.cycle_slack import CycleSlack
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.realtime.scheduling import (
     freeze_garbage_collector,
@@ -53,6 +57,7 @@ SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FA
 _LOOP_END_TIMEOUT = 2.0
 # The arm's mode while no cycle runs; the others are `bridge_cycle.MODES`.
 INACTIVE = 'inactive'
+PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS)
 _GAINS = {'board_kp', 'board_kd', 'board_ki'}
 
 
@@ -68,7 +73,7 @@ class HardwareBridge(LifecycleNode):
     name
         Node name.
     parameters
-        Parameters of a derived bridge.
+        Its parameters; a derived bridge may have more.
 
     Raises
     ------
@@ -76,17 +81,20 @@ class HardwareBridge(LifecycleNode):
         If a parameter's value can't be used.
     """
 
-    def __init__(self, name: str = 'hardware_bridge', parameters: Sequence[Parameter] = ()) -> None:
+    def __init__(
+        self, name: str = 'hardware_bridge', parameters: ParameterTable = PARAMETERS
+    ) -> None:
         super().__init__(name)
+        answer_invalid_transitions(self)
         self._cycle: BridgeCycle | None = None
         self._loop: PeriodicLoop | None = None
         self._timing: BridgeTiming | None = None
         self.requests = CycleRequests()
-        table = ParameterTable(*BRIDGE_PARAMETERS, *parameters)
-        self.values = table.declare(self, self.on_parameter, self.check_parameters)
+        self.values = parameters.declare(self, self.on_parameter, self.check_parameters)
         self._mode_publisher = self.create_publisher(
             String, topics.ARM_MODE.name, topics.ARM_MODE.qos
         )
+        self._mode_log = ModeLog(self)
         BridgeServices(self, self.requests.ask, self.actions())
         self._diagnostics = BridgeDiagnostics(self)
         self._work = threading.Event()
@@ -95,7 +103,9 @@ class HardwareBridge(LifecycleNode):
         self._mode = ''
         self._problem = ''
         self._stamp_ns = 0
+        self._sources = 0  # told apart when the publishers' names were last asked for
         self._stamps = SteadyClock()
+        self._slack = CycleSlack()
 
     # What a derived bridge changes.
 
@@ -131,13 +141,21 @@ class HardwareBridge(LifecycleNode):
         """Read the configuration, open the buses and try the wires."""
         try:
             config = load_arm_config(self.values.config or None)
-            robot = load_robot(self.values.urdf or None, gravity_in_base=config.gravity_in_base)
+            robot = load_robot(
+                self.values.urdf or None,
+                gravity_in_base=config.gravity_in_base,
+                joint_names=config.joint_names,
+            )
             profile = frame_profile(self.values, config)
             self._config = config
             self._transport = self.make_transport(config, robot, profile)
             self._transport.open()
             self._cycle = BridgeCycle(
-                config, self._transport, bridge_settings(self.values), profile
+                config,
+                self._transport,
+                bridge_settings(self.values),
+                profile,
+                largest_gravity_load(robot),
             )
             self._cycle.check_gains(*self._gains())
         except (ValueError, OSError) as error:
@@ -158,7 +176,13 @@ class HardwareBridge(LifecycleNode):
         self._loop = PeriodicLoop(self.values.period)
         self._timing = BridgeTiming(self._loop)
         self._diagnostics.watch(
-            Watched(self._config.joint_names, self._cycle, self._timing, self._command_publishers)
+            Watched(
+                self._config.joint_names,
+                self._cycle,
+                self._timing,
+                self._command_publishers,
+                self._watch,
+            )
         )
         self.requests.open()
         self._work.set()
@@ -208,7 +232,7 @@ class HardwareBridge(LifecycleNode):
 
     def run(self) -> None:
         """Run until SIGINT, SIGTERM or `stop`; raises OSError if it can't start by itself."""
-        with StopSignals(self.stop), BackgroundExecutor(self):
+        with StopSignals(self.stop), BackgroundExecutor(self, self._slack.wait):
             if self.values.autostart and not self._start():
                 raise OSError(self._problem)
             self._prepare_thread()
@@ -267,10 +291,12 @@ class HardwareBridge(LifecycleNode):
             names, sample, number = command
             age_ns = self._stamps.now_ns() - sample.stamp_ns
             source, allowed = self._command_publishers.judge(number, now)
-            if not allowed:
+            if not allowed or self._command_publishers.sources != self._sources:
+                self._sources = self._command_publishers.sources
                 self._watch.look_soon()
             numbers = (sample.position, sample.velocity, sample.effort)
-            cycle.command(names, *numbers, age_ns * 1e-9, now, source, allowed=allowed)
+            offered = OfferedCommand(names, *numbers, age_ns * 1e-9, source, allowed)
+            cycle.command(offered, now)
             timing.add_command(age_ns, sample.stamp_ns == self._stamp_ns)
         cycle.update(now)
         self._stamp_ns = self._stamps.now_ns()
@@ -285,16 +311,18 @@ class HardwareBridge(LifecycleNode):
         self.use_slack(now)
         self._watch.poll()
         self._diagnostics.step(now)
+        self._slack.begin()
 
     def _publish_mode(self, mode: str) -> None:
         self._mode = mode
         self._mode_publisher.publish(String(data=mode))
+        self._mode_log.note(mode, self._cycle.faults if self._cycle else ())
         self._diagnostics.publish_soon()
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the bridge on the SPI boards."""
-    return run_node('hardware_bridge', HardwareBridge, args)
+    return run_node('hardware_bridge', HardwareBridge, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

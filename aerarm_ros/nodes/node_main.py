@@ -9,6 +9,13 @@ from rclpy._rclpy_pybind11 import RCLError, RCLInvalidROSArgsError, UnknownROSAr
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 
+from aerarm_ros.nodes.command_line import CommandLine
+from aerarm_ros.nodes.local_discovery import stay_on_this_host
+from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.nodes.ros_arguments import RosArguments, UsageError
+
+USAGE = 2  # exit status
+
 
 class Runnable(Protocol):
     """A node with its own loop.
@@ -28,12 +35,20 @@ class Runnable(Protocol):
         """Leave everything safe and destroy the node; called once, whatever happened."""
 
 
-def run_node(name: str, create: Callable[[], Runnable], args: Sequence[str] | None = None) -> int:
+def run_node(
+    name: str,
+    create: Callable[[], Runnable],
+    args: Sequence[str] | None = None,
+    parameters: ParameterTable | None = None,
+    description: str | None = None,
+) -> int:
     """Create a node, run it, close it, and return the exit status.
 
-    SIGINT, SIGTERM and a shutdown from outside are ordinary ends (0). What a user can
-    repair (an argument, a parameter, a file: ValueError while creating, OSError at any time)
-    is one line on standard error (1). Anything else is a defect and keeps its traceback.
+    SIGINT, SIGTERM and a shutdown from outside are ordinary ends (0), and so is a request for
+    help, which starts nothing. An argument or parameter that the node does not have is one
+    line on standard error (2), and so is what else a user can repair (a parameter's value, a
+    file: ValueError while creating, OSError at any time; 1). Anything else is a defect and
+    keeps its traceback.
 
     Parameters
     ----------
@@ -43,7 +58,16 @@ def run_node(name: str, create: Callable[[], Runnable], args: Sequence[str] | No
         Makes the node; rclpy is initialised by then.
     args
         Command line with ROS arguments, by default the process's own.
+    parameters
+        The node's parameters; without them the caller has looked at the command line.
+    description
+        What the node does, for the help.
     """
+    if parameters is not None:
+        status = _read_command_line(CommandLine(name, parameters, description), args)
+        if status is not None:
+            return status
+    stay_on_this_host()
     node = None
     try:
         rclpy.init(args=args)
@@ -54,7 +78,9 @@ def run_node(name: str, create: Callable[[], Runnable], args: Sequence[str] | No
         node.run()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (OSError, RCLInvalidROSArgsError, UnknownROSArgsError) as error:
+    except (RCLInvalidROSArgsError, UnknownROSArgsError) as error:
+        return _report(name, error, USAGE)
+    except OSError as error:
         return _report(name, error)
     except (RCLError, InvalidHandle) as error:
         # A signal shuts the context down under whatever call is going on.
@@ -71,7 +97,22 @@ def run_node(name: str, create: Callable[[], Runnable], args: Sequence[str] | No
     return node.status if node is not None else 0
 
 
-def _report(name: str, error: Exception) -> int:
+def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) -> int | None:
+    """Answer a command line that starts no node; return its exit status, None if one shall."""
+    name = command_line.name
+    try:
+        arguments = RosArguments(sys.argv[1:] if args is None else args)
+        if command_line.asks_help(arguments):
+            print(command_line.help())
+            return 0
+        for warning in command_line.check(arguments):
+            print(f'{name}: warning: {warning}', file=sys.stderr, flush=True)
+    except UsageError as error:
+        return _report(name, error, USAGE)
+    return None
+
+
+def _report(name: str, error: Exception, status: int = 1) -> int:
     text = ' '.join(str(error).split())
-    print(f'{name}: {text}', file=sys.stderr)
-    return 1
+    print(f'{name}: {text}', file=sys.stderr, flush=True)
+    return status

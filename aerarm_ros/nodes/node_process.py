@@ -15,10 +15,14 @@ from aerarm_ros.description.resources import resource
 
 # Longer than any node's own shut-down (a bag's last chunk, the boards' last frames).
 STOP_TIMEOUT = 10.0
+_LAUNCHER = Path(__file__).with_name('die_with_parent.py')
 
 
 class NodeProcess:
     """One executable of the package, run as `python -m aerarm_ros.nodes.NAME`.
+
+    It ends with this process, even if that is killed (and with the thread that started it).
+    Ctrl-C does not reach it, so that one process decides in which order all others end.
 
     Parameters
     ----------
@@ -43,7 +47,9 @@ class NodeProcess:
         log: Path | None = None,
     ) -> None:
         self.name = name
-        command = [sys.executable, '-m', f'aerarm_ros.nodes.{name}', *arguments]
+        # The launcher alone needs no packages: -I -S.
+        command = [sys.executable, '-I', '-S', str(_LAUNCHER), str(os.getpid())]
+        command += [sys.executable, '-m', f'aerarm_ros.nodes.{name}', *arguments]
         for key, value in (parameters or {}).items():
             # ROS arguments may appear in several groups; one a parameter reads well in `ps`.
             command += ['--ros-args', '-p', f'{key}:={_as_yaml(value)}', '--']
@@ -55,6 +61,7 @@ class NodeProcess:
             stdin=subprocess.DEVNULL,
             stdout=self._stream,
             stderr=subprocess.STDOUT if self._stream else None,
+            process_group=0,
         )
 
     @property
@@ -77,8 +84,11 @@ class NodeProcess:
         """
         return self._process.wait(timeout)
 
-    def stop(self, sent: signal.Signals = signal.SIGINT, timeout: float = STOP_TIMEOUT) -> int:
-        """Ask the process to end, wait, and kill it if it does not; return its exit status."""
+    def stop(self, sent: signal.Signals = signal.SIGTERM, timeout: float = STOP_TIMEOUT) -> int:
+        """Ask the process to end, wait, and kill it if it does not; return its exit status.
+
+        SIGINT would leave a traceback of a process that still imports its modules.
+        """
         if self._process.poll() is None:
             self._process.send_signal(sent)
             try:

@@ -78,6 +78,18 @@ class Parameter:
             descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=0)]
         return descriptor
 
+    def heading(self) -> str:
+        """Return name, type, unit, default, bounds and whether it is live, in one line."""
+        kind = self.type.name.lower().replace('_array', ' list')
+        default = self._default_text()
+        details = (
+            f'{kind} [{self.unit}]' if self.unit else kind,
+            f'default {default}' if default else '',
+            self._bounds(),
+            'live' if self.live else '',
+        )
+        return f'{self.name} ({", ".join(filter(None, details))})'
+
     def adapt(self, value: Any) -> Any:
         """Return whole numbers as floating-point ones where the parameter is such."""
         if self.type is RosParameter.Type.DOUBLE and _is_whole(value):
@@ -125,6 +137,12 @@ class Parameter:
         if self.minimum is not None:
             return f'at least {self.minimum}'
         return '' if self.maximum is None else f'at most {self.maximum}'
+
+    def _default_text(self) -> str:
+        """Return the default as it is typed after `NAME:=`, '' if it is empty."""
+        if isinstance(self.default, (list, tuple)):
+            return f'[{", ".join(map(str, self.default))}]' if self.default else ''
+        return str(self.default).lower() if isinstance(self.default, bool) else str(self.default)
 
     def _constraints(self) -> str:
         when = '' if self.live else 'read once: give it when the node starts, -p NAME:=VALUE'

@@ -1,6 +1,6 @@
 """Parameters of a node, declared in one table."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -43,6 +43,9 @@ class ParameterTable:
             problem = parameter.problem(parameter.default)
             if problem:
                 raise ValueError(f'the default is not allowed: {problem}')
+
+    def __iter__(self) -> Iterator[Parameter]:
+        return iter(self._parameters.values())
 
     def declare(
         self, node: Node, on_change: LiveCallback | None = None, check: Check | None = None

@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from typing import TextIO
 
+_INTERVAL_NS = 100_000_000  # between two pictures on a terminal
+
 
 class ProgressLine:
-    """Rewrites one line on a terminal; writes a line a second elsewhere.
+    """Rewrites one line on a terminal; elsewhere writes one line a phase.
 
     Parameters
     ----------
@@ -19,15 +21,16 @@ class ProgressLine:
         self._name = name
         self._stream = sys.stdout if stream is None else stream
         self._terminal = self._stream.isatty()
-        self._interval_ns = 100_000_000 if self._terminal else 1_000_000_000
-        self._due_ns: int | None = None
+        self._phase: str | None = None
+        self._due_ns = 0
         self._width = 0
 
-    def due(self, now_ns: int) -> bool:
-        """Return whether a new line is worth composing at `now_ns` [ns], any clock."""
-        if self._due_ns is not None and now_ns < self._due_ns:
+    def due(self, now_ns: int, phase: str = '') -> bool:
+        """Return whether a new line is worth composing at `now_ns` [ns, any clock] in a phase."""
+        if phase == self._phase and not (self._terminal and now_ns >= self._due_ns):
             return False
-        self._due_ns = now_ns + self._interval_ns
+        self._phase = phase
+        self._due_ns = now_ns + _INTERVAL_NS
         return True
 
     def show(self, text: str) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from rclpy.node import Node
 
 from aerarm_msgs_py.topic import Topic
+from aerarm_ros.nodes.endpoint_problem import endpoint_name, endpoint_problem
 
 _CYCLES = 100  # between two polls for a reason to look
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'  # a publisher found before its node
@@ -27,12 +28,19 @@ class PublisherWatch:
     topic
         The topic.
     report
-        Takes the names.
+        Takes the names of those that reach a subscription.
+
+    Attributes
+    ----------
+    problems
+        One text for each publisher that does not reach it, with the reason.
     """
 
     def __init__(self, node: Node, topic: Topic, report: Callable[[Sequence[str]], None]) -> None:
+        self.problems: tuple[str, ...] = ()
         self._node = node
-        self._topic = node.resolve_topic_name(topic.name)
+        self._topic = topic
+        self._name = node.resolve_topic_name(topic.name)
         self._report = report
         self._count = 0
         self._cycle = 0
@@ -44,7 +52,7 @@ class PublisherWatch:
         self._cycle += 1
         if self._cycle % _CYCLES:
             return
-        count = self._node.count_publishers(self._topic)
+        count = self._node.count_publishers(self._name)
         if count != self._count or self._wanted:
             self._count, self._wanted = count, False
             self._reason.trigger()
@@ -58,6 +66,14 @@ class PublisherWatch:
         self._node.destroy_guard_condition(self._reason)
 
     def _look(self) -> None:
-        endpoints = self._node.get_publishers_info_by_topic(self._topic)
-        self._wanted = any(e.node_name == _UNKNOWN for e in endpoints)
-        self._report([f'{e.node_namespace.rstrip("/")}/{e.node_name}' for e in endpoints])
+        endpoints = self._node.get_publishers_info_by_topic(self._name)
+        self._wanted = any(endpoint.node_name == _UNKNOWN for endpoint in endpoints)
+        names, problems = [], []
+        for endpoint in endpoints:
+            name, problem = endpoint_name(endpoint), endpoint_problem(endpoint, self._topic)
+            if problem:
+                problems.append(f'{self._name} of {name} is not heard: {problem}')
+            else:
+                names.append(name)
+        self.problems = tuple(problems)
+        self._report(names)

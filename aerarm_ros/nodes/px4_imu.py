@@ -105,7 +105,7 @@ def to_imu(
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(NAME, Px4Imu, args)
+    return run_node(NAME, Px4Imu, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

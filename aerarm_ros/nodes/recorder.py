@@ -18,12 +18,14 @@ from aerarm_msgs_py.bag_writer import BagWriter
 from aerarm_msgs_py.mcap_writer import COMPRESSIONS
 from aerarm_msgs_py.raw_reader import RawReader
 from aerarm_msgs_py.recorded_message import RecordedMessage
-from aerarm_msgs_py.topics import RECORDER_STATUS
+from aerarm_msgs_py.topics import JOINT_STATES, RECORDER_STATUS
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.nodes.publisher_check import PublisherCheck
 from aerarm_ros.nodes.recorded_topics import SUITE_TOPICS, as_recorded, find_topics, for_recording
+from aerarm_ros.nodes.sole_publisher import SolePublisher
 from aerarm_ros.nodes.stop_signals import StopSignals
 
 NAME = 'recorder'
@@ -81,9 +83,10 @@ class Recorder:
             [as_recorded(topic, name) for topic, name in zip(topics, self._names, strict=True)],
             values.compression,
         )
-        self._reader = RawReader(
-            self._node, *(for_recording(topic, values.depth) for topic in topics)
-        )
+        subscribed = [for_recording(topic, values.depth) for topic in topics]
+        self._reader = RawReader(self._node, *subscribed)
+        self._check = PublisherCheck(self._node, subscribed)
+        self._sources = SolePublisher(self._node, JOINT_STATES)
         self._status_publisher = self._node.create_publisher(
             String, RECORDER_STATUS.name, RECORDER_STATUS.qos
         )
@@ -112,8 +115,9 @@ class Recorder:
         try:
             self._writer.close()
         except BagError as error:
+            if self.status == 0:  # not said yet
+                print(f'{NAME}: {error}', file=sys.stderr)
             self.status = 1
-            print(f'{NAME}: {error}', file=sys.stderr)
         self._reader.destroy()
         self._node.destroy_node()
 
@@ -146,11 +150,18 @@ class Recorder:
                 )
 
     def _update_matched(self) -> None:
-        matched = [name for k, name in enumerate(self._names) if self._reader.publishers(k)]
+        counts = [self._reader.publishers(k) for k in range(len(self._names))]
+        matched = [name for name, count in zip(self._names, counts, strict=True) if count]
+        self._warn(counts)
         if matched != self._matched:
             self._matched = matched
             self._publish_status('recording')
             self._node.get_logger().info(f'publishers found: {", ".join(matched) or "none"}')
+
+    def _warn(self, matched: list[int]) -> None:
+        """Say what will be missing in the bag, or be in it twice."""
+        for text in filter(None, [*self._check.news(matched), self._sources.news()]):
+            self._node.get_logger().warning(text)
 
     def _publish_status(self, state: str) -> None:
         content = {'state': state, 'bag': str(self._directory), 'matched': self._matched}
@@ -163,6 +174,10 @@ class Recorder:
         for name, count, lost in zip(self._names, counts, losses, strict=True):
             if count:
                 log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost')
+        if not any(counts):
+            self._node.get_logger().warning(
+                'nothing came: is a bridge running in this ROS domain (ROS_DOMAIN_ID)?'
+            )
         total = sum(lost or 0 for lost in losses)
         log(f'{self._directory}: {sum(counts)} messages, {total} lost')
 
@@ -172,7 +187,7 @@ class Recorder:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node and return its exit status."""
-    return run_node(NAME, Recorder, args)
+    return run_node(NAME, Recorder, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

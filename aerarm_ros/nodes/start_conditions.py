@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -10,8 +11,22 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_ros.excitation.excitation_error import ExcitationError
+from aerarm_ros.nodes.sole_publisher import SolePublisher
 
 MOVABLE = ('ready', 'running')
+# What ends a mode in which the arm follows no command.
+_ADVICE = {
+    'inactive': "activate the bridge: 'ros2 lifecycle set /NAME activate'",
+    'disconnected': 'the boards do not answer: see the log of the bridge',
+    'aligning': 'the motors will be aligned in a few seconds',
+}
+# By then all nodes in the domain have announced themselves (config/fastdds.xml) [s].
+_DISCOVERY_TIME = 0.5
+_LISTENERS = {
+    topics.JOINT_COMMAND.name: 'are the bridge, and the recorder if wanted, running?',
+    topics.JOINT_STATES.name: 'is the recorder running?',
+}
+_ENABLE = "run 'arm enable' (the arm moves)"
 
 
 class StartConditions:
@@ -38,11 +53,13 @@ class StartConditions:
 
     def __init__(self, node: Node, commands: Publisher, subscribers: int, recorder: bool) -> None:
         self.mode = ''
+        self._discovered = time.monotonic() + _DISCOVERY_TIME
         self._node = node
         self._commands = commands
         self._subscribers = subscribers
         self._recorder = recorder
         self._recorded: set[str] = set()
+        self._sources = SolePublisher(node, topics.JOINT_STATES)
         for topic, callback in (
             (topics.ARM_MODE, self._on_mode),
             (topics.RECORDER_STATUS, self._on_recorder_status),
@@ -58,19 +75,31 @@ class StartConditions:
             If the arm is in fault, which waiting does not mend.
         """
         if self.mode == 'fault':
-            raise ExcitationError('arm_mode is fault: see /diagnostics, then call clear_fault')
-        missing = []
+            raise ExcitationError(
+                "arm_mode is fault: see the log of the bridge, then 'arm clear_fault'"
+            )
+        if not self.mode:
+            return ['there is no arm_mode: is a bridge running in this ROS domain?']
+        missing = list(filter(None, [self._sources.problem()]))
+        if time.monotonic() < self._discovered:
+            missing.append('other bridges are being looked for')
         if self.mode not in MOVABLE:
-            missing.append(f"arm_mode is '{self.mode}': call the bridge's enable service")
+            missing.append(f"arm_mode is '{self.mode}': {_ADVICE.get(self.mode, _ENABLE)}")
         matched = {
             topics.JOINT_COMMAND.name: self._commands.get_subscription_count(),
             topics.JOINT_STATES.name: self._node.count_subscribers(topics.JOINT_STATES.name),
         }
         for name, count in matched.items():
             if count < self._subscribers:
-                missing.append(f'{name} has {count} of {self._subscribers} subscribers')
-            if self._recorder and self._node.resolve_topic_name(name) not in self._recorded:
-                missing.append(f'{name} is not being recorded: is the recorder running?')
+                missing.append(
+                    f'{name} has {count} of {self._subscribers} subscribers: {_LISTENERS[name]}'
+                )
+        resolve = self._node.resolve_topic_name
+        unrecorded = [name for name in matched if resolve(name) not in self._recorded]
+        if self._recorder and unrecorded:
+            missing.append(
+                f"{' and '.join(unrecorded)} not being recorded: run 'recorder' in this ROS domain"
+            )
         return missing
 
     def _on_mode(self, message: String) -> None:

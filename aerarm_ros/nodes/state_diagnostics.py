@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
+from aerarm_ros.nodes.sole_publisher import SolePublisher
 from aerarm_ros.nodes.state_stream import StateStream
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
 
@@ -52,6 +53,7 @@ class StateDiagnostics:
         self.latency = TimingStatistics()
         self.rejections = 0
         self.last_rejection = ''
+        self._sources = SolePublisher(node, topics.JOINT_STATES)
         self._publisher = node.create_publisher(
             DiagnosticArray, topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.qos
         )
@@ -71,9 +73,9 @@ class StateDiagnostics:
         """Return one line for the log's end."""
         latency = self.latency.summary()
         return (
-            f'{latency.count} states answered, {self._lost()} lost, {self.rejections} inputs '
-            f'rejected; answer p50 {latency.p50 * 1e6:.0f} us, p99 {latency.p99 * 1e6:.0f} us '
-            'after the stamp'
+            f'{latency.count} states answered, {self._skipped()} not answered, '
+            f'{self.rejections} inputs rejected; answer p50 {latency.p50 * 1e6:.0f} us, '
+            f'p99 {latency.p99 * 1e6:.0f} us after the stamp'
         )
 
     def publish(self) -> None:
@@ -93,19 +95,22 @@ class StateDiagnostics:
         self._publisher.publish(message)
 
     def _problem(self) -> str:
+        news = self._sources.news()
+        if news:
+            self._node.get_logger().warning(news)
         received = self._stream.received if self._stream else 0
         is_silent, self._received = received == self._received, received
         if is_silent:
             return 'no joint states: is the bridge running?'
         if time.monotonic() - self._rejected_at < _REMEMBERED:
             return f'rejected: {self.last_rejection}'
-        return self._warning()
+        return self._sources.problem() or self._warning()
 
     def _all_values(self) -> dict[str, object]:
         latency = self.latency.summary()
         return {
             'states answered': latency.count,
-            'states lost': self._lost(),
+            'states not answered': self._skipped(),
             'rejected inputs': self.rejections,
             'last rejection': self.last_rejection,
             'answer p50 [us]': round(latency.p50 * 1e6),
@@ -114,6 +119,7 @@ class StateDiagnostics:
             **self._values(),
         }
 
-    def _lost(self) -> object:
+    def _skipped(self) -> object:
+        # Nearly always one that a newer state replaced before the loop came to it.
         lost = None if self._stream is None else self._stream.lost
         return 'not counted' if lost is None else lost

@@ -103,7 +103,7 @@ class ToolPath:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(NAME, ToolPath, args)
+    return run_node(NAME, ToolPath, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

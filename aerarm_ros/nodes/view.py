@@ -169,7 +169,7 @@ class View:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(NAME, View, args)
+    return run_node(NAME, View, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

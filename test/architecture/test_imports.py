@@ -1,15 +1,18 @@
 """The rooms' import rules, read from the syntax trees."""
 
 import ast
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-ROS_MODULES = {
-    *('rclpy', 'sensor_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs', 'geometry_msgs'),
-    *('trajectory_msgs', 'rcl_interfaces', 'lifecycle_msgs', 'builtin_interfaces'),
+MESSAGE_MODULES = {
+    *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'lifecycle_msgs', 'nav_msgs'),
+    *('px4_msgs', 'rcl_interfaces', 'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs'),
+    *('tf2_msgs', 'visualization_msgs'),
 }
+ROS_MODULES = MESSAGE_MODULES | {'ament_index_python', 'launch', 'launch_ros', 'rclpy'}
 # What each room may import from the suite besides itself; imports point one way.
 ALLOWED = {
     'description': set(),
@@ -54,6 +57,32 @@ def test_imports_point_one_way(room: str) -> None:
             if name.startswith('aerarm_ros.'):
                 other = name.split('.')[1]
                 assert other == room or other in ALLOWED[room], f'{path} imports {name}'
+
+
+def test_rclpy_is_imported_by_nodes_and_messages_only() -> None:
+    importers = [
+        path.relative_to(ROOT).parts[:2]
+        for path in [*python_files('aerarm_ros'), *python_files('aerarm_msgs_py')]
+        if 'rclpy' in {name.split('.')[0] for name in imported_modules(path)}
+    ]
+    assert {parts for parts in importers if parts[0] == 'aerarm_ros'} == {('aerarm_ros', 'nodes')}
+
+
+def test_every_room_has_a_rule() -> None:
+    rooms = {path.parent.name for path in (ROOT / 'aerarm_ros').glob('*/__init__.py')}
+    assert rooms == {*ALLOWED, 'nodes'}
+
+
+def test_every_ros_module_is_a_dependency() -> None:
+    packages = {
+        element.text
+        for element in ElementTree.parse(ROOT / 'package.xml').getroot()
+        if element.tag.endswith('depend')
+    }
+    files = [*python_files('aerarm_ros'), *python_files('aerarm_msgs_py'), *python_files('launch')]
+    used = {name.split('.')[0] for path in files for name in imported_modules(path)} & ROS_MODULES
+    # px4_msgs is used where it is installed.
+    assert used - {'px4_msgs'} <= packages
 
 
 def test_the_message_package_stands_alone() -> None:

@@ -1,6 +1,8 @@
 """An arm that follows velocity commands exactly, as a process, with faults on request.
 
-Stands in for the bridge where a test needs an arm that gets stuck, falls silent or faults.
+Stands in for the bridge where a test needs an arm that gets stuck, falls silent or faults. Its
+time, which it stamps the states with, stands still while an answer is awaited: what a test
+measures does not depend on how busy the machine is.
 """
 
 import argparse
@@ -19,6 +21,7 @@ from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
 PERIOD = 1e-3
+PATIENCE = 50  # cycles without an answer
 
 
 class IdealArm:
@@ -39,6 +42,7 @@ class IdealArm:
         self.commanded: list[np.ndarray] = []
         self.sent: set[int] = set()
         self.moved_for = 0.0
+        self.waited = 0
         self.time_ns = time.time_ns()
         self.trace: list[np.ndarray] = []
         self.set_mode(options.mode)
@@ -55,12 +59,16 @@ class IdealArm:
             self.dq = np.array(command.velocity)
             self.answered.append(command.stamp_ns)
             self.commanded.append(self.dq)
-        stamp = time.time_ns()
-        step, self.time_ns = (stamp - self.time_ns) * 1e-9, stamp
+        elif self.answered and self.waited < PATIENCE:
+            self.waited += 1
+            return
+        self.waited = 0
+        self.time_ns += round(PERIOD * 1e9)
+        stamp = self.time_ns
         if self.answered:
-            self.moved_for += step
+            self.moved_for += PERIOD
         if self.moved_for < self.options.stuck_after:
-            self.q = self.q + step * self.dq
+            self.q = self.q + PERIOD * self.dq
         if self.moved_for >= self.options.fault_after:
             self.set_mode('fault')
             self.options.fault_after = np.inf

@@ -1,10 +1,13 @@
 """The command line to the bridge, against the real bridge on emulated boards."""
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from rclpy.node import Node
 
+from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
 from aerarm_ros.nodes.node_process import NodeProcess
 
 
@@ -38,6 +41,28 @@ def test_a_refusal_is_an_error_and_the_bridge_goes_on(bridge: NodeProcess, tmp_p
     assert status == 1
     assert 'refused' in text
     assert ask(log, 'clear_fault', '--wait', 'idle', 'ready')[0] == 0
+
+
+def test_with_two_bridges_only_what_stops_goes_to_both(
+    bridge: NodeProcess, ros_node: Node, tmp_path: Path
+) -> None:
+    client = ArmClient(ros_node)
+    client.wait_for_mode(['idle'], 30.0)
+    remap = ('--ros-args', '-r', '__node:=hardware_bridge', '--')
+    with NodeProcess('fake_hardware', remap, log=tmp_path / 'second.log') as second:
+        while ': idle' not in second.tail(50):
+            assert second.returncode is None, second.tail()
+            time.sleep(0.05)
+        refusal = ''
+        while not refusal:
+            assert second.returncode is None, second.tail()
+            try:
+                client.call('clear_fault')  # does nothing while only one has been found
+            except ArmClientError as error:
+                refusal = str(error)
+        assert 'hardware_bridge/clear_fault and fake_hardware/clear_fault' in refusal
+        assert client.call('e_stop') == 'the arm is damped; the arm is damped'
+        client.wait_for_mode(['fault'], 30.0)
 
 
 def test_without_a_bridge_it_says_what_to_check(ros_domain: dict[str, str], tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import rclpy
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 
+from aerarm_ros.nodes import background_executor
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 
 
@@ -25,6 +26,14 @@ def test_ends_with_its_context(ros_node: Node) -> None:
     before = threading.active_count()
     with BackgroundExecutor(ros_node):
         assert threading.active_count() == before + 1
+    assert threading.active_count() == before
+
+
+def test_ends_at_once_though_nothing_happens_on_the_node(ros_node: Node, monkeypatch) -> None:
+    monkeypatch.setattr(background_executor, 'WAIT', 3600.0)
+    before = threading.active_count()
+    with BackgroundExecutor(ros_node):
+        time.sleep(0.2)  # by now it waits; untold it would for an hour, and the test with it
     assert threading.active_count() == before
 
 

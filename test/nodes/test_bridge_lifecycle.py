@@ -90,3 +90,28 @@ def test_what_is_wrong_when_configuring_is_reported(
     assert '/nowhere/arm.yaml' in process.tail()
     assert lifecycle.trigger(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
     assert process.wait(20.0) == 0
+
+
+def test_invalid_transitions_are_refused_and_change_nothing(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    process = start_bridge(autostart=False)
+    lifecycle = Lifecycle(ros_node)
+    for transition in (
+        Transition.TRANSITION_ACTIVATE,
+        Transition.TRANSITION_DEACTIVATE,
+        Transition.TRANSITION_CLEANUP,
+        Transition.TRANSITION_ACTIVE_SHUTDOWN,
+        250,
+    ):
+        assert not lifecycle.trigger(transition)
+        assert lifecycle.state == State.PRIMARY_STATE_UNCONFIGURED
+    assert 'from unconfigured: possible are configure, shutdown' in process.tail()
+    assert lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
+    assert not lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
+    assert lifecycle.state == State.PRIMARY_STATE_INACTIVE
+    assert lifecycle.trigger(Transition.TRANSITION_ACTIVATE)
+    assert not lifecycle.trigger(Transition.TRANSITION_CLEANUP)
+    assert lifecycle.state == State.PRIMARY_STATE_ACTIVE
+    client = BridgeClient(ros_node)
+    client.wait_for_mode('idle')  # the cycle has not noticed

@@ -6,118 +6,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rclpy
-from builtin_interfaces.msg import Duration
-from diagnostic_msgs.msg import DiagnosticArray
+from controller_bench import LIMIT, NAMES, ControllerBench, trajectory
 from geometry_msgs.msg import InertiaStamped, PoseStamped, WrenchStamped
-from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes.node_process import NodeProcess
 
-NAMES = ['joint1', 'joint2', 'joint3', 'joint4']
-LIMIT = 40.0  # [s] longest wait for anything
-
-
-class Bench:
-    """The emulated arm, enabled, and a node that hears what it says."""
-
-    def __init__(self, folder: Path, node: Node) -> None:
-        self.folder = folder
-        self.node = node
-        self.mode = ''
-        self.q = np.full(4, np.nan)
-        self.dq = np.full(4, np.nan)
-        self.heard: dict[str, object] = {}
-        self.problems: list[str] = []
-        self.listen(topics.ARM_MODE, lambda m: setattr(self, 'mode', m.data))
-        self.listen(topics.JOINT_STATES, self._on_state)
-        self.listen(topics.DIAGNOSTICS, self._on_diagnostics)
-        log = folder / 'fake_hardware.log'
-        arm = {'seed': -1, 'realtime_priority': 80}
-        self.hardware = NodeProcess('fake_hardware', (), arm, None, log)
-
-    def start(self) -> None:
-        self.wait(lambda: self.mode == 'idle', 'the bridge')
-        client = self.node.create_client(Trigger, 'fake_hardware/enable')
-        assert client.wait_for_service(LIMIT)
-        client.call_async(Trigger.Request())
-        self.wait(lambda: self.mode == 'ready', 'the alignment')
-
-    def listen(self, topic: topics.Topic, act: Callable) -> None:
-        self.node.create_subscription(topic.type, topic.name, act, topic.qos)
-
-    def keep(self, topic: topics.Topic) -> None:
-        self.listen(topic, lambda m: self.heard.__setitem__(topic.name, m))
-
-    def publisher(self, topic: topics.Topic):
-        publisher = self.node.create_publisher(topic.type, topic.name, topic.qos)
-        self.wait(lambda: publisher.get_subscription_count() > 0, topic.name)
-        return publisher
-
-    def controller(self, name: str, **parameters: object) -> NodeProcess:
-        parameters = {'realtime_priority': 70, **parameters}
-        return NodeProcess(name, (), parameters, None, self.folder / f'{name}.log')
-
-    def wait(self, condition: Callable[[], bool], what: str, again: Callable | None = None) -> None:
-        """Wait; call `again` at first and every 4 s, as a user would after a hiccup."""
-        deadline = time.monotonic() + LIMIT
-        repeat = 0.0
-        while not condition():
-            if again is not None and time.monotonic() > repeat:
-                repeat = time.monotonic() + 4.0
-                again()
-            rclpy.spin_once(self.node, timeout_sec=0.05)
-            assert time.monotonic() < deadline, f'waited for {what}: {self.mode} {self.q}'
-            assert self.hardware.returncode is None, self.hardware.tail()
-
-    def wait_for_posture(self, q: list[float], tolerance: float, again: Callable) -> None:
-        self.wait(
-            lambda: np.abs(self.q - q).max() < tolerance and np.abs(self.dq).max() < 0.05,
-            f'{q}',
-            again,
-        )
-
-    def set_parameter(self, name: str, parameter: str, value: object) -> None:
-        client = self.node.create_client(SetParameters, f'{name}/set_parameters')
-        assert client.wait_for_service(LIMIT)
-        request = SetParameters.Request(
-            parameters=[Parameter(parameter, value=value).to_parameter_msg()]
-        )
-        future = client.call_async(request)
-        rclpy.spin_until_future_complete(self.node, future, timeout_sec=LIMIT)
-        assert future.result().results[0].successful
-
-    def _on_state(self, message: JointState) -> None:
-        self.q, self.dq = np.array(message.position), np.array(message.velocity)
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        self.problems += [status.message for status in message.status]
-
 
 @pytest.fixture
-def bench(tmp_path: Path, ros_node: Node) -> Iterator[Bench]:
-    bench = Bench(tmp_path, ros_node)
+def bench(tmp_path: Path, ros_node: Node) -> Iterator[ControllerBench]:
+    bench = ControllerBench(tmp_path, ros_node)
     with bench.hardware:
         bench.start()
         yield bench
 
 
-def trajectory(q: list[float], seconds: float, names: list[str] = NAMES) -> JointTrajectory:
-    whole, part = divmod(seconds, 1.0)
-    time_from_start = Duration(sec=int(whole), nanosec=int(part * 1e9))
-    point = JointTrajectoryPoint(positions=q, time_from_start=time_from_start)
-    return JointTrajectory(joint_names=names, points=[point])
-
-
-def test_gravity_compensation_goes_to_set_points_and_lets_go(bench: Bench) -> None:
+def test_gravity_compensation_goes_to_set_points_and_lets_go(bench: ControllerBench) -> None:
     with bench.controller('gravity_compensation') as process:
         set_points = bench.publisher(topics.SET_POINT)
         bench.wait(lambda: bench.mode == 'running', 'commands')
@@ -137,7 +46,7 @@ def test_gravity_compensation_goes_to_set_points_and_lets_go(bench: Bench) -> No
 
 
 @pytest.mark.parametrize('feedback', ['host', 'boards'])
-def test_computed_torque_executes_a_trajectory(bench: Bench, feedback: str) -> None:
+def test_computed_torque_executes_a_trajectory(bench: ControllerBench, feedback: str) -> None:
     with bench.controller('computed_torque', feedback=feedback, compensation=0.2):
         trajectories = bench.publisher(topics.JOINT_TRAJECTORY)
         bench.wait(lambda: bench.mode == 'running', 'commands')
@@ -150,7 +59,7 @@ def test_computed_torque_executes_a_trajectory(bench: Bench, feedback: str) -> N
 
 
 @pytest.mark.parametrize('name', ['kinematic_control', 'impedance_control'])
-def test_the_tool_reaches_a_target(bench: Bench, name: str) -> None:
+def test_the_tool_reaches_a_target(bench: ControllerBench, name: str) -> None:
     kinematics = Kinematics(load_robot())
     bench.keep(topics.TOOL_POSE)
     with bench.controller(name):
@@ -179,7 +88,7 @@ def test_the_tool_reaches_a_target(bench: Bench, name: str) -> None:
         )
 
 
-def test_base_reaction_knows_the_weight_and_follows_the_imu(bench: Bench) -> None:
+def test_base_reaction_knows_the_weight_and_follows_the_imu(bench: ControllerBench) -> None:
     for topic in (topics.BASE_WRENCH, topics.ARM_INERTIA):
         bench.keep(topic)
     weight = load_robot().inertial_parameters[:, 0].sum() * 9.81
@@ -225,7 +134,7 @@ def test_base_reaction_knows_the_weight_and_follows_the_imu(bench: Bench) -> Non
         bench.wait(lambda: np.abs(force() - [0.0, 0.0, -weight]).max() < 0.3, 'the fall-back')
 
 
-def test_an_arm_that_is_off_gets_no_commands(bench: Bench) -> None:
+def test_an_arm_that_is_off_gets_no_commands(bench: ControllerBench) -> None:
     with bench.controller('computed_torque'):
         bench.wait(lambda: bench.mode == 'running', 'commands')
         client = bench.node.create_client(Trigger, 'fake_hardware/disable')
@@ -235,9 +144,21 @@ def test_an_arm_that_is_off_gets_no_commands(bench: Bench) -> None:
         bench.wait(lambda: any("'idle'" in p for p in bench.problems), 'a warning')
 
 
-def test_a_wrong_parameter_is_one_clear_line(bench: Bench) -> None:
-    process = bench.controller('computed_torque', kp=[1.0, 2.0])
-    with process:
+@pytest.mark.parametrize(
+    ('parameters', 'message'),
+    [
+        ({'kp': [1.0, 2.0]}, 'kp has 2 values, 4 are needed'),
+        ({'load_friction': [0.1, 0.2]}, 'load share has 2 values, 4 are needed'),
+        # What YAML makes of `off`.
+        ({'base_motion': False}, 'base_motion must be a string, one of none, attitude, full'),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else '',
+)
+def test_a_wrong_parameter_is_one_clear_line(
+    tmp_path: Path, ros_domain: dict[str, str], parameters: dict[str, object], message: str
+) -> None:
+    log = tmp_path / 'log'
+    with NodeProcess('computed_torque', (), parameters, log=log) as process:
         assert process.wait(LIMIT) == 1
     assert process.tail().count('\n') <= 1
-    assert 'kp has 2 values, 4 are needed' in process.tail()
+    assert message in process.tail()

@@ -1,15 +1,21 @@
 """The demo as a user runs it, with one period a motion instead of two."""
 
+import contextlib
 import json
+import os
 import re
+import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.inertia import is_physically_consistent
+from aerarm_ros.nodes.demo import INCOMPLETE
 
 DEMO = (sys.executable, '-m', 'aerarm_ros.nodes.demo')
 
@@ -18,7 +24,9 @@ DEMO = (sys.executable, '-m', 'aerarm_ros.nodes.demo')
 def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     out = tmp_path_factory.mktemp('demo') / 'out'
     command = [*DEMO, '--out', str(out), '--periods', '1']
-    run = subprocess.run(command, capture_output=True, text=True, timeout=240)
+    run = subprocess.run(
+        command, env=marked_environment(out), capture_output=True, text=True, timeout=240
+    )
     logs = {path.name: path.read_text()[-800:] for path in (out / 'logs').iterdir()}
     assert run.returncode == 0, (run.stdout[-1500:], run.stderr, logs)
     return run.stdout, out
@@ -48,17 +56,72 @@ def test_says_what_was_missed_and_lost_and_where_the_report_is(demo: tuple[str, 
     text, out = demo
     assert re.search(r'^Bridge +\d+ cycles, \d+ missed', text, re.MULTILINE)
     assert len(re.findall(r'^Recorder .* \d+ messages, \d+ lost', text, re.MULTILINE)) == 2
-    assert str(out / 'result' / 'report.html') in text
+    assert text.count(str(out / 'result' / 'report.html')) == 1
 
 
-def test_leaves_nothing_running(demo: tuple[str, Path]) -> None:
+def test_a_log_of_it_has_a_line_of_progress_for_each_part_of_a_motion(
+    demo: tuple[str, Path],
+) -> None:
+    progress = re.findall(r'^excitation: .* of .* s  (\w+)', demo[0], re.MULTILINE)
+    assert progress == 2 * ['approach', 'excitation', 'return']
+
+
+def test_leaves_nothing_running_and_nothing_incomplete(demo: tuple[str, Path]) -> None:
     _, out = demo
-    for process in Path('/proc').glob('[0-9]*/cmdline'):
-        try:
-            command = process.read_bytes()
-        except OSError:
-            continue  # it has just ended
-        assert str(out).encode() not in command, command
+    assert processes_of(out) == []
+    assert not (out / INCOMPLETE).exists()
+
+
+@pytest.mark.parametrize('sent', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_ended_early_it_leaves_no_process_and_a_marked_folder(
+    ros_domain: dict[str, str], tmp_path: Path, sent: signal.Signals
+) -> None:
+    out, log = tmp_path / 'out', tmp_path / 'log'
+    with (
+        log.open('w') as stream,
+        # Ctrl-C of a terminal goes to all processes of the group.
+        subprocess.Popen(
+            [*DEMO, '--out', str(out)],
+            env=marked_environment(out),
+            stdout=stream,
+            stderr=stream,
+            start_new_session=True,
+        ) as process,
+    ):
+        wait_for(lambda: 's  excitation' in log.read_text())
+        assert len(processes_of(out)) == 4  # with bridge, recorder and excitation
+        os.killpg(process.pid, sent)
+        assert process.wait(60.0) == (-signal.SIGKILL if sent is signal.SIGKILL else 130)
+    wait_for(lambda: processes_of(out) == [])
+    assert (out / INCOMPLETE).exists()
+    assert 'Traceback' not in log.read_text() + (out / 'logs' / 'fake_hardware.log').read_text()
+    if sent is not signal.SIGKILL:
+        assert log.read_text().splitlines()[-1] == (
+            f'demo: interrupted, every node was stopped; {out} is incomplete'
+        )
+
+
+def marked_environment(out: Path) -> dict[str, str]:
+    """Return an environment by which the processes of a demo are found again."""
+    return {**os.environ, 'DEMO_UNDER_TEST': str(out)}
+
+
+def processes_of(out: Path) -> list[str]:
+    """Return the command lines of a demo and its children."""
+    mark = f'DEMO_UNDER_TEST={out}'.encode()
+    commands = []
+    for process in Path('/proc').glob('[0-9]*'):
+        with contextlib.suppress(OSError):  # it may have just ended
+            if mark in (process / 'environ').read_bytes().split(b'\0'):
+                commands.append((process / 'cmdline').read_text().replace('\0', ' '))
+    return commands
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
 def test_refuses_a_folder_that_is_in_use(tmp_path: Path) -> None:

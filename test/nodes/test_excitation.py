@@ -78,6 +78,13 @@ def run(environment, tmp_path, **parameters) -> tuple[int, str]:
     return status, log.read_text()
 
 
+def wait_for_text(log: Path, text: str) -> None:
+    deadline = time.monotonic() + 60.0
+    while text not in log.read_text():
+        assert time.monotonic() < deadline, log.read_text()
+        time.sleep(0.05)
+
+
 def test_plays_the_trajectory_and_comes_back(tmp_path: Path, environment) -> None:
     saved = tmp_path / 'played.yaml'
     with ideal_arm(tmp_path, environment) as seen:
@@ -108,7 +115,7 @@ def assert_holds_a_period(time: np.ndarray, q: np.ndarray, trajectory: FourierTr
     for start in np.arange(0.0, time[-1] - trajectory.period, 2e-3):
         rows = np.minimum(np.searchsorted(time, start + offset), len(q) - 1)
         errors.append(np.abs(q[rows] - wanted).max())
-    # The arm is a cycle late, and its velocity loop (K = 1/s) forgives a late message or two.
+    # The arm is a cycle late.
     assert min(errors) < 0.02
 
 
@@ -126,10 +133,21 @@ def test_full_mode_from_a_file_with_another_joint_order(tmp_path: Path, environm
     generator = np.random.default_rng(1)
     coefficients = generator.uniform(-0.2, 0.2, (2, 4, 2))
     path = tmp_path / 'gentle.yaml'
-    TrajectoryFile(FourierTrajectory(0.5, bias[::-1], *coefficients), NAMES[::-1]).save(path)
+    series = FourierTrajectory(0.5, bias[::-1], *coefficients)
+    TrajectoryFile(series, NAMES[::-1], periods=1).save(path)
+    saved = tmp_path / 'played.yaml'
     with ideal_arm(tmp_path, environment, '--full', '--reversed') as seen:
-        status, log = run(environment, tmp_path, mode='position_velocity_effort', trajectory=path)
+        status, log = run(
+            environment,
+            tmp_path,
+            mode='position_velocity_effort',
+            trajectory=path,
+            periods=0,
+            save=saved,
+        )
     assert status == 0, log
+    # As many periods as the file says.
+    assert TrajectoryFile.load(saved).periods == 1
     np.testing.assert_allclose(seen['trace'][-1, 1:5], START, atol=2e-2)
 
 
@@ -140,11 +158,7 @@ def test_sigint_stops_smoothly_and_exits(tmp_path: Path, environment) -> None:
         ideal_arm(tmp_path, environment) as seen,
         NodeProcess('excitation', (), parameters, environment, log) as node,
     ):
-        deadline = time.monotonic() + 60.0
-        while ' s  excitation ' not in log.read_text():
-            assert time.monotonic() < deadline, log.read_text()
-            assert node.returncode is None, log.read_text()
-            time.sleep(0.05)
+        wait_for_text(log, ' s  excitation ')
         assert node.stop(signal.SIGINT) == 130
     assert 'stopped' in log.read_text()
     dq = seen['trace'][:, 5:]
@@ -173,9 +187,19 @@ def test_says_what_it_waits_for(tmp_path: Path, environment) -> None:
             environment, tmp_path, wait_timeout=3, subscribers=2, wait_for_recorder=True
         )
     assert status == 1
-    assert "arm_mode is 'idle': call the bridge's enable service" in log
+    assert "arm_mode is 'idle': run 'arm enable'" in log
+    assert log.count('waiting: ') == 1
     assert 'joint_command has 1 of 2 subscribers' in log
-    assert 'joint_states is not being recorded' in log
+    assert 'joint_command and joint_states not being recorded' in log
+
+
+def test_two_bridges_are_named(tmp_path: Path, environment) -> None:
+    bridge = NodeProcess('fake_hardware', (), {}, environment, tmp_path / 'bridge.log')
+    with ideal_arm(tmp_path, environment, '--mode', 'idle'), bridge:
+        wait_for_text(tmp_path / 'bridge.log', ': idle')
+        status, log = run(environment, tmp_path, wait_timeout=5)
+    assert status == 1
+    assert 'joint_states has 2 publishers, /fake_hardware and /ideal_arm: stop all but one' in log
 
 
 def test_a_start_in_collision_is_refused(tmp_path: Path, environment) -> None:
@@ -192,7 +216,7 @@ def test_a_start_in_collision_is_refused(tmp_path: Path, environment) -> None:
         ({'fundamental': 5.0}, 'frequency of highest harmonic'),
         ({'trajectory': '/nowhere/file.yaml'}, '/nowhere/file.yaml: No such file'),
         ({'mode': 'torque'}, 'one of velocity, position_velocity_effort'),
-        ({'periods': 0}, 'from 1 to'),
+        ({'periods': -1}, 'from 0 to'),
     ],
 )
 def test_bad_input_is_one_line(tmp_path: Path, environment, parameters, message) -> None:

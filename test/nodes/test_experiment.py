@@ -17,10 +17,10 @@ from aerarm_ros.nodes.experiment_case import (
     CAD,
     HOST,
     IDENTIFIED,
-    MOVING,
     ExperimentCase,
     all_cases,
 )
+from aerarm_ros.simulation.base_profile import MOVING
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 UPRIGHT = np.array([0.0, np.pi / 2, 0.0, 0.0])
@@ -75,15 +75,28 @@ def test_the_observer_makes_up_for_a_wrong_model(nominal, motion) -> None:
     assert observed < plain / 3.0
 
 
-def test_the_imu_makes_up_for_a_moving_base(nominal, motion) -> None:
+@pytest.mark.parametrize('seed', [None, 7], ids=['as drawn', 'a made arm'])
+def test_the_imu_makes_up_for_a_moving_base(nominal, motion, seed) -> None:
     """30 degrees at 0.5 Hz: errors as on a still base, which the unaware law does not reach."""
-    bench = make_bench(nominal, motion)
+    bench = make_bench(nominal if seed is None else nominal.perturbed(seed), motion)
     case = ExperimentCase(HOST, IDENTIFIED)
-    still = joint_rms(bench.run(case)).max()
-    aware = joint_rms(bench.run(replace(case, base=MOVING, aware=True))).max()
-    unaware = joint_rms(bench.run(replace(case, base=MOVING))).max()
-    assert aware < 1.5 * still
-    assert unaware > 3.0 * still
+    still = bench.run(case)
+    aware = bench.run(replace(case, base=MOVING, aware=True))
+    unaware = bench.run(replace(case, base=MOVING))
+    for error in (lambda run: joint_rms(run).max(), tool_rms):
+        assert error(aware) < 1.5 * error(still)
+        assert error(unaware) > 3.0 * error(still)
+
+
+def test_a_joint_held_on_a_moving_base_is_no_stuck_encoder(nominal) -> None:
+    """Its torque follows the base while its angle stays within a count."""
+    zero = np.zeros((4, 1))
+    posture = FourierTrajectory(0.2, np.array([0.3, 0.4, 0.2, -0.5]), zero, zero)
+    bench = make_bench(nominal.perturbed(7), RampedExcitation(posture, 1, 0.5))
+    run = bench.run(ExperimentCase(HOST, IDENTIFIED, True, MOVING, True))
+    held = run.time > 3.0
+    assert np.ptp(run.q[held], axis=0).max() < 3e-3
+    assert np.ptp(run.effort[held], axis=0).max() > 2.0
 
 
 def test_a_run_is_the_same_every_time(nominal, motion) -> None:

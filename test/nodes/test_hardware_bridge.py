@@ -1,7 +1,8 @@
-"""The bridge's last resort: whatever ends the cycle, the motors go off."""
+"""The bridge in this process: what it does beside its cycle, and whatever ends the cycle."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 
 import pytest
 import rclpy
@@ -24,18 +25,58 @@ class Defective(FakeHardware):
             raise ZeroDivisionError('a defect')
 
 
+class Quiet(FakeHardware):
+    """Counts what the executor beside the cycle does in some seconds of cycles."""
+
+    cycles = 0
+    pieces = 0
+
+    def __init__(self):
+        super().__init__()
+        wait = self._slack.wait
+
+        def counted():
+            self.pieces += 1
+            wait()
+
+        self._slack.wait = counted
+
+    def _run_cycle(self, cycle, timing, now):
+        super()._run_cycle(cycle, timing, now)
+        self.cycles += 1
+        if self.cycles == 500:  # discovery and the first modes are over
+            self.before = self.pieces
+        if self.cycles == 4000:
+            self.after = self.pieces
+            self.stop()
+
+
 @pytest.fixture
-def defective(ros_domain: dict[str, str]) -> Iterator[Defective]:
+def start(ros_domain: dict[str, str]) -> Iterator[Callable[[type[FakeHardware]], FakeHardware]]:
+    """Return a function that makes a bridge in this process."""
     interval = sys.getswitchinterval()
     rclpy.init(args=['--ros-args', '-p', 'freeze_gc:=false'])
-    node = Defective()
-    yield node
-    node.close()
+    with ExitStack() as stack:
+
+        def make(bridge: type[FakeHardware]) -> FakeHardware:
+            node = bridge()
+            stack.callback(node.close)
+            return node
+
+        yield make
     rclpy.try_shutdown()
     sys.setswitchinterval(interval)
 
 
-def test_an_exception_in_the_cycle_switches_the_motors_off(defective: Defective) -> None:
+def test_nothing_periodic_wakes_the_executor_beside_the_cycle(start) -> None:
+    quiet = start(Quiet)
+    quiet.run()
+    assert quiet.before > 0  # the modes at the start were logged
+    assert quiet.after == quiet.before
+
+
+def test_an_exception_in_the_cycle_switches_the_motors_off(start) -> None:
+    defective = start(Defective)
     with pytest.raises(ZeroDivisionError):
         defective.run()
     assert defective.was_enabled == [True, True]

@@ -3,6 +3,8 @@ import rclpy
 from rclpy.executors import ExternalShutdownException
 
 from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter import Parameter
+from aerarm_ros.nodes.parameters import ParameterTable
 
 
 class Script:
@@ -66,5 +68,53 @@ def test_a_defect_keeps_its_traceback_and_the_node_is_closed(ros_domain) -> None
 
 
 def test_bad_ros_arguments_are_one_line(ros_domain, capsys) -> None:
-    assert run_node('script', lambda: Script(lambda: None), ['--ros-args', '--bad']) == 1
+    assert run_node('script', lambda: Script(lambda: None), ['--ros-args', '--bad']) == 2
     assert capsys.readouterr().err.startswith('script: ')
+
+
+PARAMETERS = ParameterTable(Parameter('periods', 2, 'how often'))
+
+
+def test_help_starts_nothing(capsys) -> None:
+    assert run_node('script', pytest.fail, ['--help'], PARAMETERS, 'Does it.') == 0
+    assert 'Does it.' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ('line', 'said'),
+    [
+        ('--periods', "script: argument '--periods' is not understood"),
+        ('--ros-args -p perods:=3', "script: -p: there is no parameter 'perods'"),
+        ('--ros-args --params-file /nowhere', 'script: parameter file /nowhere: No such file'),
+    ],
+)
+def test_a_wrong_command_line_is_one_line_and_starts_nothing(capsys, line, said) -> None:
+    assert run_node('script', pytest.fail, line.split(), PARAMETERS) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(said)
+    assert error.count('\n') == 1
+
+
+def test_a_file_for_several_nodes_is_used_as_rclpy_understands_it(
+    ros_domain, capsys, tmp_path
+) -> None:
+    file = tmp_path / 'parameters.yaml'
+    file.write_text(
+        '/**: {ros__parameters: {use_sim_time: false, speed: 1.0, perods: 7}}\n'
+        '/**/script: {ros__parameters: {periods: 3}}\n'
+        'other: {ros__parameters: {perods: 4}}\n'
+    )
+    found = []
+
+    def create() -> Script:
+        node = rclpy.create_node('script')
+        found.append(PARAMETERS.declare(node).periods)
+        node.destroy_node()
+        return Script(lambda: None)
+
+    arguments = ['--ros-args', '-r', '__ns:=/left', '--params-file', str(file)]
+    assert run_node('script', create, arguments, PARAMETERS) == 0
+    assert found == [3]
+    error = capsys.readouterr().err
+    assert error.startswith(f"script: warning: {file}: there is no parameter 'perods': did you")
+    assert error.count('\n') == 1

@@ -1,4 +1,4 @@
-"""A line a second in a log, one line rewritten on a terminal."""
+"""A line a phase in a log, one line rewritten on a terminal."""
 
 import io
 
@@ -12,14 +12,21 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_log_gets_a_line_a_second() -> None:
-    stream = io.StringIO()
+def show_three_phases(stream: io.StringIO) -> str:
     progress = ProgressLine('name', stream)
     for now in range(0, 3 * SECOND, SECOND // 20):
-        if progress.due(now):
-            progress.show(f'{now // SECOND} s')
+        if progress.due(now, f'phase {now // SECOND}'):
+            progress.show(f'{now / SECOND:.2f}')
     progress.close()
-    assert stream.getvalue() == 'name: 0 s\nname: 1 s\nname: 2 s\n'
+    return stream.getvalue()
+
+
+def test_a_log_gets_a_line_a_phase() -> None:
+    assert show_three_phases(io.StringIO()) == 'name: 0.00\nname: 1.00\nname: 2.00\n'
+
+
+def test_a_terminal_is_rewritten_ten_times_a_second() -> None:
+    assert show_three_phases(Terminal()).count('\r') == 30
 
 
 def test_a_terminal_line_is_rewritten_and_leaves_nothing_behind() -> None:

@@ -2,6 +2,8 @@
 
 import json
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,11 +17,12 @@ from rosbags.rosbag2 import Reader
 from std_msgs.msg import Float64MultiArray, String
 
 from aerarm_msgs_py import topics as names
+from aerarm_msgs_py.bag_error import BagWarning
 from aerarm_msgs_py.bag_reader import read_joint_states, topics
 from aerarm_msgs_py.float64_array_cdr import Float64ArrayCdr
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.topic import Topic
-from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 
 JOINTS = ('joint1', 'joint2', 'joint3', 'joint4')
@@ -192,6 +195,60 @@ def test_a_bad_parameter_is_one_line_and_nothing_starts(start, tmp_path, paramet
     assert said in log
     assert log.count('\n') == 0
     assert not (tmp_path / 'bag').exists()
+
+
+def test_a_disk_that_is_full_ends_it_with_one_line_and_a_readable_bag(
+    source, ros_domain, tmp_path
+) -> None:
+    bag, log = tmp_path / 'bag', tmp_path / 'log.txt'
+    limited = f'ulimit -f 64 && exec {sys.executable} -m aerarm_ros.nodes.recorder "$@"'
+    arguments = ['--ros-args', '-p', f'bag:={bag}', '-p', 'compression:=none']
+    with (
+        log.open('w') as stream,
+        subprocess.Popen(
+            ['bash', '-c', limited, 'recorder', *arguments],
+            env=ros_environment(ros_domain),
+            stdout=stream,
+            stderr=stream,
+        ) as recorder,
+    ):
+        source.wait_until_matched(6)
+        source.stream(1000)
+        assert recorder.wait(30.0) == 1
+    source.wait_for(lambda status: status['state'] == 'failed')
+    text = log.read_text()
+    assert text.count('cannot be written: File too large') == 1
+    assert 'Traceback' not in text
+    with pytest.warns(BagWarning):
+        assert topics(bag)['/joint_states'].messages > 10
+
+
+def test_names_publishers_that_cannot_be_recorded(start, ros_node, tmp_path) -> None:
+    ros_node.create_publisher(String, 'joint_states', 10)
+    ros_node.create_publisher(String, 'arm_mode', names.NEWEST)
+    recorder = start()
+    wait_for_text(recorder, '/joint_states of /test is not recorded: it is std_msgs/msg/String')
+    wait_for_text(recorder, '/arm_mode of /test is not recorded: it is best effort')
+    assert recorder.stop() == 0
+    assert recorder.tail(30).count('/joint_states of /test') == 1
+    assert 'nothing came: is a bridge running in this ROS domain' in recorder.tail(30)
+
+
+def test_two_bridges_are_named(start, source, ros_node) -> None:
+    recorder = start()
+    source.wait_until_matched(6)
+    other = rclpy.create_node('other_bridge')
+    topic = names.JOINT_STATES
+    other.create_publisher(topic.type, topic.name, topic.qos)
+    wait_for_text(recorder, '/joint_states has 2 publishers, /other_bridge and /test: stop all')
+    other.destroy_node()
+
+
+def wait_for_text(process: NodeProcess, text: str) -> None:
+    deadline = time.monotonic() + 30.0
+    while text not in process.tail(50):
+        assert time.monotonic() < deadline, process.tail(50)
+        time.sleep(0.05)
 
 
 def test_an_existing_bag_is_not_touched(start, tmp_path) -> None:

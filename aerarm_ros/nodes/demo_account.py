@@ -1,0 +1,77 @@
+"""What the demo's nodes say at their end: cycles missed, messages lost, and what to do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+# Share of the bridge's cycles that may be missed before the result suffers [%].
+MISSED_MAX = 0.1
+_CYCLES = re.compile(r'\d+ cycles, \d+ missed \((?P<share>[\d.]+) %\).*$', re.MULTILINE)
+_MESSAGES = re.compile(r'\d+ messages, (?P<lost>\d+) lost$', re.MULTILINE)
+_ADVICE = (
+    'close what else computes, and give the nodes real-time priority '
+    '(docs/how-to/raspberry_pi.md, "Real time")'
+)
+
+
+@dataclass(frozen=True)
+class DemoAccount:
+    """Last words of the bridge and of the recorders.
+
+    Attributes
+    ----------
+    cycles
+        Of the bridge.
+    missed
+        Share of cycles missed [%].
+    messages
+        Of the recorder of each motion.
+    lost
+        Messages lost, of each motion.
+    """
+
+    cycles: str
+    missed: float
+    messages: Mapping[str, str]
+    lost: Mapping[str, int]
+
+    @classmethod
+    def read(cls, bridge: Path, recorders: Mapping[str, Path]) -> DemoAccount:
+        """Read the logs of the bridge and of the motions' recorders, by the motions' names.
+
+        Raises
+        ------
+        ValueError
+            If a log ends without an account.
+        """
+        cycles = _last(_CYCLES, bridge)
+        messages = {name: _last(_MESSAGES, log) for name, log in recorders.items()}
+        return cls(
+            cycles[0],
+            float(cycles['share']),
+            {name: found[0] for name, found in messages.items()},
+            {name: int(found['lost']) for name, found in messages.items()},
+        )
+
+    def lines(self) -> Iterator[str]:
+        """Yield what to print at the end, warnings last."""
+        yield f'Bridge    {self.cycles}'
+        for name, text in self.messages.items():
+            yield f'Recorder  {name}: {text}'
+        if self.missed > MISSED_MAX:
+            yield (
+                f'WARNING   {self.missed:g} % of the cycles were missed, more than {MISSED_MAX} %: '
+                f'{_ADVICE}'
+            )
+        if any(self.lost.values()):
+            yield f'WARNING   the bags lack {sum(self.lost.values())} messages: {_ADVICE}'
+
+
+def _last(pattern: re.Pattern[str], log: Path) -> re.Match[str]:
+    found = list(pattern.finditer(log.read_text(errors='replace')))
+    if not found:
+        raise ValueError(f'{log} ends without an account of {pattern.pattern!r}')
+    return found[-1]

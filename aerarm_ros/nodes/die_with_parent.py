@@ -1,0 +1,47 @@
+"""Becomes another program that is ended as soon as its parent process is gone.
+
+Usage: python die_with_parent.py PARENT_PID PROGRAM [ARGUMENT...]
+
+A parent that is killed (SIGKILL, out of memory) cannot stop its children. Linux can: the
+signal asked for here stays asked for when this program replaces itself by the other one. It
+is asked for after the fork, in a program of its own, because code run between fork and exec
+(`preexec_fn`) may hang where the parent has threads, and one with ROS has. Only the standard
+library is used, so that Python starts in 20 ms.
+"""
+
+import ctypes
+import os
+import signal
+import sys
+
+_PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
+
+
+def die_with_parent(parent: int) -> None:
+    """Ask for SIGTERM when the thread that started this process ends.
+
+    Parameters
+    ----------
+    parent
+        Process that should be the parent.
+
+    Raises
+    ------
+    OSError
+        If the system refuses.
+    ProcessLookupError
+        If `parent` has ended already.
+    """
+    if ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0):
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+    if os.getppid() != parent:
+        raise ProcessLookupError(f'process {parent} has ended')
+
+
+if __name__ == '__main__':
+    try:
+        die_with_parent(int(sys.argv[1]))
+    except ProcessLookupError:
+        sys.exit(128 + signal.SIGTERM)
+    os.execv(sys.argv[2], sys.argv[2:])

@@ -1,0 +1,45 @@
+"""Notices that a topic which must have one source has several."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+
+from aerarm_msgs_py.topic import Topic
+from aerarm_ros.nodes.endpoint_name import endpoint_name
+
+
+class SolePublisher:
+    """Looks for a second publisher: with two bridges a node would follow both arms in turns.
+
+    Parameters
+    ----------
+    node
+        Looks from its place in the graph.
+    topic
+        The topic that only one node should publish.
+    """
+
+    def __init__(self, node: Node, topic: Topic) -> None:
+        self._node = node
+        self._topic = node.resolve_topic_name(topic.name)
+        self._told = ''
+
+    def problem(self) -> str:
+        """Return who publishes beside whom and what to do, '' if nobody does.
+
+        Cheap as long as there is one publisher; names take up to a millisecond.
+        """
+        if self._node.count_publishers(self._topic) < 2:
+            return ''
+        publishers = self._node.get_publishers_info_by_topic(self._topic)
+        names = sorted(endpoint_name(publisher) or 'a new node' for publisher in publishers)
+        return (
+            f'{self._topic} has {len(names)} publishers, {" and ".join(names)}: stop all but one, '
+            'or give each arm a namespace or ROS_DOMAIN_ID of its own'
+        )
+
+    def news(self) -> str:
+        """Return the problem if it is another one than the last time, else ''."""
+        problem = self.problem()
+        is_new, self._told = problem != self._told, problem
+        return problem if is_new else ''

@@ -1,0 +1,105 @@
+"""The emulated arm, enabled, and controllers as processes, for tests over real DDS."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from aerarm_msgs_py import topics
+from aerarm_ros.nodes.node_process import NodeProcess
+
+NAMES = ['joint1', 'joint2', 'joint3', 'joint4']
+LIMIT = 40.0  # [s] longest wait for anything
+
+
+class ControllerBench:
+    """The emulated arm, enabled, and a node that hears what it says."""
+
+    def __init__(self, folder: Path, node: Node, **arm: object) -> None:
+        self.folder = folder
+        self.node = node
+        self.mode = ''
+        self.q = np.full(4, np.nan)
+        self.dq = np.full(4, np.nan)
+        self.heard: dict[str, object] = {}
+        self.problems: list[str] = []
+        self.listen(topics.ARM_MODE, lambda m: setattr(self, 'mode', m.data))
+        self.listen(topics.JOINT_STATES, self._on_state)
+        self.listen(topics.DIAGNOSTICS, self._on_diagnostics)
+        log = folder / 'fake_hardware.log'
+        arm = {'seed': -1, 'realtime_priority': 80, **arm}
+        self.hardware = NodeProcess('fake_hardware', (), arm, None, log)
+
+    def start(self) -> None:
+        self.wait(lambda: self.mode == 'idle', 'the bridge')
+        client = self.node.create_client(Trigger, 'fake_hardware/enable')
+        assert client.wait_for_service(LIMIT)
+        client.call_async(Trigger.Request())
+        self.wait(lambda: self.mode == 'ready', 'the alignment')
+
+    def listen(self, topic: topics.Topic, act: Callable) -> None:
+        self.node.create_subscription(topic.type, topic.name, act, topic.qos)
+
+    def keep(self, topic: topics.Topic) -> None:
+        self.listen(topic, lambda m: self.heard.__setitem__(topic.name, m))
+
+    def publisher(self, topic: topics.Topic):
+        publisher = self.node.create_publisher(topic.type, topic.name, topic.qos)
+        self.wait(lambda: publisher.get_subscription_count() > 0, topic.name)
+        return publisher
+
+    def controller(self, name: str, **parameters: object) -> NodeProcess:
+        parameters = {'realtime_priority': 70, **parameters}
+        return NodeProcess(name, (), parameters, None, self.folder / f'{name}.log')
+
+    def wait(self, condition: Callable[[], bool], what: str, again: Callable | None = None) -> None:
+        """Wait; call `again` at first and every 4 s, as a user would after a hiccup."""
+        deadline = time.monotonic() + LIMIT
+        repeat = 0.0
+        while not condition():
+            if again is not None and time.monotonic() > repeat:
+                repeat = time.monotonic() + 4.0
+                again()
+            rclpy.spin_once(self.node, timeout_sec=0.05)
+            assert time.monotonic() < deadline, f'waited for {what}: {self.mode} {self.q}'
+            assert self.hardware.returncode is None, self.hardware.tail()
+
+    def wait_for_posture(self, q: list[float], tolerance: float, again: Callable) -> None:
+        self.wait(
+            lambda: np.abs(self.q - q).max() < tolerance and np.abs(self.dq).max() < 0.05,
+            f'{q}',
+            again,
+        )
+
+    def set_parameter(self, name: str, parameter: str, value: object) -> None:
+        client = self.node.create_client(SetParameters, f'{name}/set_parameters')
+        assert client.wait_for_service(LIMIT)
+        request = SetParameters.Request(
+            parameters=[Parameter(parameter, value=value).to_parameter_msg()]
+        )
+        future = client.call_async(request)
+        rclpy.spin_until_future_complete(self.node, future, timeout_sec=LIMIT)
+        assert future.result().results[0].successful
+
+    def _on_state(self, message: JointState) -> None:
+        self.q, self.dq = np.array(message.position), np.array(message.velocity)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.problems += [status.message for status in message.status]
+
+
+def trajectory(q: list[float], seconds: float, names: list[str] = NAMES) -> JointTrajectory:
+    whole, part = divmod(seconds, 1.0)
+    time_from_start = Duration(sec=int(whole), nanosec=int(part * 1e9))
+    point = JointTrajectoryPoint(positions=q, time_from_start=time_from_start)
+    return JointTrajectory(joint_names=names, points=[point])

@@ -1,0 +1,90 @@
+"""Runs of the identifier as a process, and bags for it made by another library."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
+
+RATE = 200.0
+JOINTS = ('joint1', 'joint2', 'joint3', 'joint4')
+STORE = get_typestore(Stores.ROS2_JAZZY)
+
+
+def write_bag(
+    path: Path,
+    stamp: np.ndarray,
+    fields: tuple[np.ndarray, ...],
+    names: tuple[str, ...] = JOINTS,
+    topic: str = '/joint_states',
+    desired: np.ndarray | None = None,
+) -> Path:
+    """Write a bag with a library that the identifier doesn't use."""
+    state, header, when = (
+        STORE.types[name]
+        for name in (
+            'sensor_msgs/msg/JointState',
+            'std_msgs/msg/Header',
+            'builtin_interfaces/msg/Time',
+        )
+    )
+    nothing = np.zeros(0)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        states = writer.add_connection(topic, state.__msgtype__, typestore=STORE)
+        commands = writer.add_connection('/joint_command', state.__msgtype__, typestore=STORE)
+        for k, t in enumerate(stamp):
+            nanoseconds = round(t * 1e9)
+            time_of = when(nanoseconds // 10**9, nanoseconds % 10**9)
+            message = state(header(time_of, ''), list(names), *(field[k] for field in fields))
+            data = STORE.serialize_cdr(message, state.__msgtype__)
+            # Reception is regular even where stamps are not.
+            writer.write(states, 10**12 + round(1e9 * k / RATE), data)
+            if desired is not None:
+                command = state(header(time_of, ''), list(names), nothing, desired[k], nothing)
+                data = STORE.serialize_cdr(command, state.__msgtype__)
+                writer.write(commands, 10**12 + round(1e9 * k / RATE), data)
+    return path
+
+
+def motion(seed: int) -> tuple[np.ndarray, ...]:
+    """Stamps, and q, dq, ddq over two periods of 10 s."""
+    random = np.random.default_rng(seed)
+    alpha, beta = random.uniform(-0.35, 0.35, (2, 4, 5))
+    t = np.arange(0.0, 20.0, 1.0 / RATE)
+    omega = 0.2 * np.pi * np.arange(1, 6)
+    s, c = np.sin(np.outer(t, omega)), np.cos(np.outer(t, omega))
+    q = np.array([0.0, np.pi / 2, 0.0, 0.0]) + s @ alpha.T + c @ beta.T
+    dq = (c * omega) @ alpha.T - (s * omega) @ beta.T
+    ddq = -(s * omega**2) @ alpha.T - (c * omega**2) @ beta.T
+    return 1.7e9 + t, q, dq, ddq
+
+
+def measured(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+    """Torques of an arm that is heavier than its URDF and has rotors and friction."""
+    shift = np.eye(4)
+    shift[:3, 3] = 0.008
+    heavier = from_pseudo_inertia(1.2 * shift @ pseudo_inertia(robot.inertial_parameters) @ shift.T)
+    model = robot.with_inertial_parameters(heavier).model
+    data = model.createData()
+    links = np.array([pin.rnea(model, data, *x) for x in zip(q, dq, ddq, strict=True)])
+    noise = 0.03 * np.random.default_rng(0).standard_normal(q.shape)
+    return links + 0.015 * ddq + 0.01 * dq + 0.2 * np.sign(dq) + noise
+
+
+def identifier(*arguments: object, **options: object) -> subprocess.CompletedProcess:
+    command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier', *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, **options)
+
+
+def write_bags(folder: Path, robot: Robot) -> Path:
+    """Write an identification and a validation bag into a folder, and return it."""
+    for seed, name in ((1, 'identification'), (2, 'validation')):
+        stamp, q, dq, ddq = motion(seed)
+        write_bag(folder / name, stamp, (q, dq, measured(robot, q, dq, ddq)), desired=dq)
+    return folder
