@@ -30,6 +30,7 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation import make_emulated_transport
 from aerarm_ros.hardware.frame_codec import FrameCodec
 from aerarm_ros.hardware.frame_profile import load_profile
+from aerarm_ros.hardware.offered_command import OfferedCommand
 from aerarm_ros.nodes.arm_client import ArmClient
 from aerarm_ros.nodes.node_process import NodeProcess
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
@@ -116,7 +117,8 @@ def cycle_costs(cycles: int) -> None:
             cycle.enable()
         if index >= 0:
             velocity = SWING * np.sin(3.0 * now)
-            cycle.command(config.joint_names, None, velocity, None, PERIOD, now, 1)
+            offered = OfferedCommand(config.joint_names, None, velocity, None, PERIOD, 1)
+            cycle.command(offered, now)
         start = time.perf_counter_ns()
         boards.advance(now)
         half = time.perf_counter_ns()

@@ -39,13 +39,22 @@ class ArmState:
         self.index_toggle: Mask = np.zeros(config.n, dtype=bool)
         self.fresh: Mask = np.zeros(config.n, dtype=bool)
         self._drive = DriveTrain(config)
+        self._last_velocity = unknown()
 
-    def read(self, links: Sequence[BoardLink], zero: Array, current_droop: Array) -> None:
+    def read(
+        self,
+        links: Sequence[BoardLink],
+        zero: Array,
+        gains: tuple[Array, Array],
+        hold: float = 0.0,
+        lag: float = 0.0,
+    ) -> None:
         """Take the boards' last states.
 
-        A board holds its position reference for a cycle while the motor turns on, so its
-        current falls by Kp times the angle, and the frame samples it at the end of the hold.
-        Without a correction every moving joint seems to have negative viscous friction.
+        A board holds its references for a cycle while the motor turns on, so its current
+        falls by Kp times the angle and Kd times the change of velocity (4.4), and the frame
+        samples it at the end of the hold. Without a correction every moving joint seems to
+        have negative viscous friction, and too little inertia.
 
         Parameters
         ----------
@@ -53,10 +62,15 @@ class ArmState:
             The boards.
         zero
             (n,) reported angles of motor zero [rad].
-        current_droop
-            (n,) by how much the sample lies below the cycle's mean, for each unit of motor
-            velocity [A s/rad].
+        gains
+            Kp and Kd of the boards, (n,) each, motor side [A/rad], [A s/rad].
+        hold
+            Time since the last call, for which the references were held [s]; 0 for a second
+            look at the same states.
+        lag
+            Time constant of the boards' current loop [s].
         """
+        self._last_velocity[:] = self.motor_velocity
         for link in links:
             state = link.state
             for joint, channel in link.joints:
@@ -70,5 +84,18 @@ class ArmState:
         np.subtract(self.reported_position, zero, out=self.motor_position)
         self.q[:] = self._drive.motor_to_joint_position(self.motor_position)
         self.dq[:] = self._drive.motor_to_joint_velocity(self.motor_velocity)
-        mean_current = self.motor_current + current_droop * self.motor_velocity
-        self.tau[:] = self._drive.current_to_effort(mean_current)
+        self.tau[:] = self._drive.current_to_effort(
+            self.motor_current + self._droop(gains, hold, lag)
+        )
+
+    def _droop(self, gains: tuple[Array, Array], hold: float, lag: float) -> Array | float:
+        """Return by how much the sampled currents lie below the cycle's mean [A]."""
+        # In the middle of the hold the current equals its mean; the current loop's lag has
+        # already made up for a part of the way from there to the sample.
+        share = 0.5 * hold - lag
+        if share <= 0.0:
+            return 0.0
+        kp, kd = gains
+        change = self.motor_velocity - self._last_velocity
+        change[np.isnan(change)] = 0.0  # of a first frame
+        return share * (kp * self.motor_velocity + kd / hold * change)

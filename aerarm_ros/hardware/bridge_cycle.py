@@ -1,7 +1,5 @@
 """The bridge's cycle of 1 ms, without ROS and without a clock."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -12,13 +10,14 @@ from aerarm_ros.hardware.board_link import make_links
 from aerarm_ros.hardware.board_mode import BoardMode
 from aerarm_ros.hardware.bridge_report import BridgeReport
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.command_intake import CommandIntake, Source, Values
+from aerarm_ros.hardware.command_intake import CommandIntake
 from aerarm_ros.hardware.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.homing import Homing
-from aerarm_ros.hardware.joint_command import Array, JointCommand
+from aerarm_ros.hardware.joint_command import JointCommand
 from aerarm_ros.hardware.motor_power import MotorPower
 from aerarm_ros.hardware.motor_references import MotorReferences
+from aerarm_ros.hardware.offered_command import OfferedCommand
 from aerarm_ros.hardware.safety_gate import SafetyGate
 from aerarm_ros.hardware.transport import Transport
 
@@ -64,6 +63,9 @@ class BridgeCycle:
         Times and tolerances.
     profile
         Frames of the boards; that of the configuration if not given.
+    load_max
+        (n,) or one for all: largest torque [Nm] that gravity asks of a joint however the base
+        turns, for a base that moves. See `EncoderMonitor`.
 
     Attributes
     ----------
@@ -89,6 +91,7 @@ class BridgeCycle:
         transport: Transport,
         settings: BridgeSettings | None = None,
         profile: FrameProfile | None = None,
+        load_max: ArrayLike = 0.0,
     ) -> None:
         settings = settings or BridgeSettings()
         profile = profile or load_profile(config.profile)
@@ -112,7 +115,7 @@ class BridgeCycle:
         self._config = config
         self._transport = transport
         self._references = MotorReferences(config, profile, settings.position_error_max)
-        self._encoders = EncoderMonitor(config, settings.stall_time)
+        self._encoders = EncoderMonitor(config, settings.stall_time, load_max)
         self._report = BridgeReport(self.intake, self.gate, self.links)
         self._standstill = JointCommand.standstill(config.n)
         self._homing: Homing | None = None
@@ -137,36 +140,8 @@ class BridgeCycle:
         """What is wrong, the latched stop first; rejections and limits for a second."""
         return self._report.faults(self.mode, self._now)
 
-    def command(
-        self,
-        names: Sequence[str],
-        position: Values,
-        velocity: Values,
-        effort: Values,
-        age_of_stamp: float,
-        now: float,
-        source: Source,
-        *,
-        allowed: bool = True,
-    ) -> bool:
-        """Offer a joint command.
-
-        Parameters
-        ----------
-        names
-            The joints of the values below, in any order.
-        position, velocity, effort
-            One value for each name [rad], [rad/s], [Nm], NaN where unused; None or empty if
-            unused for all. What is given chooses a joint's mode, see `JointCommand`.
-        age_of_stamp
-            Age of the state that the command answers [s].
-        now
-            Time of receipt [s], on the clock of `update`.
-        source
-            Who sent it: a second publisher is rejected while the first one's command lasts;
-            so is None, somebody who cannot be told from another.
-        allowed
-            Whether that publisher may command at all.
+    def command(self, offered: OfferedCommand, now: float) -> bool:
+        """Offer a joint command, received at `now` [s, monotonic], the clock of `update`.
 
         Returns
         -------
@@ -174,17 +149,7 @@ class BridgeCycle:
             False if the command was rejected; `rejections` counts the reason.
         """
         ready = self.mode in ('ready', 'running', 'damping')
-        return self.intake.offer(
-            names,
-            position,
-            velocity,
-            effort,
-            age_of_stamp,
-            now,
-            source,
-            ready=ready,
-            allowed=allowed,
-        )
+        return self.intake.offer(offered, now, ready=ready)
 
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
         """Set the boards' gains, motor side: (n,) or one for all [A/rad], [A s/rad], [A/(rad s)].
@@ -276,7 +241,8 @@ class BridgeCycle:
             enable = self._enabled and not (self.gate.stop and not link.may_be_damped(now))
             link.exchange(self._references, now, enable, running)
         self._aligned = all(link.is_aligned for link in self.links)
-        self.state.read(self.links, self._references.zero, self._current_droop(dt))
+        references = self._references
+        self.state.read(self.links, references.zero, references.gains, dt, self._current_lag)
         self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
         self._watch(now)
         self.mode = self._current_mode(now)
@@ -325,7 +291,7 @@ class BridgeCycle:
             else:
                 self._references.set_zero(homing.zero)
                 self._encoders.clear()
-                self.state.read(self.links, homing.zero, self._current_droop(0.0))
+                self.state.read(self.links, homing.zero, self._references.gains)
         return homing.command
 
     def _watch(self, now: float) -> None:
@@ -337,7 +303,13 @@ class BridgeCycle:
                 self._enabled = False
         if self._enabled and self._aligned:
             state = self.state
-            text = self._encoders.check(state.motor_position, state.motor_current, state.fresh, now)
+            text = self._encoders.check(
+                state.motor_position,
+                state.motor_current,
+                state.fresh,
+                now,
+                self._references.feed_forward,
+            )
             if text:
                 self.gate.trip(text)
             violation = self.gate.state_violation(self.q, self.dq)
@@ -345,13 +317,6 @@ class BridgeCycle:
                 self.gate.trip(violation)
         if self.gate.stop:
             self._homing = None
-
-    def _current_droop(self, dt: float) -> Array:
-        """Return `ArmState.read`'s correction for references held for `dt` [s]."""
-        # In the middle of the hold the current equals its mean; the current loop's lag has
-        # already made up for a part of the way from there to the sample.
-        share = max(0.5 * dt - self._current_lag, 0.0)
-        return share * self._references.stiffness
 
     def _current_mode(self, now: float) -> str:
         if self.gate.stop:

@@ -53,7 +53,7 @@ class BridgeSettings:
     velocity_factor: float = 1.25
     effort_factor: float = 2.0
     position_error_max: float = 0.5
-    current_lag: float = 0.2e-3
+    current_lag: float = 0.19e-3
     stall_time: float = 0.05
 
     def __post_init__(self) -> None:

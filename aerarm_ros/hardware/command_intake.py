@@ -8,10 +8,7 @@ from numpy.typing import NDArray
 
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.joint_command import JointCommand
-
-# Whoever sent a command; None for somebody who cannot be told from another.
-Source = int | str | None
-Values = Sequence[float] | NDArray[np.float64] | None
+from aerarm_ros.hardware.offered_command import OfferedCommand, Source
 
 # Why a command is not let in, and what to check.
 REJECTIONS: dict[str, str] = {
@@ -88,24 +85,12 @@ class CommandIntake:
         self._received = -np.inf
         self._source = None
 
-    def offer(
-        self,
-        names: Sequence[str],
-        position: Values,
-        velocity: Values,
-        effort: Values,
-        age_of_stamp: float,
-        now: float,
-        source: Source,
-        *,
-        ready: bool = True,
-        allowed: bool = True,
-    ) -> bool:
-        """Take a command if it is in order; see `BridgeCycle.command`."""
+    def offer(self, offered: OfferedCommand, now: float, *, ready: bool = True) -> bool:
+        """Take a command received at `now` [s] if it is in order and the arm is `ready`."""
         reason = '' if ready else 'not_ready'
-        reason = reason or ('' if allowed else 'not_allowed')
-        reason = reason or self._origin_fault(age_of_stamp, now, source)
-        reason = reason or self._content_fault(names, position, velocity, effort)
+        reason = reason or ('' if offered.allowed else 'not_allowed')
+        reason = reason or self._origin_fault(offered.age_of_stamp, now, offered.source)
+        reason = reason or self._content_fault(offered)
         if reason:
             self.rejections[reason] += 1
             self.last_rejection = reason
@@ -114,7 +99,7 @@ class CommandIntake:
         self.command, self._candidate = self._candidate, self.command
         self.accepted += 1
         self._received = now
-        self._source = source
+        self._source = offered.source
         return True
 
     def _origin_fault(self, age_of_stamp: float, now: float, source: Source) -> str:
@@ -126,19 +111,18 @@ class CommandIntake:
             return 'stale'
         return 'future' if age_of_stamp < -_CLOCK_TOLERANCE else ''
 
-    def _content_fault(
-        self, names: Sequence[str], position: Values, velocity: Values, effort: Values
-    ) -> str:
+    def _content_fault(self, offered: OfferedCommand) -> str:
         """Write the values into the candidate; return why they are not accepted, or ''."""
+        names = offered.names
         key = names if type(names) is tuple else tuple(names)
         if key not in self._orders and not self._learn_order(key):
             return 'names'
         order = self._orders[key]
         candidate = self._candidate
         pairs = (
-            (candidate.position, position),
-            (candidate.velocity, velocity),
-            (candidate.effort, effort),
+            (candidate.position, offered.position),
+            (candidate.velocity, offered.velocity),
+            (candidate.effort, offered.effort),
         )
         for target, values in pairs:
             if values is None or len(values) == 0:

@@ -33,6 +33,8 @@ class CommandPublishers:
     ----------
     names
         Publishers at the last look, full names, sorted.
+    sources
+        How many publishers have been told apart so far.
     """
 
     def __init__(self, allowed: Collection[str] = ()) -> None:
@@ -41,7 +43,7 @@ class CommandPublishers:
         self._looks = 0
         self._streams: list[_Stream] = []
         self._unnumbered = _Stream(0, 0, 0.0, 0)
-        self._count = 0
+        self.sources = 0
 
     def look(self, names: Sequence[str]) -> None:
         """Take the full names of the publishers that are present now."""
@@ -116,10 +118,10 @@ class CommandPublishers:
         return best or self._new(number - 1, now)
 
     def _new(self, number: int, now: float) -> '_Stream':
-        self._count += 1
+        self.sources += 1
         if len(self._streams) >= _STREAMS_MAX:
             self._streams.remove(min(self._streams, key=lambda stream: stream.heard))
-        stream = _Stream(self._count, number, now, self._looks)
+        stream = _Stream(self.sources, number, now, self._looks)
         self._streams.append(stream)
         return stream
 

@@ -77,6 +77,7 @@ class EmulatedBoard:
         self._noise_index = 0
         self._command = BoardCommand()
         self._state = BoardState()
+        self._prepared: bytes | None = None
         self._clock = 0.0
         self._silence = 0.0
         self._state.coil_resistance = [motor.resistance for motor in motors]
@@ -91,10 +92,15 @@ class EmulatedBoard:
         faults = self.faults
         if faults.dead or (faults.lost_frame_rate and self._happens(faults.lost_frame_rate)):
             return _LINE_LOW
-        answer = self._sensor_frame()
+        answer = self._prepared or self._sensor_frame()
+        self._prepared = None
         if not faults.deaf:
             self._receive(self._with_bit_errors(frame))
         return self._with_bit_errors(answer)
+
+    def prepare(self) -> None:
+        """Make the frame of the next exchange, as the firmware does after its last loop."""
+        self._prepared = self._sensor_frame()
 
     def step(self, angle_1: float, angle_2: float) -> None:
         """Advance by one sub-step at the true motor angles [rad]."""
@@ -107,6 +113,7 @@ class EmulatedBoard:
 
     def raise_error(self, code: int) -> None:
         """Stop with an error code; the first one stays."""
+        self._prepared = None
         if self.error == 0:
             self.error = code
         for motor in self.motors:
@@ -116,6 +123,7 @@ class EmulatedBoard:
         """Switch the supply off and on: errors, faults, alignment and last command are gone."""
         self.faults = BoardFaults()
         self.error = 0
+        self._prepared = None
         self._command = BoardCommand()
         self._state.index = 0
         self._clock = self._silence = 0.0

@@ -98,6 +98,9 @@ class EmulatedTransport:
             self._let_go(steps * SUBSTEP)
         for _ in range(steps):
             self._step()
+        if steps:
+            for board in self.boards:
+                board.prepare()
 
     def _step(self) -> None:
         drives = self._drives

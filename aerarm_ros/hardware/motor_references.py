@@ -34,6 +34,8 @@ class MotorReferences:
         One `MotorReference` a joint.
     zero
         (n,) angles [rad] that the boards report where the motors' angle is zero.
+    gains
+        Kp and Kd that the boards have now, (n,) each, motor side [A/rad], [A s/rad].
     """
 
     def __init__(self, config: ArmConfig, profile: FrameProfile, reach_max: float) -> None:
@@ -55,9 +57,9 @@ class MotorReferences:
         self.set_gains(config.column('board_kp'), config.column('board_kd'))
 
     @property
-    def stiffness(self) -> Array:
-        """Proportional gains that the boards have now, (n,) [A/rad], motor side."""
-        return np.array([motor.kp for motor in self.motors])
+    def feed_forward(self) -> Array:
+        """Currents commanded as effort, (n,) [A], motor side."""
+        return np.array([motor.current for motor in self.motors])
 
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
         """Set the boards' gains, motor side: (n,) or one for all [A/rad], [A s/rad], [A/(rad s)].
@@ -69,6 +71,7 @@ class MotorReferences:
         reach = np.minimum(self._effort_max / stiffness, self._reach_max)
         for motor, row in zip(self.motors, np.transpose([*gains, reach]).tolist(), strict=True):
             motor.set_gains(*row)
+        self.gains: tuple[Array, Array] = (gains[0], gains[1])
 
     def check_gains(
         self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0

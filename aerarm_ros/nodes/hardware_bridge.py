@@ -40,16 +40,11 @@ from aerarm_ros.nodes.mode_log import ModeLog
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameters import ParameterTable
 from aerarm_ros.nodes.publisher_watch import PublisherWatch
+from aerarm_ros.nodes.real_time_parameters import prepare_thread
 from aerarm_ros.nodes.robot_description import RobotDescription
 from aerarm_ros.nodes.stop_signals import StopSignals
 from aerarm_ros.realtime.cycle_slack import CycleSlack
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
-from aerarm_ros.realtime.scheduling import (
-    freeze_garbage_collector,
-    lock_memory,
-    set_affinity,
-    set_fifo,
-)
 from aerarm_ros.realtime.steady_clock import SteadyClock
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -235,7 +230,7 @@ class HardwareBridge(LifecycleNode):
         with StopSignals(self.stop), BackgroundExecutor(self, self._slack.wait):
             if self.values.autostart and not self._start():
                 raise OSError(self._problem)
-            self._prepare_thread()
+            prepare_thread(self.values, self.get_logger())
             self._run_while_active()
         account = self._timing.account() if self._timing else 'no cycle ran'
         print(f'{self.get_name()}: {account}', flush=True)
@@ -271,18 +266,6 @@ class HardwareBridge(LifecycleNode):
         if self._loop is not None:
             self._loop.stop()
         self._work.set()
-
-    def _prepare_thread(self) -> None:
-        """Ask for what real time needs; a refusal is a warning, the arm still runs."""
-        values = self.values
-        warnings = [
-            set_affinity(values.cpus) if values.cpus else None,
-            set_fifo(values.realtime_priority) if values.realtime_priority else None,
-            lock_memory() if values.lock_memory else None,
-            freeze_garbage_collector() if values.freeze_gc else None,
-        ]
-        for warning in filter(None, warnings):
-            self.get_logger().warning(warning)
 
     def _run_cycle(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
         self.requests.serve(cycle)

@@ -11,6 +11,7 @@ from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.joint_state_decoder import JointStateDecoder
+from aerarm_msgs_py.payloads import Payloads
 from aerarm_msgs_py.raw_reader import RawReader
 
 _COUNT_PERIOD = 1.0  # [s]
@@ -48,7 +49,7 @@ class StateSampler:
         message = self._reader.take_newest()
         if message is None:
             return None
-        _, values = self._decoder.decode([message[0]])
+        _, values = self._decoder.decode(Payloads.of([message[0]]))
         known = self._decoder.names
         self.missing = [name for name in self._names if name not in known]
         if self.missing:

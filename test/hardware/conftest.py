@@ -12,6 +12,7 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.emulation import make_emulated_transport
 from aerarm_ros.hardware.fault_injection import inject
+from aerarm_ros.hardware.offered_command import OfferedCommand
 
 QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
 PERIOD = 1e-3
@@ -62,9 +63,9 @@ class Rig:
         return np.array(history)
 
     def send(self, position=None, velocity=None, effort=None, source='test', age=PERIOD) -> bool:
-        return self.bridge.command(
-            self.config.joint_names, position, velocity, effort, age, self.now, source
-        )
+        names = self.config.joint_names
+        offered = OfferedCommand(names, position, velocity, effort, age, source)
+        return self.bridge.command(offered, self.now)
 
     def enable(self) -> None:
         """Enable the arm; its motors align, which takes 0.6 s."""

@@ -68,14 +68,19 @@ def test_ready_holds_the_arm_where_it_was_without_a_jump(make_rig):
 
 
 def test_states_are_the_joints_states(rig):
-    rig.run(1.0, sine(rig.now))
+    reference = sine(rig.now)
+    rig.run(1.0, reference)
+    before = rig.bridge.motor_velocity.copy()
+    rig.run(1e-3, reference)
     assert rig.bridge.q == pytest.approx(rig.plant.position, abs=2e-3)
     assert rig.bridge.dq == pytest.approx(rig.plant.velocity, abs=0.1)
     assert rig.bridge.motor_position * rig.config.column('gear.ratio') == pytest.approx(
         rig.bridge.q
     )
-    # The sample at the end of a hold, led back to the mean of the cycle (1 ms, current lag 0.2 ms).
-    droop = 0.3e-3 * rig.config.column('board_kp') * rig.bridge.motor_velocity
+    # The sample at the end of a hold, led back to the mean of the cycle (1 ms, current lag
+    # 0.19 ms): by the angle that the motor has turned since, and by its change of velocity.
+    droop = 0.31e-3 * rig.config.column('board_kp') * rig.bridge.motor_velocity
+    droop += 0.31 * rig.config.column('board_kd') * (rig.bridge.motor_velocity - before)
     mean_current = rig.bridge.motor_current + droop
     torque = mean_current * rig.config.column('torque_per_ampere')
     assert rig.bridge.tau == pytest.approx(torque)

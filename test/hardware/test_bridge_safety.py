@@ -157,3 +157,28 @@ def test_boards_always_get_a_time_out_and_a_saturation(make_rig):
     rig.bridge.shutdown()
     assert len(frames) > 500
     assert all(frame[1] == 20 and frame[26] and frame[27] for frame in frames)
+
+
+def test_a_fault_that_would_come_back_at_once_is_not_cleared(rig):
+    rig.bridge.e_stop('test')
+    rig.run(0.05)
+    # A damped arm sinks: let it have sunk below a limit, without hurry.
+    below = rig.plant.position
+    below[1] = rig.config.joints[1].position_min - 0.08
+    rig.plant.support = 1.0
+    rig.plant.reset(below)
+    rig.run(0.05)
+    answer = rig.bridge.clear_fault()
+    assert not answer.accepted
+    assert 'would stop again at once, joint2 is at' in answer.message
+    assert rig.bridge.mode == 'fault'
+    # The way out: off, back inside by hand, clear, enable.
+    rig.bridge.disable()
+    rig.run(0.05)
+    assert rig.bridge.clear_fault().accepted
+    rig.run(0.01)
+    assert rig.bridge.mode == 'idle'
+    assert 'beyond their limits' in rig.bridge.enable().message
+    rig.boards.put_back()
+    rig.run(0.02)
+    rig.bring_up()

@@ -5,6 +5,7 @@ import pytest
 
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.command_intake import REJECTIONS, CommandIntake
+from aerarm_ros.hardware.offered_command import OfferedCommand
 
 NAMES = ('a', 'b', 'c')
 ONE = [0.1, 0.2, 0.3]
@@ -16,10 +17,10 @@ def intake():
     return CommandIntake(NAMES, BridgeSettings())
 
 
-def offer(intake, position=None, velocity=ONE, effort=None, **options):
-    given = {'names': NAMES, 'age_of_stamp': 0.001, 'now': 5.0, 'source': 'me', **options}
-    names, age, now, source = (given.pop(key) for key in ('names', 'age_of_stamp', 'now', 'source'))
-    return intake.offer(names, position, velocity, effort, age, now, source, **given)
+def offer(intake, position=None, velocity=ONE, effort=None, now=5.0, ready=True, **options):
+    given = {'names': NAMES, 'age_of_stamp': 0.001, 'source': 'me', **options}
+    offered = OfferedCommand(position=position, velocity=velocity, effort=effort, **given)
+    return intake.offer(offered, now, ready=ready)
 
 
 def test_a_good_command_is_kept(intake):

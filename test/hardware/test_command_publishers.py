@@ -101,3 +101,13 @@ def test_more_than_one_publisher_is_a_warning():
     assert publishers.names == ('/a', '/b')
     assert '2 publishers (/a, /b)' in publishers.warning
     assert publishers.judge(1, 0.0)[1]
+
+
+def test_sources_are_counted_so_that_a_new_one_is_noticed():
+    publishers = CommandPublishers()
+    sources(publishers, range(1, 50))
+    assert publishers.sources == 1
+    sources(publishers, range(50, 100), start=0.05)
+    assert publishers.sources == 1
+    sources(publishers, range(1, 50), start=10.0)
+    assert publishers.sources == 2

@@ -240,3 +240,25 @@ def test_a_seed_repeats_noise_and_faults():
 
     assert run(1) == run(1)
     assert run(1) != run(2)
+
+
+def test_a_prepared_frame_shows_the_board_as_it_was_then():
+    bench = Bench().enabled()
+    bench.board.prepare()
+    bench.angles = [0.5, -0.5]
+    for _ in range(4):
+        bench.board.step(*bench.angles)
+    frame = bench.codec.encode(bench.command)
+    before = bench.codec.decode(bench.board.exchange(frame))
+    after = bench.codec.decode(bench.board.exchange(frame))
+    assert after.position[0] - before.position[0] > 0.4
+    assert after.timestamp > before.timestamp
+
+
+def test_an_error_after_a_frame_was_prepared_is_in_it():
+    bench = Bench().enabled()
+    bench.board.prepare()
+    bench.board.raise_error(7)
+    state = bench.codec.decode(bench.board.exchange(bench.codec.encode(bench.command)))
+    assert state.error == 7
+    assert not state.system_enabled

@@ -73,3 +73,39 @@ def test_a_short_standstill_is_borne(monitor):
     for cycle in range(1, 400):
         position = np.full(4, 0.002 * (cycle // 40))  # a count every 40 ms
         assert monitor.check(position, np.full(4, 0.3 * cycle), FRESH, cycle * 1e-3) == ''
+
+
+@pytest.fixture
+def flying(config):
+    """Return a monitor of an arm whose load changes with the attitude of its base."""
+    monitor = EncoderMonitor(config, stall_time=0.05, load_max=[4.7, 4.7, 0.06, 0.06])
+    monitor.check(NONE, NONE, FRESH, 0.0)
+    return monitor
+
+
+def stand(monitor, feedback, commanded, cycles=2000):
+    """Keep all motors still while currents [A] change; return the first complaint."""
+    for cycle in range(1, cycles + 1):
+        time = cycle * 1e-3
+        effort = np.asarray(commanded(time))
+        text = monitor.check(NONE, effort + feedback(time), FRESH, time, effort)
+        if text:
+            return text
+    return ''
+
+
+def test_a_load_that_comes_with_the_base_is_held_without_a_fault(flying, config):
+    swing = 4.7 / config.column('torque_per_ampere') * [1.0, 1.0, 0.0, 0.0]
+    assert stand(flying, lambda t: NONE, lambda t: swing * np.sin(np.pi * t)) == ''
+
+
+def test_a_load_no_arm_can_have_is_a_fault(flying):
+    text = stand(flying, lambda t: NONE, lambda t: [0.0, 0.0, 0.0, 2.0 * t])
+    assert 'joint4 does not move' in text
+    assert flying.trusted.tolist() == [True, True, True, False]
+
+
+def test_feedback_that_moves_nothing_is_a_fault_under_any_load(flying, config):
+    swing = 4.7 / config.column('torque_per_ampere') * [1.0, 1.0, 0.0, 0.0]
+    text = stand(flying, lambda t: [0.0, 2.0 * t, 0.0, 0.0], lambda t: swing * np.sin(np.pi * t))
+    assert 'joint2 does not move' in text

@@ -7,6 +7,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation import make_emulated_transport
+from aerarm_ros.hardware.offered_command import OfferedCommand
 
 PERIOD = 1e-3
 
@@ -26,7 +27,7 @@ def test_measured_torque_is_what_the_motors_give_on_average(speed: float) -> Non
         if cycle.mode == 'idle' and now < 0.1:
             cycle.enable()
         if cycle.mode in ('ready', 'running') and now > 2.0:
-            cycle.command(config.joint_names, None, moving, None, 0.0, now, 'test')
+            cycle.command(OfferedCommand(config.joint_names, None, moving, None, 0.0, 'test'), now)
         if now > 2.5:
             measured.append(cycle.tau.copy())
         else:
