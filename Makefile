@@ -26,6 +26,7 @@ $(VENV)/.ready: setup.py pyproject.toml setup.cfg
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v in ((3, 11), (3, 12)) else "Python 3.11 or 3.12 is needed, this is %d.%d: set PYTHON, as in make PYTHON=python3.12 ..." % v)'
 	$(PYTHON) -m venv $(VENV_FLAGS) $(VENV)
 	$(BIN)/python -m pip install --quiet --editable '.[$(EXTRAS)]'
+	@$(BIN)/python -c 'import pinocchio' || { echo 'Pinocchio is missing: with the ROS of apt it comes from there, sudo apt install ros-jazzy-pinocchio'; exit 1; }
 	@$(BIN)/python -m pip install --quiet 'spidev>=3.5,<4' || echo 'spidev was not built (C compiler, Python headers?): its tests are skipped'
 	@touch $@
 

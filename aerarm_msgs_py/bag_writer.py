@@ -62,7 +62,7 @@ class BagWriter:
             raise BagError(f'{self.directory} cannot be written: {error.strerror}') from error
         self._queue: deque[RecordedMessage] = deque()
         self._held: list[RecordedMessage] = []
-        self._failure: OSError | None = None
+        self._failure: Exception | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._work, name='bag_writer', daemon=True)
         self._thread.start()
@@ -85,8 +85,7 @@ class BagWriter:
             If storing failed, for example because the disk is full. What was stored before
             stays readable.
         """
-        if self._failure is not None:
-            raise BagError(f'{self.directory} cannot be written: {self._failure.strerror}')
+        self._check()
         self._queue.append(message)
 
     def close(self) -> None:
@@ -110,14 +109,18 @@ class BagWriter:
             self._failure = error
         finally:
             self._stream.close()
-        if self._failure is not None:
-            raise BagError(f'{self.directory} cannot be written: {self._failure.strerror}')
+        self._check()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _check(self) -> None:
+        if self._failure is not None:
+            reason = getattr(self._failure, 'strerror', None) or self._failure
+            raise BagError(f'{self.directory} cannot be written: {reason}') from self._failure
 
     def _make_directory(self) -> None:
         try:
@@ -141,7 +144,7 @@ class BagWriter:
                 if time.monotonic() > metadata_due:
                     self._store_metadata()
                     metadata_due = time.monotonic() + _METADATA_PERIOD
-        except OSError as error:
+        except Exception as error:  # whatever it is, nobody would store what is queued now
             self._failure = error
 
     def _store_queue(self, *, everything: bool) -> None:

@@ -6,12 +6,9 @@ virtual environment of its own, made with pip on first use in build/peers (or th
 AERARM_PEERS); one that can't be installed is left out, with the reason.
 """
 
-import json
 import os
-import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
 from importlib.metadata import files
 from pathlib import Path
 from xml.etree import ElementTree
@@ -19,6 +16,7 @@ from xml.etree import ElementTree
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import numpy as np  # noqa: E402
+from peers.peer import Peer  # noqa: E402
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
 from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
@@ -30,56 +28,16 @@ from aerarm_ros.identification.solvers import SOLVERS  # noqa: E402
 from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
 from aerarm_ros.nodes.identifier_bags import IdentifierBags  # noqa: E402
 
-HERE = Path(__file__).resolve().parent
-ENVIRONMENTS = Path(os.environ.get('AERARM_PEERS', HERE.parent / 'build' / 'peers'))
 TRAINING = 0.6
-INSTALL_TIMEOUT, RUN_TIMEOUT = 900.0, 600.0  # [s]
-
-
-@dataclass(frozen=True)
-class Peer:
-    """Another tool: what pip installs, and the script that uses it."""
-
-    name: str
-    requirement: str
-    module: str
-    script: str
-
-    def python(self) -> Path:
-        """Return the interpreter of the peer's environment, which is made if it is missing."""
-        folder = ENVIRONMENTS / self.name.replace(' ', '_').lower()
-        python = folder / 'bin' / 'python'
-        check = [str(python), '-c', f'import {self.module}']
-        if python.exists() and subprocess.run(check, capture_output=True).returncode == 0:
-            return python
-        subprocess.run([sys.executable, '-m', 'venv', str(folder)], check=True, capture_output=True)
-        install = [str(python), '-m', 'pip', 'install', '--quiet', self.requirement]
-        subprocess.run(install, check=True, capture_output=True, timeout=INSTALL_TIMEOUT)
-        subprocess.run(check, check=True, capture_output=True)
-        return python
-
-    def run(self, samples: Path, urdf: Path) -> dict:
-        """Return error, feasibility and time; or why there are none."""
-        try:
-            command = [str(self.python()), str(HERE / self.script), str(samples), str(urdf)]
-            done = subprocess.run(
-                command, check=True, capture_output=True, text=True, timeout=RUN_TIMEOUT
-            )
-            return dict(json.loads(done.stdout.splitlines()[-1]))
-        except subprocess.TimeoutExpired:
-            return {'skipped': 'took too long'}
-        except subprocess.CalledProcessError as error:
-            output = (
-                error.stderr if isinstance(error.stderr, str) else (error.stderr or b'').decode()
-            )
-            lines = [line for line in output.splitlines() if line.strip()]
-            return {'skipped': lines[-1] if lines else str(error)}
 
 
 PEERS = (
-    Peer('FIGAROH', 'figaroh', 'figaroh', 'identification_figaroh.py'),
+    Peer('FIGAROH', ('figaroh',), ('figaroh',), 'identification_figaroh.py'),
     Peer(
-        'MuJoCo sysid', 'mujoco[sysid]>=4', 'mujoco.sysid._src.residual', 'identification_sysid.py'
+        'MuJoCo sysid',
+        ('mujoco[sysid]>=4',),
+        ('mujoco.sysid._src.residual',),
+        'identification_sysid.py',
     ),
 )
 

@@ -91,7 +91,7 @@ class BaseMotionEstimator:
         if self.mode == NONE:
             return 'configured gravity'
         age = now - self._received
-        if age <= self._hold_time:
+        if abs(age) <= self._hold_time:
             return 'IMU'
         if np.isinf(age):
             return 'no IMU yet: configured gravity'
@@ -124,12 +124,13 @@ class BaseMotionEstimator:
         self._prediction = BaseMotionPrediction(self._measured, rate)
         self._stamp, self._received = sample.stamp, now
 
-    def motion(self, now: float) -> BaseMotion:
-        """Return the base's motion at `now` [s]."""
+    def motion(self, now: float, ahead: float = 0.0) -> BaseMotion:
+        """Return the base's motion `ahead` [s] of `now` [s]; a negative lead is the past."""
         if self.mode == NONE:
             return self.configured
         age = now - self._received
-        fresh = age <= self._hold_time
+        # A clock that was set back doesn't make an IMU fresh.
+        fresh = abs(age) <= self._hold_time
         if self._updated is None:
             self._weight = 1.0 if fresh else 0.0
         elif self._weight != fresh:
@@ -138,7 +139,8 @@ class BaseMotionEstimator:
         self._updated = now
         if self._weight == 0.0:
             return self.configured
-        predicted = self._prediction.after(self._latency + min(max(age, 0.0), self._hold_time))
+        age = min(max(age, -self._hold_time), self._hold_time)
+        predicted = self._prediction.after(self._latency + age + ahead)
         if self._weight == 1.0:
             return predicted
         w = self._weight

@@ -24,6 +24,11 @@ class BaseReaction:
     ----------
     robot : Robot
         With everything the arm adds to the drone, its base link included if it has inertia.
+
+    Attributes
+    ----------
+    dynamics : MovingBaseDynamics
+        The model, to be told of a payload.
     """
 
     class Result(NamedTuple):
@@ -42,7 +47,7 @@ class BaseReaction:
         inertia: Array
 
     def __init__(self, robot: Robot) -> None:
-        self._dynamics = MovingBaseDynamics(robot)
+        self.dynamics = MovingBaseDynamics(robot)
 
     def evaluate(
         self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None = None
@@ -56,9 +61,9 @@ class BaseReaction:
         base : BaseMotion, optional
             Default: still under the robot's own gravity.
         """
-        wrench = -self._dynamics.mount_wrench(q, dq, ddq, base)
-        mass, com, inertia = self._dynamics.composite_inertia(q)
-        gravity = (self._dynamics.still if base is None else base).gravity
+        wrench = -self.dynamics.mount_wrench(q, dq, ddq, base)
+        mass, com, inertia = self.dynamics.composite_inertia(q)
+        gravity = (self.dynamics.still if base is None else base).gravity
         weight = mass * gravity
         static = np.concatenate([weight, np.cross(com, weight)])
         return self.Result(wrench, static, wrench - static, mass, com, inertia)

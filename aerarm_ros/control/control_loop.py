@@ -102,7 +102,7 @@ class ControlLoop(Generic[Reference]):
         self.compensating = bool(np.any(self._compensation_max))
         self._share = float(self.compensating)
         self._last: float | None = None
-        self._unobserved: tuple[ArmState, float, BaseMotion | None] | None = None
+        self._unobserved: tuple[ArmState, float, float] | None = None
         self.take_overs = 0
         self.skipped = 0
 
@@ -134,11 +134,11 @@ class ControlLoop(Generic[Reference]):
             self.skipped += 1
             return None
         self._last = now
-        base = None if self.base is None else self.base.motion(now + COMMAND_DELAY)
+        base = None if self.base is None else self.base.motion(now, COMMAND_DELAY)
         reference = self.source.update(q, now, dt)
         command = self.law.update(state, reference, dt, base)
         if self.observer is not None:
-            self._unobserved = (state, dt, base)
+            self._unobserved = (state, now, dt)
         return self._finish(command, dt)
 
     def observe(self) -> None:
@@ -150,9 +150,12 @@ class ControlLoop(Generic[Reference]):
         """
         if self._unobserved is None or self.observer is None:
             return
-        state, dt, base = self._unobserved
+        state, now, dt = self._unobserved
         self._unobserved = None
         if np.isfinite(state.tau.sum()):
+            # The torque acted in the cycle that ended with the state. The base at another time
+            # would look like a disturbance, and its compensation undo the law's prediction.
+            base = None if self.base is None else self.base.motion(now, -0.5 * dt)
             self.observer.update(state, dt, base)
 
     def _take_over(self, q: Array, now: float) -> None:

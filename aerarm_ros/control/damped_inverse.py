@@ -26,7 +26,8 @@ class DampedInverse:
     threshold : float
         Singular value [m/rad] below which a direction is damped.
     damping : float
-        [m/rad]; the inverse is never larger than about `1 / (2 damping)`.
+        [m/rad]; below `threshold / sqrt(2)` the inverse is never larger than
+        `1 / (sqrt(2) damping)`, beyond it never larger than `1 / threshold`.
 
     Raises
     ------

@@ -97,11 +97,24 @@ class JointLimits:
         RejectedInputError
             If one is too fast or not a number; the message names the joint.
         """
-        speed = np.atleast_2d(np.abs(dq)).max(axis=0)
-        inside = speed <= self.velocity_max + _ROUNDING
+        self._check_size(what, dq, self.velocity_max, 'rad/s')
+
+    def check_acceleration(self, what: str, ddq: Array) -> None:
+        """Require accelerations, (n,) or (M, n) [rad/s^2], inside the limits.
+
+        Raises
+        ------
+        RejectedInputError
+            If one is too large or not a number; the message names the joint.
+        """
+        self._check_size(what, ddq, self.acceleration_max, 'rad/s^2')
+
+    def _check_size(self, what: str, values: Array, largest: Array, unit: str) -> None:
+        size = np.atleast_2d(np.abs(values)).max(axis=0)
+        inside = size <= largest + _ROUNDING
         if not np.all(inside):
             joint = int(np.argmin(inside))
             raise RejectedInputError(
-                f'{what}: {self.names[joint]} needs {speed[joint]:.3g} rad/s, its limit is '
-                f'{self.velocity_max[joint]:.3g}: slow the motion down'
+                f'{what}: {self.names[joint]} needs {size[joint]:.3g} {unit}, its limit is '
+                f'{largest[joint]:.3g}: slow the motion down'
             )

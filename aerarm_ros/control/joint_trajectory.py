@@ -62,6 +62,8 @@ class JointTrajectory:
         limits.check_position('trajectory', self.q)
         if self.dq is not None:
             limits.check_velocity('trajectory', self.dq)
+        if self.ddq is not None:
+            limits.check_acceleration('trajectory', self.ddq)
         self._limits = limits
 
     @property
@@ -108,6 +110,7 @@ class JointTrajectory:
         limits = self._limits.including(start)
         limits.check_position('trajectory between its points', samples.q)
         self._limits.check_velocity('trajectory between its points', samples.dq)
+        self._limits.check_acceleration('trajectory between its points', samples.ddq)
         return path
 
 

@@ -12,13 +12,16 @@ Array = npt.NDArray[np.float64]
 
 # Targets further apart in time are separate targets, not samples of a path.
 _STREAM_GAP = 0.25
+# Of its own periods, how long a stream may be silent before it counts as ended.
+_SILENT_PERIODS = 2.0
 
 
 class TargetFollower:
     """Reference generator of thesis 2.5: second order, critically damped, limited.
 
     A single target is approached without overshoot; a stream of them is followed with the
-    velocity between them, so that a constant velocity is tracked without lag.
+    velocity between them, so that a constant velocity is tracked without lag. When it ends the
+    tool stays at its last target.
 
     Parameters
     ----------
@@ -59,6 +62,7 @@ class TargetFollower:
         self._target = self._p
         self._target_velocity = np.zeros(3)
         self._target_time: float | None = None
+        self._moving_until = -np.inf
 
     def set_target(self, p: npt.ArrayLike, now: float) -> None:
         """Take the target `p` (3,) [m], in the base frame, valid at `now` [s].
@@ -77,10 +81,11 @@ class TargetFollower:
                 f'tool target {target} is {distance:.3g} m from the base, the arm reaches '
                 f'{self._reach:.3g} m: check the frame and the unit'
             )
-        velocity = np.zeros(3)
-        if self._target_time is not None and 1e-4 < now - self._target_time < _STREAM_GAP:
-            velocity = (target - self._target) / (now - self._target_time)
-            velocity = _limited(velocity, self._velocity_max)
+        velocity, self._moving_until = np.zeros(3), -np.inf
+        period = np.inf if self._target_time is None else now - self._target_time
+        if 1e-4 < period < _STREAM_GAP:
+            velocity = _limited((target - self._target) / period, self._velocity_max)
+            self._moving_until = now + _SILENT_PERIODS * period
         self._target, self._target_velocity, self._target_time = target, velocity, now
 
     def update(self, q: Array, now: float, dt: float) -> TaskReference:
@@ -88,12 +93,12 @@ class TargetFollower:
 
         The arm's posture `q` isn't used: the reference doesn't follow the arm.
         """
-        age = 0.0 if self._target_time is None else max(0.0, now - self._target_time)
-        if age > _STREAM_GAP:
-            self._target = self._target + _STREAM_GAP * self._target_velocity
-            self._target_velocity = np.zeros(3)
-            self._target_time, age = None, 0.0
-        error = self._target + age * self._target_velocity - self._p
+        target, target_velocity = self._target, self._target_velocity
+        if now > self._moving_until or self._target_time is None:
+            target_velocity = np.zeros(3)
+        else:
+            target = target + max(0.0, now - self._target_time) * target_velocity
+        error = target - self._p
         w = self._frequency
         # The speed from which the tool can still stop at the target.
         speed = min(
@@ -101,7 +106,7 @@ class TargetFollower:
             float(np.sqrt(self._acceleration_max * (np.linalg.norm(error) + 1e-12))),
         )
         approach = _limited(0.5 * w * error, speed)
-        wanted = 2.0 * w * (approach + self._target_velocity - self._v)
+        wanted = 2.0 * w * (approach + target_velocity - self._v)
         acceleration = _limited(wanted, self._acceleration_max)
         self._p = self._p + dt * (self._v + (0.5 * dt) * acceleration)
         self._v = self._v + dt * acceleration

@@ -46,6 +46,8 @@ class ArmConfig:
         [m/s^2]
     rest_position : tuple of n floats
         Posture [rad] to which the arm is brought to rest.
+    coupled_joints : tuple of (joint, driver)
+        Joints that feel the velocity and acceleration of another one, for identification.
 
     Raises
     ------
@@ -59,6 +61,7 @@ class ArmConfig:
     profile: str
     gravity_in_base: tuple[float, float, float]
     rest_position: tuple[float, ...]
+    coupled_joints: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         """Check what involves more than one part."""
@@ -72,6 +75,7 @@ class ArmConfig:
         self._check_channels()
         self._check_gravity()
         self._check_rest_position()
+        self._check_coupled_joints()
 
     @property
     def n(self) -> int:
@@ -136,6 +140,14 @@ class ArmConfig:
             key = f'rest_position of {joint.name}'
             check_range('arm', key, value, joint.position_min, joint.position_max, 'rad')
 
+    def _check_coupled_joints(self) -> None:
+        for joint, driver in self.coupled_joints:
+            if joint == driver or not {joint, driver} <= set(self.joint_names):
+                raise ConfigError(
+                    f'arm: coupled_joints: {joint}, {driver} are not two of the joints '
+                    f'{", ".join(self.joint_names)}'
+                )
+
 
 def load_arm_config(path: Path | str | None = None) -> ArmConfig:
     """Read the drive train of an arm.
@@ -178,6 +190,7 @@ def _arm(document: dict[str, Any]) -> ArmConfig:
     ]
     plain = {key: value for key, value in document.items() if key not in ('motors', 'gears')}
     plain.update(joints=tuple(joints), boards=tuple(boards))
+    plain['coupled_joints'] = _coupled_joints(document.get('coupled_joints', []))
     return build(ArmConfig, 'top level', plain)
 
 
@@ -190,6 +203,16 @@ def _joint(
         'gear': _part(where, 'gear', entry, gears),
     }
     return build(JointConfig, where, {**entry, **parts})
+
+
+def _coupled_joints(entries: Any) -> tuple[tuple[str, str], ...]:
+    pairs = entries if isinstance(entries, list) else [entries]
+    for pair in pairs:
+        if not (
+            isinstance(pair, list) and len(pair) == 2 and all(isinstance(x, str) for x in pair)
+        ):
+            raise ConfigError(f'coupled_joints: {pair!r} is not a pair [joint, driver] of names')
+    return tuple((joint, driver) for joint, driver in pairs)
 
 
 def _part(where: str, key: str, entry: dict[str, Any], known: Mapping[str, object]) -> object:

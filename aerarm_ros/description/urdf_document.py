@@ -135,8 +135,14 @@ class UrdfDocument:
         limit = element.find('limit')
         if limit is None and kind in ('revolute', 'prismatic'):
             raise DescriptionError(f'{owner} is {kind} and needs a <limit>')
-        for key in ('lower', 'upper', 'effort', 'velocity'):
+        lower, upper, *_ = (
             _number(limit, key, f'{owner}, <limit>')
+            for key in ('lower', 'upper', 'effort', 'velocity')
+        )
+        if kind != 'continuous' and lower > upper:
+            raise DescriptionError(
+                f'{owner}, <limit>: lower = {lower:g} is above upper = {upper:g}'
+            )
         mimic = element.find('mimic')
         dynamics = element.find('dynamics')
         return UrdfJoint(

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerarm_ros.excitation.excitation_error import ExcitationError
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
 from aerarm_ros.excitation.joint_reference import FloatArray
 from aerarm_ros.excitation.motion_limits import MotionLimits
 from aerarm_ros.excitation.motion_sequence import MotionSequence, Stage
 from aerarm_ros.excitation.quintic_segment import QuinticSegment, at_rest, rest_to_rest_duration
 from aerarm_ros.excitation.steady_stroke import SteadyStroke
+from aerarm_ros.excitation.stop_checker import StopChecker
 
 _TRANSFER_SHARE = 0.2  # of the limits of velocity and acceleration between the measurements
 _SHORTEST_TRANSFER = 0.5  # [s]
@@ -198,6 +200,20 @@ class BenchMotion:
         self._time += motion.duration
         # Rounding must not add up from stroke to stroke.
         self._at = np.array(motion.evaluate(motion.duration).position)
+
+
+def bench_checker(setup: ExcitationSetup, mounted: bool) -> FeasibilityChecker:
+    """Return the checks of a bench's motion, a smooth stop anywhere on it included.
+
+    Parameters
+    ----------
+    setup : the arm.
+    mounted : False for bare motors, which carry nothing and collide with nothing.
+    """
+    limits = setup.limits
+    if not mounted:
+        return FeasibilityChecker(limits, stops=StopChecker(limits, None, setup.config.stop_time))
+    return FeasibilityChecker(limits, setup.clearance, setup.effort_model, stops=setup.stops)
 
 
 def split(

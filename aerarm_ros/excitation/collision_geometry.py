@@ -95,6 +95,11 @@ def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> FloatArray:
     one radian moves no point of a body further than the point's distance from the joint's axis.
     That distance is at most the sum of the offsets along the chain and the body's radius. For a
     prismatic joint the bound is 1.
+
+    Raises
+    ------
+    ExcitationError
+        If a prismatic joint has no limits, so that nothing bounds the joints before it.
     """
     bounds = np.zeros((len(geometry.collisionPairs), model.nv))
     for row, pair in enumerate(geometry.collisionPairs):
@@ -102,6 +107,10 @@ def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> FloatArray:
             shape = geometry.geometryObjects[index]
             other = geometry.geometryObjects[pair.second if index == pair.first else pair.first]
             bounds[row] += _reach(model, shape, list(model.supports[other.parentJoint]))
+    if not np.isfinite(bounds).all():
+        raise ExcitationError(
+            'a prismatic joint without position limits: how far the arm reaches is not known'
+        )
     return bounds
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import exp
 
 from aerarm_ros.excitation.feasibility_report import FeasibilityReport
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
@@ -25,6 +26,14 @@ class Quality:
     scaled_condition_number: float
     log_deviation: float
 
+    def compared_with(self, other: Quality, name: str) -> str:
+        """Return how expected standard deviations (geometric mean) compare with `other`'s."""
+        gain = exp(other.log_deviation - self.log_deviation)
+        if abs(gain - 1.0) < 0.005:
+            return f'deviations as large as {name}'
+        ratio, word = (gain, 'smaller') if gain >= 1.0 else (1.0 / gain, 'larger')
+        return f'deviations {ratio:.2f} times {word} than {name}'
+
 
 @dataclass(frozen=True)
 class DesignResult:
@@ -38,6 +47,7 @@ class DesignResult:
     start : number of the random start.
     seconds : time taken [s].
     remark : what became of the optimum, if this is not it.
+    stopped : whether the search was stopped before its optimiser came to an end.
     """
 
     trajectory: FourierTrajectory
@@ -46,3 +56,4 @@ class DesignResult:
     start: int
     seconds: float
     remark: str = ''
+    stopped: bool = False

@@ -43,6 +43,9 @@ class ExcitationPlayer:
         If a limit or time is not positive.
     """
 
+    START_TOLERANCE = 0.05
+    """How far a joint may have moved since the motion was planned [rad]."""
+
     def __init__(
         self,
         motion: MotionSequence,
@@ -102,8 +105,10 @@ class ExcitationPlayer:
         ------
         ExcitationError
             If the stamp jumps or the posture is not finite: what the arm does is not known then,
-            so no command can be right.
+            so no command can be right. Or if the first posture is not where the motion starts.
         """
+        if self._start_ns is None:
+            self._require_start(position)
         now = self._elapsed(stamp_ns)
         if self.state is PlayState.STOPPING:
             self._clock.stop(now)
@@ -114,6 +119,15 @@ class ExcitationPlayer:
         elif self.path_time >= self.motion.duration:
             self.state = PlayState.FINISHED
         return self._law.command(reference, position)
+
+    def _require_start(self, position: FloatArray) -> None:
+        moved = np.abs(self.motion.evaluate(0.0).position - position)
+        worst = int(moved.argmax())
+        if moved[worst] > self.START_TOLERANCE:
+            raise ExcitationError(
+                f'{self._joint_names[worst]} moved by {moved[worst]:.3f} rad since the motion was '
+                'planned: check that the arm is held and that nobody else moves it, then try again'
+            )
 
     def _elapsed(self, stamp_ns: int) -> float:
         if self._start_ns is None:

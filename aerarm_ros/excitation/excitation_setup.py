@@ -116,7 +116,8 @@ class ExcitationSetup:
         )
 
     @cached_property
-    def _stops(self) -> StopChecker:
+    def stops(self) -> StopChecker:
+        """A smooth stop of `stop_time`, held to the whole limits."""
         return StopChecker(self.limits, self.effort_model, self.config.stop_time)
 
     @cached_property
@@ -127,14 +128,14 @@ class ExcitationSetup:
             self.clearance,
             self.effort_model,
             self.config.highest_frequency,
-            stops=self._stops,
+            stops=self.stops,
         )
 
     @cached_property
     def planner(self) -> ExcitationPlanner:
         """From any posture through an excitation and back."""
         transfers = FeasibilityChecker(
-            self.limits, self.clearance, self.effort_model, stops=self._stops
+            self.limits, self.clearance, self.effort_model, stops=self.stops
         )
         return ExcitationPlanner(
             self.checker, transfers, self.config.ramp_time, self.config.transfer_share

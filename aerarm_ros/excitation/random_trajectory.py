@@ -11,7 +11,7 @@ import numpy as np
 from aerarm_ros.excitation.excitation_error import (
     DesignStoppedError,
     ExcitationError,
-    InfeasibleError,
+    NothingDrawnError,
 )
 from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
 from aerarm_ros.excitation.feasibility_report import FeasibilityReport, LimitMargin
@@ -78,7 +78,7 @@ class RandomTrajectory:
 
         Raises
         ------
-        InfeasibleError
+        NothingDrawnError
             If none is feasible; names the limit that most of them break.
         DesignStoppedError
             If asked to stop.
@@ -93,18 +93,21 @@ class RandomTrajectory:
             if report.feasible:
                 return trajectory, report
             broken.append(report.binding)
-        raise InfeasibleError(self._explain(broken, seed))
+        raise self._error(broken, seed)
 
-    def _explain(self, broken: list[LimitMargin], seed: int) -> str:
+    def _error(self, broken: list[LimitMargin], seed: int) -> NothingDrawnError:
         (limit, subject), count = Counter((m.limit, m.subject) for m in broken).most_common(1)[0]
         best = max(
             (m for m in broken if (m.limit, m.subject) == (limit, subject)),
             key=lambda margin: margin.relative,
         )
-        return (
-            f'none of {len(broken)} random trajectories (seed {seed}) is feasible; '
+        binding = (
             f'{limit} of {subject} binds in {100 * count / len(broken):.0f} % of them '
-            f'({best.reached:.4g} {best.unit} at best, limit {best.allowed:.4g} {best.unit}): '
+            f'({best.reached:.4g} {best.unit} at best, limit {best.allowed:.4g} {best.unit})'
+        )
+        return NothingDrawnError(
+            f'none of {len(broken)} random trajectories (seed {seed}) is feasible; {binding}: '
             f'lower the amplitude ({self.amplitude:g} rad) or the fundamental '
-            f'({self.fundamental:g} Hz), or check that limit and the bias'
+            f'({self.fundamental:g} Hz), or check that limit and the bias',
+            binding,
         )

@@ -14,7 +14,7 @@ from aerarm_ros.excitation.design_constraints import DesignConstraints
 from aerarm_ros.excitation.design_problem import DesignProblem
 from aerarm_ros.excitation.design_result import DesignResult, Quality
 from aerarm_ros.excitation.design_specification import DesignSpecification
-from aerarm_ros.excitation.excitation_error import InfeasibleError
+from aerarm_ros.excitation.excitation_error import InfeasibleError, NothingDrawnError
 from aerarm_ros.excitation.feasibility_report import FeasibilityReport, LimitMargin
 from aerarm_ros.excitation.feasible_iterates import FeasibleIterates
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
@@ -86,18 +86,23 @@ class TrajectoryDesigner:
         """
         began = time.monotonic()
         seed = int(np.random.SeedSequence([self.specification.seed, start]).generate_state(1)[0])
-        error = None
+        binding = ''
         for shrink in self._SHRINKING:
             candidates = replace(self._candidates, amplitude=shrink * self.specification.amplitude)
             try:
                 trajectory, report = candidates.draw_feasible(
                     seed, self._setup.checker, self._setup.config.ramp_time, 40, stop
                 )
-            except InfeasibleError as refusal:
-                error = refusal
+            except NothingDrawnError as refusal:
+                binding = refusal.binding
                 continue
             return self._result(trajectory, report, start, began)
-        raise error if error is not None else InfeasibleError('no amplitude to try')
+        amplitude = self.specification.amplitude
+        raise InfeasibleError(
+            f'no random trajectory with the amplitude of {amplitude:g} rad is feasible, nor with '
+            f'less, down to a tenth of it, where {binding}: lower the amplitude or the fundamental '
+            f'({self.specification.fundamental:g} Hz), or check that limit and the bias'
+        )
 
     def design(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
         """Return the best feasible trajectory found from `start`, at least the initial one.
@@ -116,20 +121,22 @@ class TrajectoryDesigner:
         initial = self.initial(start, stop)
         iterates = FeasibleIterates()
         optimum = self._optimise(self._basis.coefficients(initial.trajectory), iterates, stop)
-        what = 'the optimum' if optimum is not None else 'the last step'
+        # A search that was not let go on says nothing about the limits.
+        stopped = optimum is None
         refusal: LimitMargin | None = None
         for coefficients, remark in self._proposals(optimum, iterates):
             trajectory = self._basis.trajectory(coefficients)
             report = self._check(trajectory)
             if report.feasible:
-                remark = _explain(remark, what, refusal)
-                result = self._result(trajectory, report, start, began, remark)
+                remark = _explain(remark, refusal)
+                result = self._result(trajectory, report, start, began, remark, stopped)
                 if result.quality.objective < initial.quality.objective:
                     return result
-            elif refusal is None:
+            elif refusal is None and not stopped:
                 refusal = report.binding
-        remark = _explain('nothing better than the random start', what, refusal)
-        return replace(initial, seconds=time.monotonic() - began, remark=remark)
+        remark = _explain('nothing better than the random start', refusal)
+        seconds = time.monotonic() - began
+        return replace(initial, seconds=seconds, remark=remark, stopped=stopped)
 
     def _check(self, trajectory: FourierTrajectory) -> FeasibilityReport:
         ramp_time = self._setup.config.ramp_time
@@ -223,8 +230,7 @@ class TrajectoryDesigner:
 
     def _build_problem(self) -> DesignProblem:
         setup, limits = self._setup, self._setup.usable_limits
-        with np.errstate(invalid='ignore'):  # no current limit times no torque constant
-            by_current = np.nan_to_num(limits.current * setup.torque_per_ampere, nan=np.inf)
+        by_current = limits.current * setup.torque_per_ampere  # both may be infinite, never 0
         robot = setup.robot
         prior = np.concatenate(
             [robot.inertial_parameters.ravel(), robot.viscous, robot.coulomb, setup.rotor_inertia]
@@ -244,11 +250,12 @@ class TrajectoryDesigner:
         start: int,
         began: float,
         remark: str = '',
+        stopped: bool = False,
     ) -> DesignResult:
         seconds = time.monotonic() - began
         quality = self.quality(self.states(trajectory))
-        return DesignResult(trajectory, quality, report, start, seconds, remark)
+        return DesignResult(trajectory, quality, report, start, seconds, remark, stopped)
 
 
-def _explain(remark: str, what: str, refusal: LimitMargin | None) -> str:
-    return remark if refusal is None else f'{remark}: {what} breaks {refusal}'
+def _explain(remark: str, refusal: LimitMargin | None) -> str:
+    return remark if refusal is None else f'{remark}: the optimum breaks {refusal}'

@@ -12,6 +12,7 @@ from aerarm_ros.hardware.offered_command import OfferedCommand, Source
 
 # Why a command is not let in, and what to check.
 REJECTIONS: dict[str, str] = {
+    'unreadable': 'it is not a JointState: check what publishes it, and with which ROS',
     'not_ready': 'the arm is not ready: enable it, or clear its fault',
     'not_allowed': 'its publisher is not on the list of allowed ones: check allowed_publishers',
     'source': 'another publisher is commanding the arm: stop one of the two',
@@ -92,15 +93,19 @@ class CommandIntake:
         reason = reason or self._origin_fault(offered.age_of_stamp, now, offered.source)
         reason = reason or self._content_fault(offered)
         if reason:
-            self.rejections[reason] += 1
-            self.last_rejection = reason
-            self.last_rejection_time = now
+            self.reject(reason, now)
             return False
         self.command, self._candidate = self._candidate, self.command
         self.accepted += 1
         self._received = now
         self._source = offered.source
         return True
+
+    def reject(self, reason: str, now: float) -> None:
+        """Count a command received at `now` [s] that is not let in; a key of `REJECTIONS`."""
+        self.rejections[reason] += 1
+        self.last_rejection = reason
+        self.last_rejection_time = now
 
     def _origin_fault(self, age_of_stamp: float, now: float, source: Source) -> str:
         """Return why a command's age or publisher is not accepted, '' if it is."""

@@ -16,6 +16,7 @@ _FRICTION_FACTOR = 4.0
 _LOAD_SHARE = 0.1  # a gear's friction grows with the torque that it transmits
 # What a joint at rest carries, over gravity's largest share: base and other joints accelerate.
 _LOAD_FACTOR = 1.5
+_PAUSE = 3e-3  # [s] between two looks: what happened meanwhile proves nothing
 
 
 class EncoderMonitor:
@@ -141,7 +142,8 @@ class _Encoder:
     ) -> str:
         """Take an angle [rad] and currents [A]; return what is wrong, or ''."""
         change = abs(position - self.position)
-        jumped = change > self.fastest * (now - self.seen) + _JUMP_ALLOWANCE
+        elapsed = now - self.seen
+        jumped = change > self.fastest * elapsed + _JUMP_ALLOWANCE
         self.position, self.seen = position, now
         if jumped:
             return (
@@ -156,7 +158,7 @@ class _Encoder:
             unexplained = feedback - self.moving_feedback
         else:
             unexplained = current - self.moving_current
-        if abs(unexplained) <= held:
+        if abs(unexplained) <= held or elapsed > _PAUSE:
             self.plausible = now
         elif now - self.plausible > stall_time:
             return (

@@ -34,8 +34,6 @@ class MotorReferences:
         One `MotorReference` a joint.
     zero
         (n,) angles [rad] that the boards report where the motors' angle is zero.
-    gains
-        Kp and Kd that the boards have now, (n,) each, motor side [A/rad], [A s/rad].
     """
 
     def __init__(self, config: ArmConfig, profile: FrameProfile, reach_max: float) -> None:
@@ -57,6 +55,15 @@ class MotorReferences:
         self.set_gains(config.column('board_kp'), config.column('board_kd'))
 
     @property
+    def gains(self) -> tuple[Array, Array]:
+        """Kp and Kd that the boards have now, (n,) each, motor side [A/rad], [A s/rad].
+
+        Zero where the joint is controlled by torque.
+        """
+        kp, kd = np.array([(motor.kp, motor.kd) for motor in self.motors]).T
+        return kp, kd
+
+    @property
     def feed_forward(self) -> Array:
         """Currents commanded as effort, (n,) [A], motor side."""
         return np.array([motor.current for motor in self.motors])
@@ -71,7 +78,6 @@ class MotorReferences:
         reach = np.minimum(self._effort_max / stiffness, self._reach_max)
         for motor, row in zip(self.motors, np.transpose([*gains, reach]).tolist(), strict=True):
             motor.set_gains(*row)
-        self.gains: tuple[Array, Array] = (gains[0], gains[1])
 
     def check_gains(
         self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0

@@ -11,6 +11,8 @@ from aerarm_ros.identification.sample_columns import Prediction, SampleColumns
 
 Array = npt.NDArray[np.float64]
 
+_SMALLEST = 1e-300  # keeps a bag without torque from dividing by zero
+
 
 @dataclass(frozen=True, eq=False)
 class BagAssessment:
@@ -21,9 +23,10 @@ class BagAssessment:
     bag : str
     filtered, raw : float
         `100 |tau - tau_hat| / |tau|` over all joints stacked [%]: for torque and prediction
-        through the same low-pass, and for measured torque as recorded.
+        through the same low-pass, and for measured torque as recorded. A joint whose recorded
+        effort never changes does not count: nothing was measured of it. Nor does saturated effort.
     per_joint_filtered, per_joint_raw : (n,) ndarray
-        The same for each joint alone [%].
+        The same for each joint alone [%]; NaN for one that does not count.
     prediction : Prediction
     """
 
@@ -42,8 +45,15 @@ def assess(estimate: Estimate, bags: Sequence[SampleColumns]) -> list[BagAssessm
         prediction = bag.predict(estimate.model, estimate.theta)
         samples = bag.samples
         kept = samples.kept
-        filtered = torque_errors(samples.tau[kept], prediction.filtered[kept])
-        raw = torque_errors(samples.tau_raw[kept], prediction.raw[kept])
+        # 0 near saturation, which leaves these samples out; NaN for a joint without any.
+        known = np.where(samples.measured.any(axis=0), samples.measured, np.nan)[kept]
+        filtered, raw = (
+            torque_errors(known * measured[kept], known * predicted[kept])
+            for measured, predicted in (
+                (samples.tau, prediction.filtered),
+                (samples.tau_raw, prediction.raw),
+            )
+        )
         results.append(
             BagAssessment(samples.name, filtered[0], raw[0], filtered[1], raw[1], prediction)
         )
@@ -56,13 +66,11 @@ def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
     Parameters
     ----------
     measured, predicted : (M, n) ndarray
-        [Nm]
+        [Nm]; a joint of which nothing was measured is NaN, and left out of the first.
     """
-    difference, size = (
-        np.linalg.norm(measured - predicted, axis=0),
-        np.linalg.norm(measured, axis=0),
-    )
-    per_joint = 100.0 * difference / np.maximum(size, 1e-300)
-    return 100.0 * float(np.linalg.norm(difference)) / max(
-        float(np.linalg.norm(size)), 1e-300
-    ), per_joint
+    difference = np.linalg.norm(measured - predicted, axis=0)
+    size = np.linalg.norm(measured, axis=0)
+    per_joint = 100.0 * difference / np.maximum(size, _SMALLEST)
+    known = np.isfinite(size)
+    whole = max(float(np.linalg.norm(size[known])), _SMALLEST)
+    return 100.0 * float(np.linalg.norm(difference[known])) / whole, per_joint

@@ -39,6 +39,7 @@ Array = npt.NDArray[np.float64]
 
 # Gautier (ICRA 1997): a low-pass ten times above the motion leaves its dynamics alone.
 _CUTOFF_PER_BAND = 10.0
+_CUTOFF_MIN_PER_BAND = 0.5  # below, most of the motion is lost
 # ... but there must be enough samples in a period of the cut-off to differentiate.
 _SAMPLES_PER_CUTOFF = 10.0
 # The filtered torque is kept at five times the cut-off: above the Nyquist rate, 2, with room
@@ -50,6 +51,7 @@ _FINE_RATE_PER_CUTOFF = 100.0
 _FINE_RATE_MIN = 400.0  # [Hz]; the motion doesn't slow down with the cut-off
 _SEARCH_RATE = 250.0  # [Hz] is enough to find band and harmonics of any arm's motion
 _EDGE = 0.5  # periods of the cut-off left out at the ends of a motion that isn't periodic
+_SPREAD = 1.0  # periods of the cut-off to either side, over which it spreads saturated torque
 _STANDSTILL_SPEED = 5e-3  # share of a joint's top speed
 _STANDSTILL_TIME = 0.3  # [s]
 FOLDS = 5
@@ -95,7 +97,8 @@ class Conditioner:
         self.warnings = [text for motion in motions for text in short_motion_warnings(motion)]
         if options.fundamental is not None:
             for motion in motions:
-                self.warnings += fundamental_warnings(motion, options.fundamental)
+                needed = options.filter == 'harmonics'
+                self.warnings += fundamental_warnings(motion, options.fundamental, needed)
         if all(motion.period for motion in motions):
             found = max(
                 count_harmonics(dq, motion.periods)
@@ -172,6 +175,11 @@ class Conditioner:
                     f'cut-off {self._options.cutoff:g} Hz is above {limit:.3g} Hz, which is what '
                     f"the bag's rate of {1.0 / dt:.3g} Hz allows: choose a lower one"
                 )
+            if self._options.cutoff < _CUTOFF_MIN_PER_BAND * band:
+                raise IdentificationError(
+                    f'cut-off {self._options.cutoff:g} Hz would filter the motion away, which '
+                    f'reaches {band:.3g} Hz: choose a higher one'
+                )
             return self._options.cutoff
         return min(_CUTOFF_PER_BAND * band, 1.0 / (_SAMPLES_PER_CUTOFF * dt))
 
@@ -186,6 +194,9 @@ class Conditioner:
         kept = self._kept(motion, len(time), motion.dt * step)
         still = _standing_still(dq[::step], motion.dt * step)
         recording = motion.recording
+        measured = kept[:, None] & ~recording.dead_effort
+        if recording.saturated is not None:
+            measured &= ~_near(recording, recording.saturated, time, _SPREAD / self.cutoff)
         return Samples(
             name=recording.name,
             recorded=motion.count * motion.factor,
@@ -200,7 +211,8 @@ class Conditioner:
             fine_filter=fine,
             coarse_filter=coarse,
             kept=kept,
-            usable=kept[:, None] & ~still & ~recording.dead_effort,
+            measured=measured,
+            usable=measured & ~still,
             fold=_folds(motion, len(time), step),
         )
 
@@ -233,6 +245,18 @@ def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
         for first, last in zip(edges[::2], edges[1::2], strict=True):
             still[first:last, joint] = last - first >= shortest
     return np.asarray(still, dtype=bool)
+
+
+def _near(
+    recording: Recording, flags: npt.NDArray[np.bool_], time: Array, distance: float
+) -> npt.NDArray[np.bool_]:
+    """Return which instants (K,) lie within a distance [s] of flagged samples; (K, n)."""
+    near = np.zeros((len(time), flags.shape[1]), dtype=bool)
+    for joint in range(flags.shape[1]):
+        flagged = recording.time[flags[:, joint]]
+        first = np.searchsorted(flagged, time - distance)
+        near[:, joint] = first < np.searchsorted(flagged, time + distance, side='right')
+    return near
 
 
 def _folds(motion: UniformMotion, count: int, step: int) -> npt.NDArray[np.intp]:

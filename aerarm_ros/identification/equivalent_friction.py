@@ -6,12 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.identification.estimate import Estimate
-from aerarm_ros.identification.joint_term import TermKind
+from aerarm_ros.identification.joint_term import COUPLED, TermKind
 from aerarm_ros.identification.sample_columns import SampleColumns
 
 Array = npt.NDArray[np.float64]
 
-_NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET)
+_NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 
 
 def equivalent_friction(estimate: Estimate, bags: Sequence[SampleColumns]) -> tuple[Array, Array]:

@@ -21,6 +21,8 @@ _HEADER = """\
 # tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2) + forward
 # max(a(dq), 0) + backward min(a(dq), 0), with s(dq) = tanh(dq / coulomb_width), sgn(dq) for
 # width 0, and a(dq) = tanh(dq / asymmetry_width).
+# coupled_joints, where given: for each column its joint, the joint that drives it, cv (torque per
+# velocity of the driver) or ca (per acceleration), and its coefficient.
 # from_data: share of each value that comes from data (1) rather than from CAD (0).
 # base_parameters: the sums that the torque depends on, which the data determine.
 """
@@ -77,6 +79,9 @@ def estimate_yaml(
         'rotor_inertia': _floats(estimate.joint_values(TermKind.ROTOR.value)),
         'friction': _friction(estimate),
     }
+    coupled = _coupled(estimate)
+    if coupled['values']:
+        parameters['coupled_joints'] = coupled
     if estimate.std is not None:
         parameters['standard_deviation'] = _per_kind(estimate, estimate.std)
     if estimate.determined is not None:
@@ -102,6 +107,21 @@ def _friction(estimate: Estimate) -> dict[str, list[float]]:
             for terms in estimate.model.terms
         ]
     return friction
+
+
+def _coupled(estimate: Estimate) -> dict[str, list[Any]]:
+    model, start = estimate.model, 10 * estimate.model.n
+    names = model.joint_names
+    entries: dict[str, list[Any]] = {
+        key: [] for key in ('joints', 'drivers', 'kinds', 'values', 'standard_deviations')
+    }
+    for index, (joint, term) in enumerate(model.joint_columns, start):
+        if term.driver is not None:
+            std = 0.0 if estimate.std is None else float(estimate.std[index])
+            row = (names[joint], names[term.driver], term.symbol, float(estimate.theta[index]), std)
+            for column, value in zip(entries.values(), row, strict=True):
+                column.append(value)
+    return entries
 
 
 def _per_kind(estimate: Estimate, values: Array) -> dict[str, list[float]]:

@@ -38,34 +38,53 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
     try:
         parameters = document['/**']['ros__parameters']
         names = tuple(parameters['joint_names'])
+        _check_joints(path, names, robot.joint_names)
         friction = parameters['friction']
         inertial = np.array(parameters['inertial_parameters'], dtype=float).reshape(robot.n, 10)
         values = {kind: _column(friction, parameters, kind, robot.n) for kind in NAMES}
         widths = {name: _numbers(friction.get(name), robot.n) for name in WIDTHS}
+        coupled = _coupled(parameters.get('coupled_joints'), names)
+    except IdentificationError:
+        raise
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise IdentificationError(
-            f'{path}: is no estimate.yaml of an arm with {robot.n} joints '
-            f'({type(error).__name__}: {error})'
+            f'{path}: is no estimate.yaml of an arm with {robot.n} joints: {_fault(error)}: give '
+            'the file as the identifier has written it'
         ) from None
-    if names != robot.joint_names:
-        raise IdentificationError(
-            f'{path}: is of joints {", ".join(map(str, names))}, the URDF has '
-            f'{", ".join(robot.joint_names)}: give both of one arm'
-        )
     terms = [
         tuple(
             JointTerm(kind, _width(widths, kind, joint))
             for kind, column in values.items()
             if column[joint] != 0.0
         )
+        + tuple(term for owner, term in coupled if owner == joint)
         for joint in range(robot.n)
     ]
     model = JointModel(robot.joint_names, robot.link_names, tuple(terms))
-    joints = [values[term.kind][joint] for joint, term in model.joint_columns]
+    joints = [
+        values[term.kind][joint] if term.driver is None else coupled[joint, term]
+        for joint, term in model.joint_columns
+    ]
     theta = np.concatenate([inertial.ravel(), joints])
     if not np.isfinite(theta).all():
         raise IdentificationError(f'{path}: holds numbers that are not finite')
     return Estimate(str(parameters.get('solver', '')), model, theta)
+
+
+def _check_joints(path: Path, names: tuple[str, ...], wanted: tuple[str, ...]) -> None:
+    if names != wanted:
+        raise IdentificationError(
+            f'{path}: is of {len(names)} joints {", ".join(map(str, names))}, the URDF has '
+            f'{len(wanted)}: {", ".join(wanted)}: give the URDF of that arm (--urdf)'
+        )
+
+
+def _fault(error: Exception) -> str:
+    if isinstance(error, KeyError):
+        return f'{error} is missing'
+    if isinstance(error, ValueError):
+        return 'a list has not the right length, or holds something else than numbers'
+    return 'its keys are not those of an estimate'
 
 
 def _column(
@@ -73,6 +92,19 @@ def _column(
 ) -> Array:
     source = parameters if kind is TermKind.ROTOR else friction
     return _numbers(source.get(NAMES[kind]), n)
+
+
+def _coupled(
+    entries: Mapping[str, Any] | None, names: tuple[str, ...]
+) -> dict[tuple[int, JointTerm], float]:
+    """Return the coefficient of each coupled joint's column."""
+    if entries is None:
+        return {}
+    columns = [entries[key] for key in ('joints', 'drivers', 'kinds', 'values')]
+    return {
+        (names.index(joint), JointTerm(TermKind(kind), driver=names.index(driver))): float(value)
+        for joint, driver, kind, value in zip(*columns, strict=True)
+    }
 
 
 def _numbers(values: Any, n: int) -> Array:

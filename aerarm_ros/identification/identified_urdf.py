@@ -1,17 +1,22 @@
 """The arm's URDF with identified inertia and friction, everything else unchanged."""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 from xml.parsers import expat
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from scipy.linalg import eigh
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.inertia import barycentric_inertia, is_physically_consistent
+from aerarm_ros.model.inertia import barycentric_inertia, is_physically_consistent, pseudo_inertia
 
 Array = npt.NDArray[np.float64]
+
+_REMAINING = 0.9  # of what can be taken off a link at most: the rest must stay a body
 
 
 @dataclass(frozen=True)
@@ -29,7 +34,8 @@ def identified_urdf(
 
     What is identified of a link includes whatever fixed joints hang on it. So the link gets
     it all and those links lose their own `<inertial>`. Links behind locked joints keep theirs,
-    which is taken off.
+    which is taken off; where that leaves no possible body, they are written lighter, so that
+    every link is physically consistent and their sum is what was identified.
 
     Parameters
     ----------
@@ -47,12 +53,16 @@ def identified_urdf(
     warnings = []
     for index, name in enumerate(robot.link_names):
         fixed = _behind_fixed_joints(root, name)
-        kept = _held_by_locked_joints(robot, root, [name, *fixed], index)
-        own = inertial[index] - kept
-        if kept.any() and not is_physically_consistent(own):
+        held = _held_by_locked_joints(robot, root, [name, *fixed])
+        kept = _inertia_held(robot, index) if held else np.zeros(10)
+        share = _possible_share(inertial[index], kept)
+        if share < 1.0:
+            warnings += _scaled(links, held, share, name)
+        own = inertial[index] - share * kept
+        if not is_physically_consistent(own):
             warnings.append(
-                f'identified.urdf: link {name} without what its locked joints carry is not '
-                'physically consistent: the identified total is smaller than the CAD part'
+                f'identified.urdf: link {name} is NOT PHYSICALLY CONSISTENT: its identified '
+                'parameters are those of no body; do not simulate or control with this file'
             )
         for other in fixed:
             _remove_inertial(links[other])
@@ -93,23 +103,69 @@ def _behind_fixed_joints(root: ET.Element, link: str) -> list[str]:
     return found
 
 
-def _held_by_locked_joints(robot: Robot, root: ET.Element, links: list[str], index: int) -> Array:
+def _held_by_locked_joints(robot: Robot, root: ET.Element, links: list[str]) -> list[str]:
+    """Return the links that only locked (and fixed) joints connect to some links."""
+    found: list[str] = []
+    front = links
+    while front:
+        children = _children(root, front, fixed=False)
+        behind = [child for joint, child in children if joint not in robot.joint_names]
+        front = [link for child in behind for link in (child, *_behind_fixed_joints(root, child))]
+        found += front
+    return found
+
+
+def _inertia_held(robot: Robot, index: int) -> Array:
     """Return the inertial parameters, in the moving link's frame, of what locked joints carry."""
-    total = np.zeros(10)
-    locked = [j for j, _ in _children(root, links, fixed=False) if j not in robot.joint_names]
-    if not locked:
-        return total
     full = pin.buildModelFromXML(robot.urdf_text)
     data = full.createData()
     posture = pin.neutral(full)
     posture = np.clip(posture, full.lowerPositionLimit, full.upperPositionLimit)
     pin.forwardKinematics(full, data, posture)
-    carrier = data.oMi[full.getJointId(robot.joint_names[index])]
-    for joint in locked:
-        for body in full.subtrees[full.getJointId(joint)]:
-            placed = carrier.actInv(data.oMi[body]).act(full.inertias[body])
-            total += placed.toDynamicParameters()
+    carrier = full.getJointId(robot.joint_names[index])
+    total = np.zeros(10)
+    for body in range(1, full.njoints):
+        if body == carrier or _moving_ancestor(full, body, robot.joint_names) != carrier:
+            continue
+        placed = data.oMi[carrier].actInv(data.oMi[body]).act(full.inertias[body])
+        total += placed.toDynamicParameters()
     return total
+
+
+def _moving_ancestor(full: Any, joint: int, moving: tuple[str, ...]) -> int:
+    """Return the nearest joint towards the base that moves, maybe itself; 0 for the base."""
+    while joint > 0 and full.names[joint] not in moving:
+        joint = full.parents[joint]
+    return joint
+
+
+def _possible_share(whole: Array, kept: Array) -> float:
+    """Return how much of a part can be taken off a body such that a body remains."""
+    if not kept.any() or is_physically_consistent(whole - kept):
+        return 1.0
+    if not is_physically_consistent(whole):
+        return 0.0
+    # P - s K stays positive definite up to s = 1 / (largest eigenvalue of K by P).
+    largest = eigh(pseudo_inertia(kept), pseudo_inertia(whole), eigvals_only=True)[-1]
+    return float(_REMAINING / largest)
+
+
+def _scaled(
+    links: Mapping[str | None, ET.Element], held: list[str], share: float, carrier: str
+) -> list[str]:
+    """Make links lighter, centres and shapes as they are; return what is to be said of it."""
+    for name in held:
+        for element in (
+            *links[name].iterfind('inertial/mass'),
+            *links[name].iterfind('inertial/inertia'),
+        ):
+            for key, value in element.items():
+                element.set(key, repr(share * float(value)))
+    return [
+        f'identified.urdf: the links behind locked joints ({", ".join(held)}) were written with '
+        f'{100.0 * share:.3g} % of their mass: as heavy as in the URDF, they would leave of '
+        f'{carrier} no possible body; check their inertia in the URDF'
+    ]
 
 
 def _set_inertial(link: ET.Element, pi: Array) -> None:

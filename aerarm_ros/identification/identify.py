@@ -11,6 +11,7 @@ from aerarm_ros.identification.bag_demand import bag_demand, extrapolation_warni
 from aerarm_ros.identification.base_parameters import BaseParameters, find_base_parameters
 from aerarm_ros.identification.conditioning import Conditioner
 from aerarm_ros.identification.conditioning_options import ConditioningOptions
+from aerarm_ros.identification.coupled_joints import CoupledJoints
 from aerarm_ros.identification.estimate import Estimate
 from aerarm_ros.identification.excitation_check import excitation_warnings
 from aerarm_ros.identification.filter_choice import choose_filter, condition_once
@@ -44,6 +45,8 @@ class IdentificationOptions:
         Is told what takes its time.
     bounds : LinkBounds
         Of total mass and centres of mass.
+    coupled : sequence of (joint, driver)
+        Joints that another one's motion drives, besides those of the configuration.
     """
 
     conditioning: ConditioningOptions = field(default_factory=ConditioningOptions)
@@ -51,6 +54,7 @@ class IdentificationOptions:
     solvers: tuple[str, ...] = FAST
     progress: Callable[[str], None] | None = None
     bounds: LinkBounds = field(default_factory=LinkBounds)
+    coupled: CoupledJoints = ()
 
 
 def identify(
@@ -92,7 +96,8 @@ def identify(
         ]
     bags = choice.bags
     with stopwatch.stage('model selection'):
-        fit, comparisons = choose_model(robot, bags, cad, options.friction)
+        coupled = (*(config.coupled_joints if config else ()), *options.coupled)
+        fit, comparisons = choose_model(robot, bags, cad, options.friction, coupled)
     with stopwatch.stage('regression'):
         thesis_base = _thesis_base(robot, bags)
         used_base = find_base_parameters(fit.regression.system().R, fit.regression.columns)

@@ -51,9 +51,15 @@ class JointModel:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Name of every column: 'm_link1', ..., 'fv_joint1', ..., as in `Regressor.columns`."""
+        """Name of every column: 'm_link1', ..., 'fv_joint1', ..., as in `Regressor.columns`.
+
+        A coupled one's ends with its driver: 'cv_joint1_joint2'.
+        """
         links = [f'{name}_{link}' for link in self.link_names for name in PARAMETER_NAMES]
-        joints = [f'{term.symbol}_{self.joint_names[j]}' for j, term in self.joint_columns]
+        joints = []
+        for joint, term in self.joint_columns:
+            moving = [joint] if term.driver is None else [joint, term.driver]
+            joints.append('_'.join([term.symbol, *(self.joint_names[j] for j in moving)]))
         return (*links, *joints)
 
     @property

@@ -1,4 +1,4 @@
-"""One torque that a joint's own motion causes: friction, rotor inertia, an offset."""
+"""One torque of a joint beside its links': friction, rotor inertia, an offset, a coupling."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -21,6 +21,8 @@ class TermKind(Enum):
     STRIBECK = 'fb'
     FORWARD = 'fp'
     BACKWARD = 'fn'
+    COUPLED_VISCOUS = 'cv'
+    COUPLED_INERTIA = 'ca'
 
 
 _UNITS = {
@@ -33,6 +35,8 @@ _UNITS = {
     TermKind.STRIBECK: 'Nm',
     TermKind.FORWARD: 'Nm',
     TermKind.BACKWARD: 'Nm',
+    TermKind.COUPLED_VISCOUS: 'Nms/rad',
+    TermKind.COUPLED_INERTIA: 'kg m^2',
 }
 _MEANINGS = {
     TermKind.VISCOUS: 'viscous friction',
@@ -44,7 +48,12 @@ _MEANINGS = {
     TermKind.STRIBECK: 'friction at low speed only (Stribeck)',
     TermKind.FORWARD: 'Coulomb friction in positive direction only',
     TermKind.BACKWARD: 'Coulomb friction in negative direction only',
+    TermKind.COUPLED_VISCOUS: 'torque per velocity of',
+    TermKind.COUPLED_INERTIA: 'torque per acceleration of',
 }
+
+COUPLED = (TermKind.COUPLED_VISCOUS, TermKind.COUPLED_INERTIA)
+"""Torque by another joint's motion: of either sign."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +67,8 @@ class JointTerm:
         Velocity [rad/s] over which dry friction changes sign, `s = tanh(dq / width)`; 0 is the
         step `sgn(dq)` of (2.6). Of Stribeck friction, `sgn(dq) exp(-(dq / width)^2)`, the
         velocity by which it has fallen to a third.
+    driver : int or None
+        Index of the joint whose motion causes the torque, where that is another one.
 
     Notes
     -----
@@ -67,6 +78,7 @@ class JointTerm:
 
     kind: TermKind
     width: float = 0.0
+    driver: int | None = None
 
     @property
     def symbol(self) -> str:
@@ -86,12 +98,12 @@ class JointTerm:
     @property
     def nonnegative(self) -> bool:
         """Whether the coefficient of a real joint cannot be negative."""
-        return self.kind is not TermKind.OFFSET
+        return self.kind not in (TermKind.OFFSET, *COUPLED)
 
     @property
     def smooth(self) -> bool:
         """Whether the torque has no more high frequencies than the motion itself."""
-        return self.kind in (TermKind.VISCOUS, TermKind.ROTOR, TermKind.OFFSET)
+        return self.kind in (TermKind.VISCOUS, TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 
     def basis(self, dq: Array, ddq: Array, load: Array | None) -> Array:
         """Return the torque per coefficient.
@@ -99,7 +111,7 @@ class JointTerm:
         Parameters
         ----------
         dq, ddq : (...) ndarray
-            [rad/s], [rad/s^2]
+            Of the driver, the joint itself where there is none [rad/s], [rad/s^2].
         load : (...) ndarray or None
             Magnitude of the torque on the links [Nm]; only `LOAD` terms need it.
 
@@ -108,9 +120,9 @@ class JointTerm:
         ValueError
             If a load is needed and not given.
         """
-        if self.kind is TermKind.VISCOUS:
+        if self.kind in (TermKind.VISCOUS, TermKind.COUPLED_VISCOUS):
             return dq
-        if self.kind is TermKind.ROTOR:
+        if self.kind in (TermKind.ROTOR, TermKind.COUPLED_INERTIA):
             return ddq
         if self.kind is TermKind.OFFSET:
             return np.ones_like(dq)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.coupled_joints import CoupledJoints, coupled_terms
 from aerarm_ros.identification.cross_validation import CrossValidation
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.joint_model import JointModel
@@ -64,7 +65,11 @@ def friction_terms(friction: str) -> tuple[JointTerm, ...]:
 
 
 def choose_model(
-    robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters, friction: str
+    robot: Robot,
+    bags: Sequence[SampleColumns],
+    cad: ArmParameters,
+    friction: str,
+    coupled: CoupledJoints = (),
 ) -> tuple[ModelFit, list[Comparison]]:
     """Fit the joints' terms that were asked for, or those that predict unseen motion best.
 
@@ -76,6 +81,8 @@ def choose_model(
     cad : ArmParameters
     friction : str
         'auto', a key of `FRICTION_MODELS`, or several joined by '+'.
+    coupled : sequence of (joint, driver)
+        Joints that get the columns of `coupled_terms` in any case.
 
     Returns
     -------
@@ -86,27 +93,33 @@ def choose_model(
     Raises
     ------
     IdentificationError
-        If there is no such friction model.
+        If there is no such friction model, or no such joint.
     """
+    couplings = coupled_terms(robot.joint_names, coupled)
     chosen = () if friction == AUTOMATIC else friction_terms(friction)
     simple = FRICTION_MODELS['coulomb']
-    fit = fit_model(bags, RegressionBank(bags, simple), _model(robot, [simple] * robot.n), cad)
+    terms: Sequence[Sequence[JointTerm]] = [(*simple, *own) for own in couplings]
+    fit = fit_model(bags, RegressionBank(bags, _all(terms)), _model(robot, terms), cad)
     comparisons: list[Comparison] = []
     if friction == AUTOMATIC:
-        terms: Sequence[Sequence[JointTerm]] = [simple] * robot.n
         for _ in range(_ROUNDS):
-            bank = RegressionBank(bags, candidate_terms(), fit.inertial)
+            bank = RegressionBank(bags, (*candidate_terms(), *_all(couplings)), fit.inertial)
             mean, std = cad.inertial.ravel(), LINK_SPREAD * cad.inertial_scale().ravel()
             validation = CrossValidation(bank, mean, std, fit.noise.weights)
             terms, comparisons = select_terms(validation, terms)
             fit = fit_model(bags, bank, _model(robot, terms), cad, fit.noise)
     elif chosen != simple:
-        bank = RegressionBank(bags, chosen, fit.inertial)
-        fit = fit_model(bags, bank, _model(robot, [chosen] * robot.n), cad, fit.noise)
+        terms = [(*chosen, *own) for own in couplings]
+        bank = RegressionBank(bags, _all(terms), fit.inertial)
+        fit = fit_model(bags, bank, _model(robot, terms), cad, fit.noise)
     if fit.model.depends_on_load:
         own = [term for _, term in fit.model.joint_columns]
         fit = fit_model(bags, RegressionBank(bags, own, fit.inertial), fit.model, cad, fit.noise)
     return fit, comparisons
+
+
+def _all(terms: Sequence[Sequence[JointTerm]]) -> list[JointTerm]:
+    return list(dict.fromkeys(term for own in terms for term in own))
 
 
 def _model(robot: Robot, terms: Sequence[Sequence[JointTerm]]) -> JointModel:

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from aerarm_ros.identification.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.periodicity import find_periodic_part
@@ -9,6 +11,8 @@ from aerarm_ros.identification.uniform_motion import UniformMotion
 
 _SHORT = 10.0  # [s]: one period of the excitation of thesis section 3.4
 _TOLERANCE = 0.01  # relative, of a period
+_LARGEST_PART = 0.5  # share of a motion's way that its whole periods make up, or they are none
+_TOO_SHORT = 3.0  # [s]: nothing is identified from less
 
 
 def short_motion_warnings(motion: UniformMotion) -> list[str]:
@@ -22,8 +26,25 @@ def short_motion_warnings(motion: UniformMotion) -> list[str]:
     ]
 
 
-def fundamental_warnings(motion: UniformMotion, fundamental: float) -> list[str]:
-    """Compare a given fundamental frequency with the period that the motion shows."""
+def fundamental_warnings(
+    motion: UniformMotion, fundamental: float, needed: bool = False
+) -> list[str]:
+    """Compare a given fundamental frequency with the period that the motion shows.
+
+    Parameters
+    ----------
+    motion : UniformMotion
+        Its window has been chosen by this fundamental frequency.
+    fundamental : float
+        f0 [Hz].
+    needed : bool
+        Whether the motion is to be filtered at its harmonics, come what may.
+
+    Raises
+    ------
+    IdentificationError
+        If it is wrong, and needed or so high that next to nothing of the motion is left.
+    """
     recording = motion.recording
     if motion.period is None:
         return [
@@ -32,15 +53,28 @@ def fundamental_warnings(motion: UniformMotion, fundamental: float) -> list[str]
         ]
     found = find_periodic_part(recording.time, recording.q)
     if found is None:
-        return []
-    # Several periods, taken together, are periodic as well.
-    ratio = 1.0 / (fundamental * found.period)
-    if round(ratio) >= 1 and abs(ratio / round(ratio) - 1.0) < _TOLERANCE:
-        return []
-    return [
-        f'{recording.name}: --fundamental {fundamental:g} Hz, but the motion repeats itself every '
-        f'{found.period:.4g} s ({found.fundamental:.4g} Hz): check the option, or leave it out'
-    ]
+        if _share_of_way(motion) >= _LARGEST_PART:
+            return []
+        shown = f'does not repeat itself every {1.0 / fundamental:.4g} s'
+    else:
+        # Several periods, taken together, are periodic as well.
+        ratio = 1.0 / (fundamental * found.period)
+        if round(ratio) >= 1 and abs(ratio / round(ratio) - 1.0) < _TOLERANCE:
+            return []
+        shown = f'repeats itself every {found.period:.4g} s ({found.fundamental:.4g} Hz)'
+    text = (
+        f'{recording.name}: --fundamental {fundamental:g} Hz, but the motion {shown}: check the '
+        'option, or leave it out'
+    )
+    if needed or motion.count * motion.dt < _TOO_SHORT:
+        raise IdentificationError(text)
+    return [text]
+
+
+def _share_of_way(motion: UniformMotion) -> float:
+    """Return how much of the way that the joints go lies in the window."""
+    way = np.abs(np.diff(motion.q, axis=0)).sum(axis=1)
+    return float(way[motion.window].sum() / way.sum())
 
 
 def harmonics_warnings(given: int, found: int, fundamental: float, rate: float) -> list[str]:
@@ -82,6 +116,11 @@ def aperiodic_warnings(motions: Sequence[UniformMotion], options: ConditioningOp
         If the filter at the harmonics was asked for.
     """
     names = ', '.join(motion.recording.name for motion in motions if motion.period is None)
+    if options.filter == 'harmonics' and options.fundamental is not None:
+        raise IdentificationError(
+            f'--filter harmonics needs whole periods, and {names} holds none of '
+            f'--fundamental {options.fundamental:g} Hz: check it, or choose --filter butterworth'
+        )
     if options.filter == 'harmonics':
         raise IdentificationError(
             f'--filter harmonics needs whole periods, and {names} does not repeat itself: record '

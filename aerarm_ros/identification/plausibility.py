@@ -24,6 +24,7 @@ _OPPOSITE = -0.5  # correlation of measured and drawn torque
 _OTHER_UNIT = 5.0  # factor between their sizes
 _AT_BOUND = 0.01  # share of a mass
 _CLEARLY_NEGATIVE = 3.0  # standard deviations
+_NEGLIGIBLE = 1e-3  # standard deviations
 
 _CHECK = (
     'check the sign and unit of the effort (--effort-gain JOINT=Nm/A for amperes, =-1 for the '
@@ -87,14 +88,16 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
             )
     start = 10 * fit.model.n
     std = fit.prior.std if estimate.std is None else estimate.std
+    asked_for_less = held_at_zero(estimate) & (fit.theta < -_CLEARLY_NEGATIVE * std)
     held = [
         (name, term.kind)
-        for i, (name, (_, term)) in enumerate(
-            zip(fit.model.columns[start:], fit.model.joint_columns, strict=True), start
+        for name, (_, term), less in zip(
+            fit.model.columns[start:],
+            fit.model.joint_columns,
+            asked_for_less[start:],
+            strict=True,
         )
-        if term.nonnegative
-        and estimate.theta[i] < 1e-3 * std[i]
-        and fit.theta[i] < -_CLEARLY_NEGATIVE * std[i]
+        if less
     ]
     if held:
         dry = any(kind is TermKind.COULOMB for _, kind in held)
@@ -108,6 +111,16 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
             )
         )
     return warnings
+
+
+def held_at_zero(estimate: Estimate) -> npt.NDArray[np.bool_]:
+    """Return (p,) which parameters of an estimate with standard deviations lie at their bound 0."""
+    signed = np.array([term.nonnegative for _, term in estimate.model.joint_columns], dtype=bool)
+    held = np.zeros(len(estimate.theta), dtype=bool)
+    if estimate.std is not None:
+        start = 10 * estimate.model.n
+        held[start:] = signed & (estimate.theta[start:] < _NEGLIGIBLE * estimate.std[start:])
+    return held
 
 
 def _suspects(cad: Solution, bags: list[SampleColumns], joints: tuple[str, ...]) -> list[str]:

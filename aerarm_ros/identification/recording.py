@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.identification.faulty_effort import saturated_effort, without_spikes
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.stamps import sound_messages
 from aerarm_ros.identification.used_span import UsedSpan, moving_span
@@ -15,6 +16,7 @@ Array = npt.NDArray[np.float64]
 
 # An encoder count of a coarse drive is about 1e-4 rad: less than this is no motion.
 _SMALLEST_MOTION = 1e-3
+_LOCKED_MOTION = 0.05  # [rad] or [m]: a held joint sags, fingers close a little
 _FEWEST_MESSAGES = 20
 _LARGEST = 1e6  # [rad], [rad/s], [Nm]: no arm gets there, and squares stay finite
 
@@ -86,6 +88,8 @@ class Recording:
         Stamp of time 0 [s].
     span : UsedSpan or None
         Part of the bag that this is; None for the whole of it.
+    saturated : (M, n) ndarray of bool or None
+        Where the effort stays at its limit; None if it never does.
     """
 
     name: str
@@ -98,6 +102,7 @@ class Recording:
     warnings: tuple[str, ...] = ()
     start: float = 0.0
     span: UsedSpan | None = None
+    saturated: npt.NDArray[np.bool_] | None = None
 
     @property
     def duration(self) -> float:
@@ -116,6 +121,8 @@ class Recording:
             q=self.q[inside],
             dq=None if self.dq is None else self.dq[inside],
             tau=self.tau[inside],
+            dead_effort=np.ptp(self.tau[inside], axis=0) == 0.0,
+            saturated=None if self.saturated is None else self.saturated[inside],
         )
 
 
@@ -145,8 +152,8 @@ def recording_from_states(
     Raises
     ------
     IdentificationError
-        If there are too few messages, a joint is missing or unknown, stamps repeat or jump,
-        position or effort is missing or NaN, or nothing moves.
+        If there are too few messages, a joint is missing or unknown, a locked one moves, stamps
+        repeat or jump, position or effort is missing or NaN, or nothing moves.
     """
     order = np.array(_columns(name, states.names, joint_names, mapping))
     if len(states.stamp) < _FEWEST_MESSAGES:
@@ -159,7 +166,8 @@ def recording_from_states(
     if how != 'motion' and commanded is None:
         reason = how
     rows = slice(part.start + moving.start, part.start + moving.stop)
-    kept, warnings = sound_messages(name, states.stamp[rows])
+    _check_locked(name, states.names, states.position[rows], mapping)
+    kept, warnings = sound_messages(name, states.stamp[rows], float(states.stamp[0]))
     stamp = states.stamp[rows][kept]
     q, measured_dq, tau = (
         _taken(values[rows], kept, order)
@@ -171,12 +179,28 @@ def recording_from_states(
         tau = tau * np.array([mapping.effort_gain.get(joint, 1.0) for joint in joint_names])
     dq = _velocity(name, measured_dq, warnings)
     dead = _check_content(name, joint_names, q, tau, warnings)
+    tau, spikes = without_spikes(name, joint_names, tau)
+    saturated, limits = saturated_effort(name, joint_names, q, tau)
+    warnings += spikes + limits
     # Times are those since the bag's beginning, whatever part of it is used.
     start = float(states.stamp[0])
     time = stamp - start
     span = UsedSpan(float(time[0]), float(time[-1]), float(states.stamp[-1]) - start, reason)
     names = tuple(joint_names)
-    return Recording(name, names, time, q, dq, tau, dead, tuple(warnings), start, span)
+    told = tuple(warnings)
+    return Recording(name, names, time, q, dq, tau, dead, told, start, span, saturated)
+
+
+def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: JointMapping) -> None:
+    """Refuse a bag whose arm isn't the one that the locked joints make of the URDF."""
+    for name, q in zip(names, position.T, strict=True):
+        joint = mapping.rename.get(name, name)
+        q = q[np.abs(q) < _LARGEST]
+        if joint in mapping.locked and len(q) and np.ptp(q) > _LOCKED_MOTION:
+            raise IdentificationError(
+                f'joint {joint} is locked (--lock) but moves by {np.ptp(q):.3g} rad in {bag}: '
+                f'leave out --lock {joint}, or cut the bag to where it rests'
+            )
 
 
 def _taken(values: Array, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:

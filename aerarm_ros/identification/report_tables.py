@@ -8,7 +8,9 @@ from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.bag_facts import BagFacts
 from aerarm_ros.identification.html_text import Html, folded, markup, number, paragraph, table
 from aerarm_ros.identification.identification_result import IdentificationResult, Solution
+from aerarm_ros.identification.joint_term import JointTerm
 from aerarm_ros.identification.payload import Payload
+from aerarm_ros.identification.plausibility import held_at_zero
 from aerarm_ros.identification.summary import term_text
 from aerarm_ros.identification.truth import InertialTorqueError, Truth
 from aerarm_ros.model.inertia import PARAMETER_NAMES
@@ -79,10 +81,13 @@ def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
         true = truth.vector(estimate.model)
     std = estimate.std if estimate.std is not None else np.full(len(cad), np.nan)
     known = estimate.determined if estimate.determined is not None else np.full(len(cad), np.nan)
+    at_bound = held_at_zero(estimate)
     rows = []
     for i, name in enumerate(estimate.model.columns):
         row: list[object] = [name, Html(units[i]), float(cad[i]), float(ols[i])]
-        row += [float(estimate.theta[i]), float(std[i]), Html(number(100.0 * float(known[i]), 3))]
+        # The share of the data is that without constraints, which says nothing of a bound.
+        source = 'at its bound 0' if at_bound[i] else number(100.0 * float(known[i]), 3)
+        row += [float(estimate.theta[i]), float(std[i]), Html(source)]
         if truth:
             row.append(float(true[i]))
         rows.append(row)
@@ -191,18 +196,22 @@ def excitation_table(result: IdentificationResult) -> Html:
     return table(headings, rows)
 
 
+def _terms_text(terms: Sequence[JointTerm], names: Sequence[str]) -> str:
+    return ', '.join(term_text(term, names) for term in terms)
+
+
 def friction_tables(result: IdentificationResult) -> Html:
     """Return the friction model of each joint and what it was compared with."""
     names = result.robot.joint_names
     model = result.fit.model
     chosen = table(
         ['joint', 'terms besides the links'],
-        [[name, ', '.join(map(term_text, t))] for name, t in zip(names, model.terms, strict=True)],
+        [[name, _terms_text(t, names)] for name, t in zip(names, model.terms, strict=True)],
     )
     if not result.comparisons:
         return chosen
     tried = [
-        [names[trial.joint], ', '.join(map(term_text, trial.terms)), float(trial.error)]
+        [names[trial.joint], _terms_text(trial.terms, names), float(trial.error)]
         for trial in result.comparisons
     ]
     best = [i for i, trial in enumerate(result.comparisons) if trial.chosen]

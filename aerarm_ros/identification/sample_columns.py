@@ -69,7 +69,11 @@ class SampleColumns:
             return np.column_stack([self._load_column(term, j, inertial) for j in joints])
         if term not in self._cache:
             samples = self.samples
-            if term.smooth:
+            if term.driver is not None:
+                basis = term.basis(samples.dq[:, term.driver], samples.ddq[:, term.driver], None)
+                column = samples.coarse_filter(basis)[:, None]
+                self._cache[term] = np.broadcast_to(column, samples.q.shape)
+            elif term.smooth:
                 # As the links' columns, so that a rotor's adds up with theirs to the last bit.
                 self._cache[term] = samples.coarse_filter(term.basis(samples.dq, samples.ddq, None))
             else:
@@ -93,7 +97,8 @@ class SampleColumns:
         filtered = self.rigid @ inertial
         load = np.abs(raw)
         for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
-            dq, ddq = samples.dq[:, joint], samples.ddq[:, joint]
+            moving = joint if term.driver is None else term.driver
+            dq, ddq = samples.dq[:, moving], samples.ddq[:, moving]
             raw[:, joint] += value * term.basis(dq, ddq, load[:, joint])
         for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
             if term.kind is TermKind.LOAD:

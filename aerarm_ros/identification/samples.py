@@ -36,8 +36,10 @@ class Samples:
         other rate: both sides of the equation pass the same filter.
     kept : (M,) ndarray of bool
         Samples away from the ends, where the filter has settled.
+    measured : (M, n) ndarray of bool
+        Kept, and the effort tells the joint's torque: not dead, not near saturation.
     usable : (M, n) ndarray of bool
-        Rows to fit: kept, the joint not standing still, its effort not dead.
+        Rows to fit: measured, and the joint not standing still.
     fold : (M,) ndarray of int
         Part of the motion, for cross-validation.
     """
@@ -55,6 +57,7 @@ class Samples:
     fine_filter: SpectralFilter
     coarse_filter: SpectralFilter
     kept: npt.NDArray[np.bool_]
+    measured: npt.NDArray[np.bool_]
     usable: npt.NDArray[np.bool_]
     fold: npt.NDArray[np.intp]
 

@@ -10,6 +10,7 @@ from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.link_bounds import LinkBounds
 from aerarm_ros.identification.prior import Prior
 from aerarm_ros.identification.reduced_regression import TriangularSystem
+from aerarm_ros.identification.solver_error import SolverError
 from aerarm_ros.model.inertia import minimum_eigenvalue, pseudo_inertia
 
 Array = npt.NDArray[np.float64]
@@ -134,8 +135,8 @@ class _ConeProgram:
 
         Raises
         ------
-        IdentificationError
-            If there is none.
+        SolverError
+            If there is none, or none was found.
         """
         import clarabel
 
@@ -153,10 +154,7 @@ class _ConeProgram:
         )
         solution = solver.solve()
         if str(solution.status) not in ('Solved', 'AlmostSolved'):
-            raise IdentificationError(
-                f'the semidefinite program ended with {solution.status}: check that masses and '
-                'inertias of the URDF are plausible'
-            )
+            raise SolverError(str(solution.status))
         return np.asarray(solution.x)
 
 

@@ -18,7 +18,9 @@ _LONGEST_GAP_PERIODS = 5.0
 _ADVICE = 'check the clock of the node that stamps the topic, or record again'
 
 
-def sound_messages(bag: str, stamp: Array) -> tuple[npt.NDArray[np.intp], list[str]]:
+def sound_messages(
+    bag: str, stamp: Array, begin: float | None = None
+) -> tuple[npt.NDArray[np.intp], list[str]]:
     """Return which messages to use, in the order of their stamps, and warnings.
 
     A rare message delivered twice or out of order is dropped or put in its place.
@@ -28,7 +30,9 @@ def sound_messages(bag: str, stamp: Array) -> tuple[npt.NDArray[np.intp], list[s
     bag : str
         Name for messages.
     stamp : (M,) ndarray
-        Header stamps [s].
+        Header stamps [s] of the part that is used.
+    begin : float, optional
+        First stamp of the whole bag [s], from which messages count; by default that of the part.
 
     Raises
     ------
@@ -43,13 +47,12 @@ def sound_messages(bag: str, stamp: Array) -> tuple[npt.NDArray[np.intp], list[s
     step = np.diff(stamp[order])
     repeated = int(np.sum(step <= 0.0))
     if repeated > _TOLERATED_SHARE * len(stamp):
-        first = stamp[order[np.flatnonzero(step <= 0.0)[0]]] - stamp[0]
+        first = _when(stamp[order[np.flatnonzero(step <= 0.0)[0]]], stamp, begin)
         raise IdentificationError(
-            f'{bag}: {repeated} of {len(stamp)} stamps are repeated, first {first:.3f} s after the '
-            f'start: {_ADVICE}'
+            f'{bag}: {repeated} of {len(stamp)} stamps are repeated, first at {first}: {_ADVICE}'
         )
     warnings = _check_order(bag, stamp)
-    _check_gaps(bag, stamp[order], step)
+    _check_gaps(bag, stamp[order], step, begin)
     if repeated:
         warnings.append(f'{bag}: {repeated} messages with a repeated stamp left out')
     return order[np.concatenate(([True], step > 0.0))], warnings
@@ -71,11 +74,20 @@ def _check_order(bag: str, stamp: Array) -> list[str]:
     return [f'{bag}: {len(back)} messages out of order put in their place']
 
 
-def _check_gaps(bag: str, stamp: Array, step: Array) -> None:
+def _check_gaps(bag: str, stamp: Array, step: Array, begin: float | None) -> None:
     limit = max(_LONGEST_GAP, _LONGEST_GAP_PERIODS * float(np.median(step)))
     worst = int(np.argmax(step))
     if step[worst] > limit:
+        when = _when(float(stamp[worst]), stamp, begin)
         raise IdentificationError(
-            f'{bag}: stamps jump by {step[worst]:.3f} s, {stamp[worst] - stamp[0]:.3f} s after the '
-            'start: messages were lost or the clock was set; cut the bag there, or record again'
+            f'{bag}: no joint states for {step[worst]:.3f} s at {when}: '
+            'the recorder lost messages or the clock was set; record again'
         )
+
+
+def _when(instant: float, stamp: Array, begin: float | None) -> str:
+    """Return where in the bag something is, and where in the part of it that is used."""
+    used = f'{instant - stamp[0]:.2f} s'
+    if begin is None or begin == stamp[0]:
+        return f'{used} of the bag'
+    return f'{instant - begin:.2f} s of the bag ({used} of the used part)'

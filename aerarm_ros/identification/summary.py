@@ -1,7 +1,7 @@
 """The outcome of an identification as plain numbers, for summary.json."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -10,7 +10,7 @@ from aerarm_ros.identification.bag_demand import BagDemand
 from aerarm_ros.identification.bag_facts import BagFacts
 from aerarm_ros.identification.base_parameters import BaseParameters
 from aerarm_ros.identification.identification_result import IdentificationResult, Solution
-from aerarm_ros.identification.joint_term import JointTerm
+from aerarm_ros.identification.joint_term import JointTerm, TermKind
 from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.truth import InertialTorqueError
 
@@ -48,7 +48,7 @@ def summarise(
         'excitation': [_demand(demand) for demand in result.demands],
         'conditioning': _conditioning(result),
         'friction': {
-            joint: [term_text(term) for term in terms]
+            joint: [term_text(term, result.robot.joint_names) for term in terms]
             for joint, terms in zip(result.robot.joint_names, result.fit.model.terms, strict=True)
         },
         'seconds': {**seconds, 'total': sum(seconds.values())},
@@ -63,9 +63,12 @@ def summarise(
     return summary
 
 
-def term_text(term: JointTerm) -> str:
+def term_text(term: JointTerm, joint_names: Sequence[str]) -> str:
     """Return a term in words, such as 'Coulomb friction (tanh, 0.05 rad/s)'."""
-    return f'{term.meaning} (tanh, {term.width:g} rad/s)' if term.width else term.meaning
+    if term.driver is not None:
+        return f'{term.meaning} {joint_names[term.driver]}'
+    shape = 'exp' if term.kind is TermKind.STRIBECK else 'tanh'
+    return f'{term.meaning} ({shape}, {term.width:g} rad/s)' if term.width else term.meaning
 
 
 def _demand(demand: BagDemand) -> dict[str, Any]:
@@ -137,6 +140,11 @@ def _bag(assessment: BagAssessment) -> dict[str, Any]:
         'bag': assessment.bag,
         'filtered': assessment.filtered,
         'raw': assessment.raw,
-        'per_joint_filtered': assessment.per_joint_filtered.tolist(),
-        'per_joint_raw': assessment.per_joint_raw.tolist(),
+        'per_joint_filtered': _numbers(assessment.per_joint_filtered),
+        'per_joint_raw': _numbers(assessment.per_joint_raw),
     }
+
+
+def _numbers(values: Iterable[float]) -> list[float | None]:
+    """Return numbers as JSON knows them: NaN is null."""
+    return [float(value) if math.isfinite(value) else None for value in values]

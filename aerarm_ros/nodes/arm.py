@@ -39,7 +39,9 @@ class Arm:
         options = self._options
         try:
             if options.wait_before:
-                self._client.wait_for_mode([options.wait_before], options.timeout)
+                # An arm that is where it shall end up need not come from there.
+                modes = [options.wait_before, *(options.wait or ())]
+                self._client.wait_for_mode(modes, options.timeout)
             print(self._client.call(options.action, options.timeout), flush=True)
             if options.wait:
                 self._client.wait_for_mode(options.wait, options.timeout)

@@ -20,6 +20,7 @@ from aerarm_ros.control.acceleration_estimate import AccelerationEstimate
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_reaction import BaseReaction
 from aerarm_ros.control.control_loop import LONGEST_GAP
+from aerarm_ros.nodes.controller_parameters import PAYLOAD_PARAMETER
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.state_node import StateNode, state_node_parameters
@@ -30,6 +31,7 @@ BASE_FRAME = 'base_link'
 PARAMETERS = state_node_parameters(
     Parameter('rate', 100.0, 'how often the wrench is published', 'Hz', 1.0, 1000.0),
     Parameter('cutoff', 20.0, 'low-pass of the joint acceleration', 'Hz', 0.1, 500.0),
+    PAYLOAD_PARAMETER,
 )
 
 
@@ -42,6 +44,7 @@ class BaseReactionNode(StateNode):
     def build(self) -> None:
         """Make the model and the acceleration's estimate."""
         self._reaction = BaseReaction(self.arm.robot)
+        self.arm.load(self._reaction.dynamics, self.values)
         self._acceleration = AccelerationEstimate(self.arm.config.n, self.values.cutoff)
         # A little less than a period: states come with jitter.
         self._period = 1.0 / self.values.rate - 0.5e-3

@@ -18,6 +18,8 @@ ACTIONS: dict[str, Action] = {
     'home': BridgeCycle.home,
     'e_stop': lambda cycle: cycle.e_stop('service e_stop'),
 }
+# What is done even if it comes late.
+_STOPS = {'disable', 'e_stop'}
 
 
 class BridgeServices:
@@ -34,7 +36,7 @@ class BridgeServices:
     """
 
     def __init__(
-        self, node: Node, ask: Callable[[Action], Answer], actions: Mapping[str, Action]
+        self, node: Node, ask: Callable[[Action, bool], Answer], actions: Mapping[str, Action]
     ) -> None:
         self._node = node
         self._ask = ask
@@ -46,7 +48,7 @@ class BridgeServices:
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def handle(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             try:
-                answer = self._ask(action)
+                answer = self._ask(action, name in _STOPS)
             except (RuntimeError, ValueError) as error:
                 answer = Answer(False, str(error))
             except TimeoutError:

@@ -64,7 +64,8 @@ class BridgeStreams:
     def newest_command(self) -> tuple[Sequence[str], JointSample, int] | None:
         """Return names, content and sequence number of the newest joint command, if there is one.
 
-        The number is the publisher's own: see `CommandPublishers`.
+        The number is the publisher's own: see `CommandPublishers`. Raises ValueError if the
+        message cannot be read.
         """
         message = self.commands.take_newest()
         if message is None:
@@ -85,7 +86,10 @@ class BridgeStreams:
 
 def _decode(payload: bytes) -> tuple[Sequence[str], JointSample]:
     """Read a command of another layout (some joints, another order) by the ordinary codec."""
-    message = deserialize_message(payload, JointState)
+    try:
+        message = deserialize_message(payload, JointState)
+    except RuntimeError as error:  # RMWError
+        raise ValueError(f'not a JointState: {error}') from None
     stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
     fields = (np.array(x) for x in (message.position, message.velocity, message.effort))
     return message.name, JointSample(stamp_ns, *(x if x.size else None for x in fields))

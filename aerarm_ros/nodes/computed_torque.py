@@ -72,16 +72,23 @@ class ComputedTorqueNode(ControllerNode):
 
     def subscribe(self) -> None:
         """Listen to trajectories and set points."""
-        self.listen(
+        self.take_references(
             topics.JOINT_TRAJECTORY, lambda m, now: follow_trajectory(self.follower, m, now)
         )
-        self.listen(topics.SET_POINT, lambda m, now: go_to_set_point(self.follower, m, now))
+        self.take_references(
+            topics.SET_POINT, lambda m, now: go_to_set_point(self.follower, m, now)
+        )
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Change gains."""
-        if not isinstance(self.law, ComputedTorque):
-            raise ValueError("with feedback 'boards' the gains are parameters of the bridge")
         setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
+
+    def check_parameter(self, name: str, value: Any) -> None:
+        """Require one gain, or one a joint, and a law that has them."""
+        if name in ('kp', 'kd'):
+            if not isinstance(self.law, ComputedTorque):
+                raise ValueError("with feedback 'boards' the gains are parameters of the bridge")
+            non_negative(name, one_or_each(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
         """Say how the motion goes."""

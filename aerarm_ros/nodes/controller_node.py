@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.topic import Topic
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.rejected_input_error import RejectedInputError
 from aerarm_ros.nodes.state_node import StateNode
 
 # Modes of the bridge in which a command is followed.
@@ -45,6 +48,21 @@ class ControllerNode(StateNode):
 
     def before_update(self, state: ArmState, now: float) -> None:
         """Act before the law, in the loop's thread."""
+
+    # For derived controllers.
+
+    def take_references(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
+        """Listen to a topic that moves the arm; rejected while the arm can't be commanded."""
+
+        def take(message: Any, now: float) -> None:
+            if self._mode not in COMMANDABLE:
+                mode = self._mode or 'unknown'
+                raise RejectedInputError(
+                    f"{topic.name}: the arm is '{mode}': enable it, or clear its fault, first"
+                )
+            act(message, now)
+
+        self.listen(topic, take)
 
     # What a controller is to a StateNode.
 

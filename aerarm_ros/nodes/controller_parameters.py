@@ -50,10 +50,18 @@ LOOP_PARAMETERS = (
 # The key that it has in payload.yaml, so that the file serves as parameter file.
 PAYLOAD = 'payload.inertial_parameters'
 
+PAYLOAD_PARAMETER = Parameter(
+    PAYLOAD,
+    [],
+    'inertial parameters (3.3) of what the last link carries, in the frame of its joint, as in '
+    'payload.yaml; nothing if empty',
+    'kg, kg m, kg m^2',
+    element=float,
+    live=True,
+)
+
 FRICTION_PARAMETERS = (
-    Parameter(PAYLOAD, [], 'inertial parameters (3.3) of what the last link carries, in the frame '
-              'of its joint, as in payload.yaml; nothing if empty', 'kg, kg m, kg m^2',
-              element=float, live=True),
+    PAYLOAD_PARAMETER,
     Parameter('friction_fraction', 1.0, "share of the URDF's joint friction compensated", '', 0, 1),
     Parameter('friction_width', 0.02, 'velocity of 3/4 of the friction', 'rad/s', 1e-4, 1.0),
     Parameter('rotor_inertia', [], 'rotor inertia at the joints, J_m / k_g^2; from the '
@@ -102,9 +110,13 @@ class ControlledArm:
         """Return the model with the rotors' inertia."""
         given = values.rotor_inertia or self.config.column('reflected_inertia')
         model = MovingBaseDynamics(self.robot, given)
+        self.load(model, values)
+        return model
+
+    def load(self, model: MovingBaseDynamics, values: SimpleNamespace) -> None:
+        """Tell a model what the arm carries, now and whenever that changes; raises ValueError."""
         model.carry(_payload(getattr(values, PAYLOAD, [])))
         self._models.append(model)
-        return model
 
     def carry(self, payload: Sequence[float]) -> None:
         """Tell every model what the arm carries from now on; raises ValueError."""

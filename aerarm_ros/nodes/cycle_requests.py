@@ -23,8 +23,11 @@ class CycleRequests:
         self._closed = threading.Event()
         self._closed.set()
 
-    def ask(self, action: Action) -> Answer:
+    def ask(self, action: Action, insist: bool = False) -> Answer:
         """Let the cycle's thread do something and return its answer.
+
+        Who was told that nothing happened must not be surprised later: after the time-out the
+        action is not run any more, unless to `insist` is safer, as to stop the arm.
 
         Raises
         ------
@@ -35,7 +38,13 @@ class CycleRequests:
         """
         if self._closed.is_set():
             raise RuntimeError('the bridge is not active: activate it first (ros2 lifecycle set)')
-        return self._put(action).result(_ANSWER_TIMEOUT)
+        answer = self._put(action)
+        try:
+            return answer.result(_ANSWER_TIMEOUT)
+        except TimeoutError:
+            if not insist:
+                answer.cancel()
+            raise
 
     def post(self, action: Action) -> None:
         """Let the cycle's thread do something soon, if a cycle is running."""
@@ -46,6 +55,8 @@ class CycleRequests:
         """Do what is asked; what an action raises goes to who asked."""
         while self._waiting:
             action, answer = self._waiting.popleft()
+            if not answer.set_running_or_notify_cancel():
+                continue
             try:
                 answer.set_result(action(cycle))
             except ValueError as error:

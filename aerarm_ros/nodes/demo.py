@@ -25,10 +25,12 @@ from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
 from aerarm_ros.nodes.demo_account import DemoAccount
+from aerarm_ros.nodes.discovery_profile import use_packaged_profile
 from aerarm_ros.nodes.node_process import NodeProcess
 
 # Stands in the folder until everything in it is whole.
 INCOMPLETE = 'INCOMPLETE'
+_START_TIME = 60  # [s] a slow or busy machine takes long to load its libraries
 
 
 class DemoError(RuntimeError):
@@ -112,6 +114,8 @@ def _isolate_from_other_ros_graphs() -> None:
     """Keep the emulated arm off a network where a real one may be listening."""
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    for name in ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'):
+        os.environ.pop(name, None)  # they reach beyond this host all the same
 
 
 def _move_and_record(motions: list[Motion], out: Path, options: argparse.Namespace) -> DemoAccount:
@@ -128,7 +132,7 @@ def _move_and_record(motions: list[Motion], out: Path, options: argparse.Namespa
     )
     with hardware, _arm_client() as client:
         print('Arm       emulated boards are starting', flush=True)
-        client.wait_for_mode(['idle'], timeout=20.0)
+        _wait_for_bridge(hardware, client)
         client.call('enable')
         client.wait_for_mode(['ready'], timeout=20.0)
         for motion in motions:
@@ -144,8 +148,21 @@ def _move_and_record(motions: list[Motion], out: Path, options: argparse.Namespa
         raise DemoError(str(error)) from None
 
 
+def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
+    for _ in range(_START_TIME):
+        try:
+            return client.wait_for_mode(['idle'], timeout=1.0)
+        except ArmClientError:
+            if hardware.returncode is not None:
+                raise DemoError(
+                    f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}'
+                ) from None
+    raise DemoError(f'fake_hardware is not ready after {_START_TIME} s: see {hardware.log}')
+
+
 @contextmanager
 def _arm_client() -> Iterator[ArmClient]:
+    use_packaged_profile()
     # Ctrl-C and SIGTERM end the demo as KeyboardInterrupt, with the context still valid.
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('demo')

@@ -10,7 +10,7 @@ from pathlib import Path
 # Share of the bridge's cycles that may be missed before the result suffers [%].
 MISSED_MAX = 0.1
 _CYCLES = re.compile(r'\d+ cycles, \d+ missed \((?P<share>[\d.]+) %\).*$', re.MULTILINE)
-_MESSAGES = re.compile(r'\d+ messages, (?P<lost>\d+) lost$', re.MULTILINE)
+_MESSAGES = re.compile(r'\d+ messages, (?P<lost>\d+|unknown) lost$', re.MULTILINE)
 _ADVICE = (
     'close what else computes, and give the nodes real-time priority '
     '(docs/how-to/raspberry_pi.md, "Real time")'
@@ -30,13 +30,13 @@ class DemoAccount:
     messages
         Of the recorder of each motion.
     lost
-        Messages lost, of each motion.
+        Messages lost, of each motion; None where the middleware does not number them.
     """
 
     cycles: str
     missed: float
     messages: Mapping[str, str]
-    lost: Mapping[str, int]
+    lost: Mapping[str, int | None]
 
     @classmethod
     def read(cls, bridge: Path, recorders: Mapping[str, Path]) -> DemoAccount:
@@ -53,7 +53,7 @@ class DemoAccount:
             cycles[0],
             float(cycles['share']),
             {name: found[0] for name, found in messages.items()},
-            {name: int(found['lost']) for name, found in messages.items()},
+            {name: _count(found['lost']) for name, found in messages.items()},
         )
 
     def lines(self) -> Iterator[str]:
@@ -67,7 +67,12 @@ class DemoAccount:
                 f'{_ADVICE}'
             )
         if any(self.lost.values()):
-            yield f'WARNING   the bags lack {sum(self.lost.values())} messages: {_ADVICE}'
+            lost = sum(filter(None, self.lost.values()))
+            yield f'WARNING   the bags lack {lost} messages: {_ADVICE}'
+
+
+def _count(text: str) -> int | None:
+    return None if text == 'unknown' else int(text)
 
 
 def _last(pattern: re.Pattern[str], log: Path) -> re.Match[str]:

@@ -6,11 +6,15 @@ import argparse
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.excitation.excitation_config import ExcitationConfig, load_excitation_config
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.excitation.motion_limits import one_a_joint
 
 
 def whole_periods(duration: float, fundamental: float) -> int:
@@ -34,6 +38,22 @@ def whole_periods(duration: float, fundamental: float) -> int:
             f'take {" or ".join(f"{value:g} s" for value in near)}'
         )
     return whole
+
+
+def torque_noise(options: argparse.Namespace, joints: int) -> FloatArray | None:
+    """Return each joint's standard deviation of the torque [Nm], None if it is not given.
+
+    Raises
+    ------
+    ExcitationError
+        If there are neither 1 nor `joints` values, or one is not positive.
+    """
+    if options.torque_noise is None:
+        return None
+    noise = one_a_joint('torque noise', options.torque_noise, joints)
+    if not (np.isfinite(noise) & (noise > 0.0)).all():
+        raise ExcitationError(f'torque noise must be positive, got {noise.tolist()} Nm')
+    return noise
 
 
 def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:

@@ -24,7 +24,7 @@ from aerarm_ros.excitation.parallel_design import design_all
 from aerarm_ros.excitation.preview import Preview
 from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
 from aerarm_ros.excitation.trajectory_file import TrajectoryFile, describe_margins
-from aerarm_ros.nodes.design_options import excitation_setup, whole_periods
+from aerarm_ros.nodes.design_options import excitation_setup, torque_noise, whole_periods
 from aerarm_ros.nodes.progress_line import ProgressLine
 
 NAME = 'excitation_designer'
@@ -57,15 +57,18 @@ class DesignRun:
         self._require_writable()
         self._began = time.monotonic()
         self._finished = 0
+        self._out_of_time = False
         self._progress = ProgressLine(NAME)
+        setup = excitation_setup(options)
         self._specification = DesignSpecification(
-            excitation_setup(options),
+            setup,
             options.fundamental,
             options.harmonics,
             options.objective,
             options.condition_limit,
             options.amplitude,
-            seed=options.seed,
+            torque_noise(options, setup.robot.n),
+            options.seed,
         )
         self._designer = TrajectoryDesigner(self._specification)
 
@@ -78,17 +81,16 @@ class DesignRun:
             raise DesignStoppedError(
                 f'{self._why()} before there was a feasible trajectory: nothing was written'
             ) from None
-        self._report('random', random, random)
+        self._print(f'{NAME}: random    {_figures(random)}; deviations are compared with it')
         # Only now anything is written: whatever could be refused has been accepted.
         self._save(random, self._options.out, self._specification)
         for path, (specification, result) in validation.items():
             self._save(result, path, specification)
             self._print(f'{path}: {specification.fundamental:g} Hz, for validation')
-        best = self._search(random)
-        self._conclude(best, random)
+        self._conclude(self._search(random), random)
 
-    def _search(self, best: DesignResult) -> DesignResult:
-        options = self._options
+    def _search(self, random: DesignResult) -> DesignResult:
+        options, best = self._options, random
         for outcome in design_all(
             self._specification, options.starts, options.workers, self._watch
         ):
@@ -99,13 +101,19 @@ class DesignRun:
             if outcome.quality.objective < best.quality.objective:
                 best = outcome
                 self._save(best, options.out, self._specification)
-            self._report(f'start {outcome.start}', outcome, best)
+            self._report(outcome, best, random)
+            self._out_of_time |= outcome.stopped and not self._interrupted()
         if self._finished < options.starts or self._is_over():
+            self._out_of_time |= self._finished < options.starts and not self._interrupted()
             self._print(f'{NAME}: {self._why()}; the best so far is kept')
         return best
 
     def _conclude(self, best: DesignResult, random: DesignResult) -> None:
         self._print(f'{self._options.out}: closest to each limit\n{best.report.as_table()}')
+        if best is not random:
+            reference = 'those of the random trajectory above'
+            compared = best.quality.compared_with(random.quality, reference)
+            self._print(f'{NAME}: expected standard {compared} (geometric mean)')
         for warning in self._warnings(best, random):
             self._print(f'{NAME}: warning: {warning}')
         if self._options.preview:
@@ -116,13 +124,18 @@ class DesignRun:
         """Return what the user should know before playing the trajectory."""
         warnings = []
         if best is random:
-            warnings.append('no start led to anything better than a random trajectory')
+            more = ': give more time with --time-limit' if self._out_of_time else ''
+            warnings.append(f'no start led to anything better than a random trajectory{more}')
         condition, limit = best.quality.condition_number, self._specification.condition_limit
         if self._specification.objective == BOTH and condition > limit:
+            why = (
+                'the time was over: give more with --time-limit'
+                if self._out_of_time
+                else f'what binds most is {best.report.binding}. More starts, time or harmonics, '
+                'or a wider limit, may help'
+            )
             warnings.append(
-                f'condition number {condition:.1f} (5.2) misses its limit of {limit:g}; what '
-                f'binds most is {best.report.binding}. More starts, time or harmonics, or a '
-                'wider limit, may help'
+                f'condition number {condition:.1f} (5.2) misses its limit of {limit:g}; {why}'
             )
         limits = self._specification.setup.limits
         unknown = [
@@ -174,6 +187,13 @@ class DesignRun:
             paths += self._validation_paths().values()
         if len({path.absolute() for path in paths}) < len(paths):
             raise ExcitationError('--out and --preview must be different files')
+        existing = [path for path in paths if path.is_file()]
+        if existing and not self._options.overwrite:
+            raise ExcitationError(
+                f'{existing[0]} exists: name another with '
+                f'{"--preview" if existing[0] == self._options.preview else "--out"}, '
+                'or give --overwrite'
+            )
         for path in paths:
             if path.is_dir():
                 raise ExcitationError(f'{path} cannot be written: it is a folder, name a file')
@@ -205,15 +225,22 @@ class DesignRun:
         names = specification.setup.limits.joint_names
         TrajectoryFile(result.trajectory, names, made_with, periods).save(path)
 
-    def _report(self, what: str, result: DesignResult, best: DesignResult) -> None:
-        quality = result.quality
-        remark = f' ({result.remark})' if result.remark else ''
+    def _report(self, result: DesignResult, best: DesignResult, random: DesignResult) -> None:
+        compared = result.quality.compared_with(random.quality, 'random')
+        leader = 'random' if best is random else f'start {best.start}'
         self._print(
-            f'{NAME}: {what:<9} condition {quality.condition_number:6.1f} (5.2), '
-            f'{quality.scaled_condition_number:6.1f} scaled, deviations '
-            f'e^{quality.log_deviation:.2f}, {result.seconds:4.1f} s; best so far '
-            f'{best.quality.condition_number:.1f}, e^{best.quality.log_deviation:.2f}{remark}'
+            f'{NAME}: start {result.start:<3} {_figures(result)}, {compared}; '
+            f'best so far: {leader}{self._remark(result)}'
         )
+
+    def _remark(self, result: DesignResult) -> str:
+        remark = result.remark
+        if result.stopped and not self._interrupted():
+            remark += (
+                f': start {result.start} stopped after its {result.seconds:.0f} s share of '
+                '--time-limit: give more time'
+            )
+        return f' ({remark})' if remark else ''
 
     def _print(self, text: str) -> None:
         self._progress.close()
@@ -237,3 +264,11 @@ class DesignRun:
 
     def _seconds(self) -> float:
         return time.monotonic() - self._began
+
+
+def _figures(result: DesignResult) -> str:
+    quality = result.quality
+    return (
+        f'condition {quality.condition_number:6.1f} (5.2), '
+        f'{quality.scaled_condition_number:6.1f} scaled, {result.seconds:4.1f} s'
+    )

@@ -10,17 +10,28 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from aerarm_ros.nodes.stop_signals import StopSignals
 
 NAME = 'excitation_designer'
+_USER_ERROR = 2
+_INTERRUPTED = 130
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports a wrong argument in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(_USER_ERROR, f'{NAME}: {message}: see {NAME} --help\n')
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Design, and return 0 if a trajectory was written."""
+    """Design; return 0 if a trajectory was written, 2 if there is something to check, or 130."""
     stops: list[bool] = []
     with StopSignals(lambda: stops.append(True)):
         # Only now: loading the libraries takes seconds, in which a Ctrl-C is to be a request too.
+        from aerarm_ros.excitation.excitation_error import DesignStoppedError
         from aerarm_ros.nodes.design_run import DesignRun
 
         options = _parse(arguments)
@@ -28,16 +39,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
             DesignRun(options, lambda: bool(stops)).run()
         except (ValueError, OSError) as error:
             print(f'{NAME}: {" ".join(str(error).split())}', file=sys.stderr)
-            return 1
+            stopped = isinstance(error, DesignStoppedError) and stops
+            return _INTERRUPTED if stopped else _USER_ERROR
     return 0
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     from aerarm_ros.excitation.design_specification import BOTH, OBJECTIVES
 
-    parser = argparse.ArgumentParser(prog=NAME, description=__doc__.splitlines()[0])
+    parser = _Parser(prog=NAME, description=__doc__.splitlines()[0])
     add = parser.add_argument
     add('--out', type=Path, default=Path('trajectory.yaml'), help='file (default: %(default)s)')
+    add('--overwrite', action='store_true', help='replace files that exist')
     add('--preview', type=Path, help='HTML page with plots, workspace and animation')
     add('--validation', action='store_true', help='also write a slower and a faster trajectory')
     objectives = '; '.join(f'{key}: {text}' for key, text in OBJECTIVES.items())
@@ -47,6 +60,9 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add('--harmonics', type=int, default=5, help='N (default: %(default)s)')
     add('--duration', type=float, default=20.0, help='whole periods [s] (default: %(default)s)')
     add('--amplitude', type=float, default=0.35, help='of random starts [rad]')
+    add('--torque-noise', type=float, nargs='+',
+        help='standard deviation of the torque [Nm], one for all joints or one each (default: 1 %% '
+        'of the effort limit)')  # fmt: skip
     add('--bias', type=float, nargs='+', help='centre of the motion [rad], a joint each')
     add('--seed', type=int, default=1, help='of the random starts (default: %(default)s)')
     add('--starts', type=int, default=8, help='random starts (default: %(default)s)')

@@ -4,7 +4,7 @@ Thesis (2.14). Set points: topic set_point; zero-gain mode: parameter hand_guidi
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from aerarm_msgs_py import topics
@@ -13,6 +13,7 @@ from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.friction_compensation import FrictionCompensation
 from aerarm_ros.control.gains import non_negative
 from aerarm_ros.control.gravity_compensation import GravityCompensation
+from aerarm_ros.control.rejected_input_error import RejectedInputError
 from aerarm_ros.nodes.controller_node import ControllerNode
 from aerarm_ros.nodes.controller_parameters import (
     FOLLOWER_PARAMETERS,
@@ -55,24 +56,27 @@ class GravityCompensationNode(ControllerNode):
         self.law = GravityCompensation(
             dynamics, one_or_each(values.kp), one_or_each(values.kd), friction, hand
         )
-        self.law.hand_guiding = values.hand_guiding
+        self.law.hand_guiding = self._was_guided = values.hand_guiding
         observer = arm.observer(values, dynamics, friction)
         limit = arm.compensation_max(values)
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
         """Listen to set points and trajectories."""
-        self.listen(topics.SET_POINT, lambda m, now: go_to_set_point(self.follower, m, now))
-        self.listen(
-            topics.JOINT_TRAJECTORY, lambda m, now: follow_trajectory(self.follower, m, now)
-        )
+        self.take_references(topics.SET_POINT, self._unless_guided(go_to_set_point))
+        self.take_references(topics.JOINT_TRAJECTORY, self._unless_guided(follow_trajectory))
 
     def before_update(self, state: ArmState, now: float) -> None:
         """Let the reference follow the arm while a person moves it."""
         guided = self.law.hand_guiding
         self.loop.compensating = not guided
-        if guided:
+        if guided and self.law.stiffness > 0.0:
+            # The torque of an error left fades with the gains.
+            if self.follower.status != 'holding':
+                self.follower.stop(now, 'stopped: hand guiding')
+        elif guided or self._was_guided:
             self.follower.take_over(state.q)
+        self._was_guided = guided
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Change gains or the mode."""
@@ -81,11 +85,26 @@ class GravityCompensationNode(ControllerNode):
         else:
             setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
 
+    def check_parameter(self, name: str, value: Any) -> None:
+        """Require one gain, or one a joint."""
+        if name in ('kp', 'kd'):
+            non_negative(name, one_or_each(value), self.arm.config.n)
+
     def describe(self) -> dict[str, object]:
         """Say how the motion goes."""
         mode = 'hand guiding' if self.law.hand_guiding else self.follower.status
         motion = {'motion': mode, 'last motion': self.follower.outcome}
         return {**super().describe(), **motion}
+
+    def _unless_guided(self, act: Callable[..., None]) -> Callable[[Any, float], None]:
+        """Return what takes a message for the follower, except while a person moves the arm."""
+
+        def take(message: Any, now: float) -> None:
+            if self.law.hand_guiding:
+                raise RejectedInputError('hand_guiding is on: switch it off first')
+            act(self.follower, message, now)
+
+        return take
 
 
 def main(args: Sequence[str] | None = None) -> int:

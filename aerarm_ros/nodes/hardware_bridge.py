@@ -269,18 +269,7 @@ class HardwareBridge(LifecycleNode):
 
     def _run_cycle(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
         self.requests.serve(cycle)
-        command = self._streams.newest_command()
-        if command is not None:
-            names, sample, number = command
-            age_ns = self._stamps.now_ns() - sample.stamp_ns
-            source, allowed = self._command_publishers.judge(number, now)
-            if not allowed or self._command_publishers.sources != self._sources:
-                self._sources = self._command_publishers.sources
-                self._watch.look_soon()
-            numbers = (sample.position, sample.velocity, sample.effort)
-            offered = OfferedCommand(names, *numbers, age_ns * 1e-9, source, allowed)
-            cycle.command(offered, now)
-            timing.add_command(age_ns, sample.stamp_ns == self._stamp_ns)
+        self._take_command(cycle, timing, now)
         cycle.update(now)
         self._stamp_ns = self._stamps.now_ns()
         self._streams.publish(
@@ -295,6 +284,25 @@ class HardwareBridge(LifecycleNode):
         self._watch.poll()
         self._diagnostics.step(now)
         self._slack.begin()
+
+    def _take_command(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
+        try:
+            command = self._streams.newest_command()
+        except ValueError:
+            cycle.intake.reject('unreadable', now)
+            return
+        if command is None:
+            return
+        names, sample, number = command
+        age_ns = self._stamps.now_ns() - sample.stamp_ns
+        source, allowed = self._command_publishers.judge(number, now)
+        if not allowed or self._command_publishers.sources != self._sources:
+            self._sources = self._command_publishers.sources
+            self._watch.look_soon()
+        numbers = (sample.position, sample.velocity, sample.effort)
+        offered = OfferedCommand(names, *numbers, age_ns * 1e-9, source, allowed)
+        cycle.command(offered, now)
+        timing.add_command(age_ns, sample.stamp_ns == self._stamp_ns)
 
     def _publish_mode(self, mode: str) -> None:
         self._mode = mode

@@ -187,6 +187,11 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         'and asymmetric',
     ),
     (
+        '--coupled',
+        {'nargs': '+', 'default': [], 'metavar': 'JOINT=DRIVER'},
+        "joints that feel another one's velocity and acceleration, besides those of --config",
+    ),
+    (
         '--total-mass',
         {'nargs': 2, 'type': float, 'metavar': ('MIN', 'MAX')},
         'of all moving links, from weighing [kg]',

@@ -108,6 +108,10 @@ class IdentifierRun:
         with self._stopwatch.stage('reading'):
             identification = [self._recording(path) for path in self._options.bag]
             validation = [self._recording(path) for path in self._options.validation]
+        for path in set(self._options.bag) & set(self._options.validation):
+            self._bags.messages.append(
+                f'{path} is among --bag and --validation: its errors say nothing of other motions'
+            )
         share = self._options.holdout
         if share > 0.0:
             cut = 1.0 - share
@@ -138,6 +142,7 @@ class IdentifierRun:
                 filter=options.filter,
             ),
             friction=options.friction,
+            coupled=tuple(_pair(text, '--coupled') for text in options.coupled),
             solvers=tuple(options.solvers),
             bounds=LinkBounds(
                 tuple(options.total_mass) if options.total_mass else None, options.bound_centres
@@ -200,6 +205,7 @@ class IdentifierRun:
 
 def _bag_names(paths: Sequence[Path]) -> dict[Path, str]:
     """Return a short name of each bag, its path where the folder's name isn't enough."""
+    paths = list(dict.fromkeys(paths))
     names = [path.resolve().name for path in paths]
     return {
         path: name if names.count(name) == 1 else str(path)

@@ -68,6 +68,11 @@ class ImpedanceControlNode(ControllerNode):
         """Change stiffness or damping."""
         setattr(self.law, name, non_negative(name, one_or_each(value), 3))
 
+    def check_parameter(self, name: str, value: Any) -> None:
+        """Require one value, or one along each axis."""
+        if name in ('stiffness', 'damping'):
+            non_negative(name, one_or_each(value), 3)
+
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""

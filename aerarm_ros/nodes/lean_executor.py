@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 
@@ -51,6 +52,7 @@ class LeanExecutor:
             SignalHandlerGuardCondition(context=node.context),
         )
         self._entities: list[WaitedEntity | WaitedWaitable] = []
+        self._ready: deque[WaitedEntity | WaitedWaitable] = deque()
         self._held = ExitStack()
         self._changed = True
         self._context.on_shutdown(self.wake)
@@ -84,21 +86,16 @@ class LeanExecutor:
     def spin_once(self, timeout_sec: float) -> None:
         """Wait up to a time [s] for something to do, and do it.
 
-        Raises ExternalShutdownException if the context has gone, and what callbacks raise.
+        Raises ExternalShutdownException if the context has gone, and what callbacks raise; what
+        else was ready then is done by the next call.
         """
-        if self._changed:
-            self._changed = False
-            self._gather()
-        wait_set = self._wait_set
-        wait_set.clear_entities()
-        for guard in self._guards:
-            wait_set.add_guard_condition(guard.handle)
-        for entity in self._entities:
-            entity.add_to(wait_set)
-        wait_set.wait(int(timeout_sec * 1e9))
-        if not self._context.ok():
-            raise ExternalShutdownException
-        for entity in [entity for entity in self._entities if entity.is_ready(wait_set)]:
+        # A guard condition is ready only once, so it must not be forgotten.
+        if not self._ready:
+            self._wait(timeout_sec)
+        while self._ready:
+            entity = self._ready.popleft()
+            if not _exists(entity):
+                continue  # a callback before has destroyed it
             if self._before_work is not None:
                 self._before_work()
             entity.run()
@@ -109,6 +106,26 @@ class LeanExecutor:
         self._held.close()
         for guard in self._guards:
             guard.destroy()
+
+    def _wait(self, timeout_sec: float) -> None:
+        """Wait up to a time [s] and note what is ready."""
+        if self._changed:
+            self._changed = False
+            self._gather()
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        for guard in self._guards:
+            wait_set.add_guard_condition(guard.handle)
+        try:
+            for entity in self._entities:
+                entity.add_to(wait_set)
+        except InvalidHandle:
+            self._changed = True  # another thread has just destroyed it
+            return
+        wait_set.wait(int(timeout_sec * 1e9))
+        if not self._context.ok():
+            raise ExternalShutdownException
+        self._ready.extend(entity for entity in self._entities if entity.is_ready(wait_set))
 
     def _gather(self) -> None:
         """Build a wait set of what the node has now."""
@@ -135,3 +152,12 @@ class LeanExecutor:
         except InvalidHandle:
             return False
         return True
+
+
+def _exists(entity: WaitedEntity | WaitedWaitable) -> bool:
+    """Whether an entity has not been destroyed."""
+    try:
+        with entity.handle:
+            return True
+    except InvalidHandle:
+        return False

@@ -15,13 +15,13 @@ from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_player import ExcitationPlayer
 from aerarm_ros.nodes.progress_line import ProgressLine
-from aerarm_ros.nodes.start_conditions import MOVABLE, StartConditions
+from aerarm_ros.nodes.start_conditions import StartConditions
 from aerarm_ros.nodes.state_stream import StateStream
 from aerarm_ros.nodes.waiting_notice import WaitingNotice
 
 # A pause of this process damps the arm; the next command is followed again. What the pause
 # did to the motion is judged by the tracking error.
-PLAYABLE = (*MOVABLE, 'damping')
+PLAYABLE = ('ready', 'running', 'damping')
 # A joint slower than this counts as resting [rad/s]; the velocity filter's noise stays below.
 RESTING = 0.1
 
@@ -152,7 +152,10 @@ class MotionPlayback:
 
     def _check_silence(self, heard: float, timeout: float, stage: str) -> None:
         if time.monotonic() - heard > timeout:
-            why = self._rejection or 'did the bridge end?'
+            why = self._rejection or (
+                'did the bridge end, or is the computer overloaded? '
+                'state_timeout lengthens the wait'
+            )
             raise ExcitationError(f'no joint state for {timeout:g} s in the {stage}: {why}')
 
     def _reject(self, reason: str) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -19,13 +20,12 @@ from aerarm_msgs_py.bag_error import BagError
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan
+from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, bench_checker
 from aerarm_ros.excitation.command_law import VelocityLaw
 from aerarm_ros.excitation.excitation_config import load_excitation_config
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_player import ExcitationPlayer
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.motor_bench import KnownMass, MotorBench
 from aerarm_ros.identification.motor_files import bench_yaml, config_yaml, load_earlier
@@ -105,9 +105,10 @@ class MotorBenchNode:
             gravity_in_base=self._config.gravity_in_base,
             joint_names=names,
         )
-        self._setup = ExcitationSetup.of_arm(
-            self._robot, self._config, load_excitation_config(values.excitation_config or None)
-        )
+        surroundings = load_excitation_config(values.excitation_config or None)
+        # What is checked is the stop that will be played.
+        surroundings = replace(surroundings, stop_time=values.stop_time)
+        self._setup = ExcitationSetup.of_arm(self._robot, self._config, surroundings)
         unknown = [name for name in values.joints if name not in names]
         if unknown:
             raise ExcitationError(f'no joint {", ".join(unknown)}: there are {", ".join(names)}')
@@ -154,11 +155,7 @@ class MotorBenchNode:
         posture = np.array(self._values.posture) if self._values.posture else start
         bench = self._bench(posture)
         motion = BenchMotion(self._plan, self._setup.limits, start, posture, self._joints)
-        setup = self._setup
-        checker = FeasibilityChecker(setup.limits)
-        if self._values.mounted:
-            checker = FeasibilityChecker(setup.limits, setup.clearance, setup.effort_model)
-        motion.require_feasible(checker)
+        motion.require_feasible(bench_checker(self._setup, self._values.mounted))
         recording = self._record(motion, directory)
         runs = recording.runs(motion.measurements)
         results = [bench.evaluate(joint, runs[joint]) for joint in self._joints]

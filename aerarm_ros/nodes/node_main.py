@@ -10,6 +10,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 
 from aerarm_ros.nodes.command_line import CommandLine
+from aerarm_ros.nodes.discovery_profile import use_packaged_profile
 from aerarm_ros.nodes.local_discovery import stay_on_this_host
 from aerarm_ros.nodes.parameters import ParameterTable
 from aerarm_ros.nodes.ros_arguments import RosArguments, UsageError
@@ -70,6 +71,7 @@ def run_node(
     stay_on_this_host()
     node = None
     try:
+        use_packaged_profile()
         rclpy.init(args=args)
         try:
             node = create()

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO
 
-from aerarm_ros.description.resources import resource
+from aerarm_ros.nodes.discovery_profile import use_packaged_profile
 
 # Longer than any node's own shut-down (a bag's last chunk, the boards' last frames).
 STOP_TIMEOUT = 10.0
@@ -119,13 +119,9 @@ class NodeProcess:
 
 
 def ros_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Environment of a node: this process's, the Fast DDS profile, and `extra`.
-
-    The profile announces a new participant often enough that two nodes always
-    find each other in a fraction of a second; a profile the user chose stays.
-    """
+    """Environment of a node: this process's, the Fast DDS profile, and `extra`."""
     environment = dict(os.environ)
-    environment.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(resource('config', 'fastdds.xml')))
+    use_packaged_profile(environment)
     environment.update(extra or {})
     return environment
 

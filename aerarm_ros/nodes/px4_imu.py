@@ -5,6 +5,7 @@ forward-left-up, east-north-up. With MAVROS this node isn't needed: remap its im
 """
 
 import sys
+import time
 from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import Any
@@ -20,6 +21,8 @@ from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.parameters import ParameterTable
 
 NAME = 'px4_imu'
+# An older attitude [s] is none: better no gravity than one that has stopped turning.
+_ATTITUDE_AGE = 0.2
 PARAMETERS = ParameterTable(
     Parameter('sensor_topic', '/fmu/out/sensor_combined', 'px4_msgs/SensorCombined'),
     Parameter('attitude_topic', '/fmu/out/vehicle_attitude', 'px4_msgs/VehicleAttitude'),
@@ -28,6 +31,8 @@ PARAMETERS = ParameterTable(
 
 class Px4Imu:
     """Publishes `imu` for every SensorCombined, with the newest attitude.
+
+    Without an attitude for 0.2 s the samples say that they have none.
 
     Raises
     ------
@@ -47,6 +52,7 @@ class Px4Imu:
         self._node = rclpy.create_node(NAME)
         values = PARAMETERS.declare(self._node)
         self._attitude: list[float] | None = None
+        self._attitude_time = 0.0
         self._imu = self._node.create_publisher(Imu, topics.IMU.name, topics.IMU.qos)
         for kind, topic, act in (
             (SensorCombined, values.sensor_topic, self._on_sensor),
@@ -64,10 +70,12 @@ class Px4Imu:
 
     def _on_attitude(self, message: Any) -> None:
         w, x, y, z = (float(value) for value in message.q)
-        self._attitude = [x, y, z, w]
+        self._attitude, self._attitude_time = [x, y, z, w], time.monotonic()
 
     def _on_sensor(self, message: Any) -> None:
         stamp = self._node.get_clock().now().to_msg()
+        if time.monotonic() - self._attitude_time > _ATTITUDE_AGE:
+            self._attitude = None
         self._imu.publish(
             to_imu(stamp, self._attitude, message.gyro_rad, message.accelerometer_m_s2)
         )

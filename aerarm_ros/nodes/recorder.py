@@ -178,7 +178,8 @@ class Recorder:
             self._node.get_logger().warning(
                 'nothing came: is a bridge running in this ROS domain (ROS_DOMAIN_ID)?'
             )
-        total = sum(lost or 0 for lost in losses)
+        numbered = [lost for count, lost in zip(counts, losses, strict=True) if count]
+        total = 'unknown' if None in numbered else sum(filter(None, numbered))
         log(f'{self._directory}: {sum(counts)} messages, {total} lost')
 
     def _on_stop(self) -> None:

@@ -18,6 +18,21 @@ _SECTION = 'ros__parameters'
 ANY_NODE = '/**'
 
 
+class _Untagged(yaml.SafeLoader):
+    """Overlooks tags, as rcl does: ROS's launch writes tuples as `!!python/tuple`."""
+
+
+def _without_tag(loader: yaml.SafeLoader, _: str, node: yaml.Node) -> object:
+    if isinstance(node, yaml.SequenceNode):
+        return loader.construct_sequence(node)
+    if isinstance(node, yaml.MappingNode):
+        return loader.construct_mapping(node)
+    return loader.construct_scalar(node)
+
+
+_Untagged.add_multi_constructor('', _without_tag)
+
+
 class UsageError(ValueError):
     """An argument that a node can't run with; the message says what would be right."""
 
@@ -129,7 +144,7 @@ def _parameter_of_rule(rule: str) -> GivenParameter:
 
 def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
     try:
-        content = yaml.safe_load(Path(file).read_text())
+        content = yaml.load(Path(file).read_text(), _Untagged)
     except OSError as error:
         raise UsageError(f'parameter file {file}: {error.strerror}') from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:

@@ -13,12 +13,16 @@ from aerarm_msgs_py import topics
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.nodes.sole_publisher import SolePublisher
 
-MOVABLE = ('ready', 'running')
+# Nobody commands the arm then, and the bridge holds it where it is.
+MOVABLE = 'ready'
 # What ends a mode in which the arm follows no command.
 _ADVICE = {
     'inactive': "activate the bridge: 'ros2 lifecycle set /NAME activate'",
     'disconnected': 'the boards do not answer: see the log of the bridge',
     'aligning': 'the motors will be aligned in a few seconds',
+    'homing': 'the joints will be at their index in a few seconds',
+    'running': 'another node commands the arm: stop it',
+    'damping': "run 'arm enable', which holds the arm where it is",
 }
 # By then all nodes in the domain have announced themselves (config/fastdds.xml) [s].
 _DISCOVERY_TIME = 0.5
@@ -83,7 +87,7 @@ class StartConditions:
         missing = list(filter(None, [self._sources.problem()]))
         if time.monotonic() < self._discovered:
             missing.append('other bridges are being looked for')
-        if self.mode not in MOVABLE:
+        if self.mode != MOVABLE:
             missing.append(f"arm_mode is '{self.mode}': {_ADVICE.get(self.mode, _ENABLE)}")
         matched = {
             topics.JOINT_COMMAND.name: self._commands.get_subscription_count(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import rclpy
@@ -69,7 +69,7 @@ class StateNode:
         self._requests: deque[Callable[[float], None]] = deque()
         self._stopping = False
         self.node = rclpy.create_node(name)
-        self.values = parameters.declare(self.node, self._on_parameter, payload_problem)
+        self.values = parameters.declare(self.node, self._on_parameter, self._parameter_problem)
         self.arm = ControlledArm.from_parameters(self.values)
         self.base = self.arm.base(self.values)
         self.build()
@@ -92,6 +92,9 @@ class StateNode:
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Take a changed live parameter, in the loop's thread; may raise ValueError."""
+
+    def check_parameter(self, name: str, value: Any) -> None:
+        """Raise ValueError if a live parameter's new value can't be taken; in any thread."""
 
     def warning(self) -> str:
         """Return what diagnostics should warn of, '' if nothing."""
@@ -159,6 +162,14 @@ class StateNode:
             self.reject(str(error))
 
     # Callbacks.
+
+    def _parameter_problem(self, changes: Mapping[str, Any]) -> str:
+        for name, value in changes.items():
+            try:
+                self.check_parameter(name, value)
+            except ValueError as error:
+                return f'parameter {name}: {error}'
+        return payload_problem(changes)
 
     def _on_parameter(self, name: str, value: Any) -> None:
         def change(_: float) -> None:

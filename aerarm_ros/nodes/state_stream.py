@@ -76,6 +76,8 @@ class StateStream:
                 yield to_imu_sample(deserialize_message(message[0], Imu))
             except RejectedInputError as error:
                 self._reject(str(error))
+            except RuntimeError as error:  # RMWError: no message at all
+                self._reject(f'imu: {error}')
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""
@@ -86,7 +88,7 @@ class StateStream:
         try:
             names, sample = decode_joint_state(payload)
             return in_order(names, sample, self._names)
-        except ValueError as error:
+        except (ValueError, RuntimeError) as error:  # RMWError: no message at all
             self._reject(f'joint_states: {error}')
             return None
 

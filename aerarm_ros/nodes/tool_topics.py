@@ -35,7 +35,7 @@ class ToolTopics:
         self._kinematics = Kinematics(controller.arm.robot, frame)
         pose = topics.TOOL_POSE
         self._poses = controller.node.create_publisher(pose.type, pose.name, pose.qos)
-        controller.listen(topics.TOOL_TRAJECTORY, self._on_target)
+        controller.take_references(topics.TOOL_TRAJECTORY, self._on_target)
         controller.node.create_timer(_POSE_PERIOD, self._publish_pose)
 
     def _on_target(self, message: PoseStamped, now: float) -> None:

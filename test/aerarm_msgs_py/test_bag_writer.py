@@ -152,6 +152,13 @@ def test_a_full_disk_is_reported(tmp_path: Path, recording) -> None:
         writer.close()
 
 
+def test_what_cannot_be_stored_is_not_lost_in_silence(tmp_path: Path, recording) -> None:
+    writer = BagWriter(tmp_path / 'bag', recording.topics)
+    writer.write(RecordedMessage(len(recording.topics), b'', 1, 1, 1))  # of no topic of the bag
+    with pytest.raises(BagError, match='cannot be written'):
+        writer.close()
+
+
 def test_closing_twice_is_harmless(tmp_path: Path, recording) -> None:
     writer = BagWriter(tmp_path / 'bag', recording.topics)
     writer.close()

@@ -55,3 +55,14 @@ def test_static_part_is_gravity_alone(robot, postures) -> None:
         np.testing.assert_allclose(moving.static, resting.wrench, atol=1e-9)
         np.testing.assert_allclose(moving.static + moving.dynamic, moving.wrench, atol=1e-12)
         assert np.linalg.norm(moving.dynamic) > 0.01
+
+
+def test_the_drone_carries_the_payload_too(robot, postures) -> None:
+    alone, carrying = BaseReaction(robot), BaseReaction(robot)
+    payload = np.zeros(10)
+    payload[0] = 0.2
+    carrying.dynamics.carry(payload)
+    for q in postures:
+        empty, full = (r.evaluate(q, np.zeros(4), np.zeros(4)) for r in (alone, carrying))
+        np.testing.assert_allclose(full.wrench[:3] - empty.wrench[:3], 0.2 * GRAVITY, atol=1e-9)
+        np.testing.assert_allclose(full.mass - empty.mass, 0.2, atol=1e-12)

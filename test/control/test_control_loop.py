@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
 from aerarm_ros.control.computed_torque import ComputedTorque
 from aerarm_ros.control.control_loop import ControlLoop
@@ -139,3 +141,29 @@ def test_an_imu_makes_the_law_aware_of_tilt(limits, follower, dynamics) -> None:
     expected = dynamics.gravity(POSTURE, estimator.motion(0.0))
     np.testing.assert_allclose(effort, expected, atol=1e-9)
     assert np.abs(effort - dynamics.fixed.gravity(POSTURE)).max() > 0.3
+
+
+def test_a_turning_base_is_no_disturbance(limits, follower, dynamics) -> None:
+    """The observer is told of the base when the torque acted, not when the command will."""
+    gravity, rate = np.array([0.0, 0.0, -9.81]), np.array([3.0, 0.0, 0.0])
+    estimator = BaseMotionEstimator(gravity, 'full')
+    observer = MomentumObserver(dynamics, 40.0)
+    law = ComputedTorque(dynamics, 100.0, 20.0)
+    loop = ControlLoop(limits, follower, law, observer, estimator)
+
+    def felt(time: float) -> BaseMotion:
+        turn = Rotation.from_rotvec(rate * time).inv()
+        return BaseMotion(turn.apply(gravity), -turn.apply(gravity), rate, np.zeros(3))
+
+    for cycle in range(300):
+        now = cycle * CYCLE
+        if cycle % 4 == 0:
+            base = felt(now)
+            estimator.offer(ImuSample(now, None, rate, base.specific_force), now)
+        # Held at rest by exactly what the base asks for in the middle of the cycle.
+        tau = dynamics.gravity(POSTURE, felt(now - 0.5 * CYCLE))
+        loop.update(REST._replace(tau=tau), now)
+        loop.observe()
+    swing = np.abs(dynamics.gravity(POSTURE, felt(0.3)) - dynamics.gravity(POSTURE, felt(0.0)))
+    assert swing.max() > 0.5
+    assert np.abs(loop.disturbance).max() < 1e-3 * swing.max()

@@ -65,6 +65,16 @@ def test_a_wrong_trajectory_is_rejected(limits, names, times, positions, message
         JointTrajectory(limits, names, times, positions)
 
 
+def test_too_large_an_acceleration_is_rejected(limits) -> None:
+    rows = [[START], [[0.0] * 4], [[0.0, 16.0, 0.0, 0.0]]]
+    with pytest.raises(RejectedInputError, match=r'joint2 needs 16 rad/s\^2'):
+        JointTrajectory(limits, NAMES, [0.0], *rows)
+    # Slow enough on average, but reached from rest too soon.
+    hurried = JointTrajectory(limits, NAMES, [0.4], [[0.0, 1.0, 0.0, 0.0]])
+    with pytest.raises(RejectedInputError, match=r'between its points: joint2 needs .* rad/s\^2'):
+        hurried.path(np.array(START), 'quintic')
+
+
 def test_too_fast_a_velocity_is_rejected(limits) -> None:
     with pytest.raises(RejectedInputError, match='joint1 needs 9 rad/s'):
         JointTrajectory(limits, NAMES, [0.0], [START], [[9.0, 0.0, 0.0, 0.0]])

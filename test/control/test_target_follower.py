@@ -51,14 +51,26 @@ def test_a_moving_target_is_followed_without_lag(follower) -> None:
     np.testing.assert_allclose(last[1], velocity, atol=1e-3)
 
 
-def test_a_stream_that_ends_is_not_followed_for_ever(follower) -> None:
+def test_a_stream_that_ends_leaves_the_tool_at_its_last_target(follower) -> None:
     start = play(follower, 0.001)[-1, 0]
-    for k in range(10):
-        follower.set_target(start + [0.0, 0.002 * k, 0.0], 0.02 * k)
+    for k in range(50):
+        last = start + [0.0, 0.01 * k, 0.0]
+        follower.set_target(last, 0.02 * k)
         play(follower, 0.02, start=0.02 * k)
-    rows = play(follower, 3.0, start=0.2)
+    rows = play(follower, 3.0, start=1.0)
+    np.testing.assert_allclose(rows[-1, 0], last, atol=1e-3)
     assert np.linalg.norm(rows[-1, 1]) < 1e-3
-    assert np.linalg.norm(rows[-1, 0] - start) < 0.06
+    # Beyond it only by what 0.5 m/s need to be braked.
+    assert (rows[:, 0] - last)[:, 1].max() < 0.06
+
+
+def test_two_single_targets_in_a_row_are_no_path_beyond_the_second(follower) -> None:
+    start = play(follower, 0.001)[-1, 0]
+    follower.set_target(start, 0.0)
+    play(follower, 0.2)
+    follower.set_target(start + [0.0, 0.2, 0.0], 0.2)
+    rows = play(follower, 3.0, start=0.2)
+    np.testing.assert_allclose(rows[-1, 0], start + [0.0, 0.2, 0.0], atol=1e-3)
 
 
 @pytest.mark.parametrize(

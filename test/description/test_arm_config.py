@@ -66,6 +66,14 @@ WRONG = {
     'joint of wrong kind': (setting('joints', 0, value=7), r'joints\[0\] must be a mapping'),
     'text for a number': (setting('joints', 0, 'coulomb', value='x'), 'coulomb must be a number'),
     'truth for a number': (setting('joints', 0, 'coulomb', value=True), 'must be a number'),
+    'coupling of an unknown joint': (
+        setting('coupled_joints', value=[['joint3', 'elbow']]),
+        'joint3, elbow are not two of the joints',
+    ),
+    'coupling without a driver': (
+        setting('coupled_joints', value=['joint3']),
+        r"'joint3' is not a pair \[joint, driver\]",
+    ),
     'NaN': (setting('joints', 0, 'viscous', value=float('nan')), 'joint1: viscous = nan'),
     'infinity': (setting('joints', 0, 'velocity_max', value=float('inf')), 'velocity_max = inf'),
     'negative friction': (setting('joints', 0, 'coulomb', value=-0.1), 'coulomb = -0.1'),

@@ -62,6 +62,11 @@ FAULTS = {
         '',
         'joint2 is revolute and needs a <limit>',
     ),
+    'limits upside down': (
+        'lower="-0.523"',
+        'lower="5.23"',
+        'joint joint2, <limit>: lower = 5.23 is above upper = 3.664',
+    ),
     'NaN limit': ('upper="3.664"', 'upper="nan"', "upper = 'nan'"),
     'wrong friction': ('friction="0.247"', 'friction="high"', "friction = 'high'"),
     'no mass': ('<mass value="0.554"/>', '', 'link link2, <inertial> has no <mass>'),

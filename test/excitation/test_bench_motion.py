@@ -1,11 +1,14 @@
 """What the motor bench commands, and which parts of it are measured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, split
+from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, bench_checker, split
 from aerarm_ros.excitation.excitation_error import ExcitationError, InfeasibleError
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
 from aerarm_ros.excitation.motion_limits import MotionLimits
 
@@ -70,6 +73,17 @@ def test_a_broken_limit_is_named() -> None:
     slow = LIMITS.scaled(1.0, 0.1, 1.0)
     with pytest.raises(InfeasibleError, match='the motion of the bench'):
         motion().require_feasible(FeasibilityChecker(slow))
+
+
+@pytest.mark.parametrize('mounted', [True, False])
+def test_a_stop_anywhere_on_it_is_checked(setup: ExcitationSetup, mounted: bool) -> None:
+    motion().require_feasible(bench_checker(setup, mounted))
+    config = replace(setup.config, stop_time=0.1)
+    hard = ExcitationSetup(
+        setup.robot, config, setup.limits, setup.rotor_inertia, setup.torque_per_ampere
+    )
+    with pytest.raises(InfeasibleError, match='stop acceleration of joint'):
+        motion().require_feasible(bench_checker(hard, mounted))
 
 
 def test_samples_are_split_by_time_along_the_motion() -> None:

@@ -56,13 +56,11 @@ def test_a_small_gain_bounds_the_drift(motion: MotionSequence) -> None:
 def test_lost_messages_do_not_distort_the_motion(motion: MotionSequence) -> None:
     law = VelocityLaw(0.0)
     every, some = (ExcitationPlayer(motion, law, NAMES) for _ in range(2))
-    q = motion.evaluate(0.0).position
     for stamp in range(0, 3000 * MILLISECOND, MILLISECOND):
         full = every.update(stamp, motion.evaluate(stamp * 1e-9).position)
         if stamp // MILLISECOND % 7 == 0:
             sparse = some.update(stamp, motion.evaluate(stamp * 1e-9).position)
             np.testing.assert_array_equal(sparse.velocity, full.velocity)
-    assert q.shape == (4,)
 
 
 def test_a_stop_comes_to_rest_on_the_path_without_a_jump(motion: MotionSequence) -> None:
@@ -96,6 +94,14 @@ def test_jumping_stamps_are_refused(motion: MotionSequence, jump: int) -> None:
     player.update(10**9, q)
     with pytest.raises(ExcitationError, match='stamps jump'):
         player.update(10**9 + jump, q)
+
+
+def test_an_arm_that_moved_since_the_plan_is_left_alone(motion: MotionSequence) -> None:
+    start = motion.evaluate(0.0).position
+    player = ExcitationPlayer(motion, VelocityLaw(1.0), NAMES)
+    with pytest.raises(ExcitationError, match='joint3 moved by 0.060 rad since'):
+        player.update(0, start + [0.0, 0.0, 0.06, 0.0])
+    assert player.update(MILLISECOND, start + [0.0, 0.0, 0.04, 0.0]).velocity is not None
 
 
 def test_nan_is_refused(motion: MotionSequence) -> None:

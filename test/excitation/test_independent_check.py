@@ -49,6 +49,8 @@ def test_accepted_trajectories_are_safe_in_mujoco(
             assert ground >= config.ground_clearance - 1e-5
             effort = np.array([other.effort(*s) for s in zip(*states, strict=True)])
             assert (np.abs(effort) <= setup.usable_limits.effort).all()
+            current = np.abs(effort) / setup.torque_per_ampere
+            assert (current <= setup.usable_limits.current).all()
         elif 'clearance' in report.binding.limit:
             close += 1
     # Both happen, so the test is one.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.design_result import DesignResult
+from aerarm_ros.excitation.design_result import DesignResult, Quality
 from aerarm_ros.excitation.design_specification import SCALED, DesignSpecification
 from aerarm_ros.excitation.excitation_config import ExcitationConfig
 from aerarm_ros.excitation.excitation_error import (
@@ -23,7 +23,7 @@ from aerarm_ros.model.regressor import Regressor
 
 
 def test_condition_number_by_the_thesis_definition(designed: DesignResult, robot: Robot) -> None:
-    """Thesis (5.2) on the exact regressor of 20,000 samples' worth of motion; it has 47."""
+    """Thesis (5.2) on the exact regressor along one period; it has 47."""
     time = np.arange(0.0, 10.0, 0.005)
     regressor = Regressor(robot)
     singular = np.linalg.svd(regressor.stack(*designed.trajectory.evaluate(time)), compute_uv=False)
@@ -80,6 +80,34 @@ def test_a_stop_in_the_middle_of_a_start_keeps_its_best(
     assert 'stopped' in stopped.remark
 
 
+def test_a_search_without_time_for_a_step_blames_no_limit(designer: TrajectoryDesigner) -> None:
+    calls = 0
+
+    def stop() -> bool:
+        nonlocal calls
+        calls += 1
+        return calls > 1 + drawn
+
+    drawn = 0
+
+    def count() -> bool:
+        nonlocal drawn
+        drawn += 1
+        return False
+
+    designer.initial(0, count)
+    stopped = designer.design(0, stop)
+    assert stopped.stopped
+    assert stopped.remark == 'nothing better than the random start'
+
+
+def test_deviations_are_told_as_a_ratio() -> None:
+    better, worse = Quality(0.0, 20.0, 5.0, -3.7), Quality(0.0, 50.0, 9.0, -3.0)
+    assert better.compared_with(worse, 'random') == 'deviations 2.01 times smaller than random'
+    assert worse.compared_with(better, 'random') == 'deviations 2.01 times larger than random'
+    assert worse.compared_with(worse, 'random') == 'deviations as large as random'
+
+
 def test_a_stop_before_anything_is_feasible_says_so(designer: TrajectoryDesigner) -> None:
     with pytest.raises(DesignStoppedError, match='stopped before a feasible'):
         designer.design(0, lambda: True)
@@ -119,7 +147,7 @@ def test_infeasible_limits_name_the_one_that_binds(setup: ExcitationSetup) -> No
     slow = ExcitationSetup(
         setup.robot, setup.config, crawling, setup.rotor_inertia, setup.torque_per_ampere
     )
-    with pytest.raises(InfeasibleError, match=r'velocity of joint\d binds'):
+    with pytest.raises(InfeasibleError, match=r'of 0.35 rad is .* velocity of joint\d binds'):
         TrajectoryDesigner(DesignSpecification(slow)).initial(0)
 
 

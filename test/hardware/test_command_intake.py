@@ -81,7 +81,7 @@ def test_each_reason_is_counted_and_the_command_before_stays(intake, reason, wro
 def test_every_reason_has_a_text():
     assert set(REJECTIONS) >= {
         'not_ready', 'not_allowed', 'source', 'names', 'length', 'infinite', 'nan', 'unsupported',
-        'stale', 'future',
+        'stale', 'future', 'unreadable',
     }  # fmt: skip
 
 

@@ -69,6 +69,12 @@ def test_standstill_while_the_torque_grows_beyond_friction_is_a_fault(monitor):
     assert monitor.trusted.tolist() == [True, False, True, True]
 
 
+def test_pauses_between_two_looks_prove_nothing(monitor):
+    for cycle in range(1, 200):
+        current = [0.0, 0.2 * cycle, 0.0, 0.0]
+        assert monitor.check(NONE, np.array(current), FRESH, 8e-3 * cycle) == ''
+
+
 def test_a_short_standstill_is_borne(monitor):
     for cycle in range(1, 400):
         position = np.full(4, 0.002 * (cycle // 40))  # a count every 40 ms

@@ -21,6 +21,13 @@ def test_silence_gives_no_division_by_zero() -> None:
     assert not per_joint.any()
 
 
+def test_a_joint_of_which_nothing_was_measured_does_not_count() -> None:
+    measured = np.array([[3.0, np.nan], [4.0, np.nan]])
+    total, per_joint = torque_errors(measured, np.array([[3.0, 9.0], [3.0, 9.0]]))
+    assert total == pytest.approx(20.0)
+    assert np.array_equal(np.isnan(per_joint), [False, True])
+
+
 def test_assessments_are_those_of_the_predictions(result: IdentificationResult) -> None:
     for solution in result.solutions.values():
         (assessment,) = solution.validation

@@ -113,6 +113,11 @@ def test_rows_of_resting_joints_and_dead_sensors_are_not_fitted(recording) -> No
     assert not samples.usable[:, 3].any()
 
 
+def test_a_cutoff_below_the_motion_is_refused(recording) -> None:
+    with pytest.raises(IdentificationError, match='would filter the motion away'):
+        Conditioner([recording], ConditioningOptions(cutoff=1e-9))
+
+
 def test_a_cutoff_above_the_rate_is_refused(recording) -> None:
     with pytest.raises(IdentificationError, match='above 200 Hz.*choose a lower one'):
         Conditioner([recording], ConditioningOptions(cutoff=240.0))

@@ -7,11 +7,16 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.identified_urdf import identified_urdf
-from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
+from aerarm_ros.model.inertia import (
+    from_pseudo_inertia,
+    is_physically_consistent,
+    pseudo_inertia,
+)
 
 FINGERS = ('panda_finger_joint1', 'panda_finger_joint2')
 
@@ -77,13 +82,41 @@ def test_fixed_links_give_their_inertia_to_the_moving_one(robot: Robot) -> None:
     assert written.text.count('<inertial>') == 4
 
 
-def test_too_light_a_total_behind_locked_joints_is_reported(
+def bodies(text: str) -> np.ndarray:
+    """Inertial parameters of every moving body, without anything locked."""
+    model = pin.buildModelFromXML(text)
+    return np.array([body.toDynamicParameters() for body in model.inertias[1:]])
+
+
+def test_too_light_a_total_behind_locked_joints_stays_physical(
     example_urdf: Callable[[str], Path],
 ) -> None:
+    """The fingers of the drawing are heavier than all that was found: they become lighter."""
     robot = load_robot(example_urdf('panda.urdf'), locked=FINGERS)
     inertial = robot.inertial_parameters * 0.01
     written = identified_urdf(robot, inertial, np.zeros(7), np.zeros(7))
-    assert 'panda_link7 without what its locked joints carry' in written.warnings[0]
+    assert 'panda_leftfinger, panda_rightfinger) were written with' in written.warnings[0]
+    assert np.all(is_physically_consistent(bodies(written.text)))
+    again = load_robot(written.text, locked=FINGERS).inertial_parameters
+    assert np.allclose(again, inertial, atol=1e-12)
+
+
+def test_a_joint_locked_in_the_middle_of_the_chain(robot: Robot) -> None:
+    """Links behind it that do move are not what it carries."""
+    stiff = load_robot(robot.urdf_text, locked=('joint3',))
+    inertial = 1.2 * stiff.inertial_parameters
+    written = identified_urdf(stiff, inertial, np.zeros(3), np.zeros(3))
+    assert not written.warnings
+    assert np.all(is_physically_consistent(bodies(written.text)))
+    again = load_robot(written.text, locked=('joint3',)).inertial_parameters
+    assert np.allclose(again, inertial, atol=1e-12)
+
+
+def test_parameters_of_no_body_are_said_to_be_so(robot: Robot) -> None:
+    inertial = robot.inertial_parameters.copy()
+    inertial[2, 4] = -1.0
+    written = identified_urdf(robot, inertial, np.zeros(4), np.zeros(4))
+    assert 'link link3 is NOT PHYSICALLY CONSISTENT' in written.warnings[0]
 
 
 def test_mujoco_loads_it(robot: Robot) -> None:
@@ -92,3 +125,19 @@ def test_mujoco_loads_it(robot: Robot) -> None:
     assert model.body_mass.sum() == pytest.approx(1.2 * robot.inertial_parameters[:, 0].sum())
     assert model.dof_damping == pytest.approx([0.05] * 4)
     assert model.dof_frictionloss == pytest.approx([0.2] * 4)
+
+
+def test_mujoco_loads_meshes_of_packages(example_urdf: Callable[[str], Path]) -> None:
+    """With the extension that docs/reference/files.md names; pinocchio doesn't mind it."""
+    path = example_urdf('ur10_robot.urdf')
+    robot = load_robot(path)
+    text = identified_urdf(robot, heavier(robot), np.zeros(6), np.zeros(6)).text
+    folder = path.parents[1] / 'meshes' / 'ur10' / 'collision'
+    extension = (
+        f'<mujoco><compiler discardvisual="true" strippath="true" meshdir="{folder}"/></mujoco>'
+    )
+    extended = text.replace('</robot>', f'{extension}</robot>')
+    model = mujoco.MjModel.from_xml_string(extended)
+    assert model.nv == 6
+    wanted, read = heavier(robot), load_robot(extended).inertial_parameters
+    assert np.allclose(read, wanted, atol=1e-9 * np.abs(wanted).max())

@@ -14,6 +14,7 @@ from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.recording import Recording
 from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.identification.summary import summarise
 
 
 def run(
@@ -117,7 +118,12 @@ def test_a_dead_sensor_leaves_the_other_joints_identified(
     tau[:, 3] = 0.3
     dead = np.array([False, False, False, True])
     result = run(robot, config, replace(bag, tau=tau, dead_effort=dead), [], 'coulomb')
-    assert result.recommended.identification[0].per_joint_filtered[:3].max() < 8.0
+    errors = result.recommended.identification[0]
+    assert errors.filtered < 8.0
+    assert errors.per_joint_filtered[:3].max() < 8.0
+    assert np.isnan(errors.per_joint_filtered[3])
+    entry = summarise(result, {})['solvers']['sdp']['identification'][0]
+    assert entry['per_joint_raw'][3] is None
     assert result.recommended.estimate.physically_consistent
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
+from aerarm_ros.identification.joint_term import COUPLED, ROTOR, THESIS_TERMS, JointTerm, TermKind
 from aerarm_ros.model.friction import smooth_viscous_coulomb, viscous_coulomb
 
 DQ = np.linspace(-1.0, 1.0, 41)
@@ -36,9 +36,9 @@ def test_rotor_and_offset() -> None:
 def test_friction_dissipates(kind: TermKind) -> None:
     """Friction opposes motion: power dq * tau is never negative."""
     term = JointTerm(kind, 0.1)
-    if kind not in (TermKind.ROTOR, TermKind.OFFSET):
+    if kind not in (TermKind.ROTOR, TermKind.OFFSET, *COUPLED):
         assert np.all(DQ * term.basis(DQ, DDQ, np.ones(41)) >= 0.0)
-    assert term.nonnegative == (kind is not TermKind.OFFSET)
+    assert term.nonnegative == (kind not in (TermKind.OFFSET, *COUPLED))
     assert term.unit
     assert term.meaning
 

@@ -31,6 +31,15 @@ def test_another_period_than_the_given_one(recording) -> None:
     assert '--fundamental 0.13 Hz, but the motion repeats itself every 10 s (0.1 Hz)' in text
 
 
+def test_a_wrong_fundamental_is_named_where_nothing_is_left_or_it_is_needed(recording) -> None:
+    for options in ({'fundamental': 7.0}, {'fundamental': 0.13, 'filter': 'harmonics'}):
+        with pytest.raises(IdentificationError, match='but the motion repeats itself every 10 s'):
+            warnings(recording, **options)
+    once = recording.part(0.0, 0.6, '')
+    with pytest.raises(IdentificationError, match=r'7 Hz, but the motion does not repeat .* 0.142'):
+        warnings(once, fundamental=7.0, filter='harmonics')
+
+
 def test_less_than_one_period(recording) -> None:
     text = warnings(recording.part(0.3, 0.6, ''), fundamental=0.05)
     assert 'less than one period of 20 s of motion' in text
@@ -46,6 +55,8 @@ def test_fewer_harmonics_than_the_motion_has(recording) -> None:
 def test_harmonics_need_whole_periods(recording) -> None:
     part = recording.part(0.0, 0.6, '')
     assert 'so --harmonics is not used' in warnings(part, harmonics=5)
+    with pytest.raises(IdentificationError, match=r'holds none of --fundamental 0.01 Hz'):
+        warnings(part, filter='harmonics', fundamental=0.01)
     with pytest.raises(IdentificationError, match='--filter harmonics needs whole periods'):
         warnings(part, filter='harmonics')
 

@@ -125,6 +125,23 @@ def test_only_what_was_commanded_is_used(states) -> None:
     assert recording.span.text == '5.0 .. 15.0 s of 26.0 s (commands)'
 
 
+def test_a_locked_joint_rests(states) -> None:
+    mapping = JointMapping({}, locked=('joint4',))
+    text = r'joint4 is locked \(--lock\) but moves by [\d.]+ rad in bag: leave out --lock joint4'
+    with pytest.raises(IdentificationError, match=text):
+        recording_from_states('bag', states, JOINTS[:3], mapping)
+    held = changed(states, 'position', slice(None), 3, 0.2)
+    assert recording_from_states('bag', held, JOINTS[:3], mapping).q.shape[1] == 3
+
+
+def test_a_gap_is_placed_in_the_whole_bag(states) -> None:
+    stamp = states.stamp.copy()
+    stamp[1200:] += 0.134
+    text = r'bag: no joint states for 0.144 s at 11.99 s of the bag \(11.35 s of the used part'
+    with pytest.raises(IdentificationError, match=text):
+        recording_from_states('bag', replace(states, stamp=stamp), JOINTS, AS_IS)
+
+
 def test_too_few_messages(states) -> None:
     few = replace(
         states, **{f: getattr(states, f)[:9] for f in ('stamp', 'position', 'velocity', 'effort')}

@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from aerarm_ros.identification.bag_facts import BagFacts
 from aerarm_ros.identification.desired_velocity import DesiredVelocity
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.report import ReportExtras, report_html
+from aerarm_ros.identification.report_tables import parameter_table
 from aerarm_ros.identification.truth import Truth, inertial_torque_errors
 
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
@@ -107,6 +109,21 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
 def test_it_can_do_without_extras(result: IdentificationResult) -> None:
     page = Page(report_html(result, ReportExtras()))
     assert 'Against the true parameters' not in page.headings
+
+
+def test_a_parameter_at_its_bound_is_not_said_to_be_measured(result: IdentificationResult) -> None:
+    recommended = result.recommended
+    first = 10 * result.fit.model.n
+    theta = np.array(recommended.estimate.theta)
+    theta[first] = 0.0
+    held = replace(recommended, estimate=replace(recommended.estimate, theta=theta))
+    changed = replace(result, solutions={**result.solutions, 'sdp': held})
+    for table, at_bound in (
+        (parameter_table(result, None), 0),
+        (parameter_table(changed, None), 1),
+    ):
+        (row,) = (r for r in table.split('<tr>') if f'>{result.fit.model.columns[first]}<' in r)
+        assert ('at its bound 0' in row) == at_bound
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason='chromium is not installed: apt install chromium')

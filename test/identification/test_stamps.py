@@ -60,7 +60,7 @@ def broken(kind: str) -> np.ndarray:
         ('constant', 'same stamp'),
         ('repeated', '199 of 5000 stamps are repeated'),
         ('backwards', 'repeated|jump back'),
-        ('jump', r'jump by 5.001 s, 2.499 s after'),
+        ('jump', r'bag: no joint states for 5.001 s at 2.50 s of the bag: the recorder'),
         ('nan', 'not finite'),
     ],
 )
@@ -68,6 +68,11 @@ def test_faults_are_refused_with_advice(kind: str, text: str) -> None:
     with pytest.raises(IdentificationError, match=text) as caught:
         sound_messages('bag', broken(kind))
     assert 'record again' in str(caught.value)
+
+
+def test_a_gap_is_placed_in_the_bag_and_in_the_used_part() -> None:
+    with pytest.raises(IdentificationError, match=r'at 12.50 s of the bag \(2.50 s of the used'):
+        sound_messages('bag', broken('jump'), begin=90.0)
 
 
 def test_a_clock_set_back_by_less_than_a_gap_is_refused() -> None:

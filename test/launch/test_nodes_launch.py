@@ -12,6 +12,7 @@ import launch_testing
 from launch import LaunchDescription
 from launch_ros.actions import Node
 from launch_testing.actions import ReadyToTest
+from launch_testing.asserts import EXIT_OK
 
 from aerarm_msgs_py import topics
 
@@ -19,10 +20,11 @@ from aerarm_msgs_py import topics
 NODES = {
     'base_reaction': ({}, topics.BASE_WRENCH),
     'excitation': ({}, None),  # waits for somebody to enable the arm
+    'motor_bench': ({}, None),  # so does this
     'hardware_bridge': ({'autostart': False}, topics.DIAGNOSTICS),
     'recorder': ({}, topics.RECORDER_STATUS),
     'tool_path': ({}, topics.TOOL_PATH),
-    'view': ({'port': 0}, None),
+    'view': ({'port': 8123}, None),
 }
 
 
@@ -46,14 +48,14 @@ def generate_test_description(executable):
 class TestNode(ListeningTestCase):
     def test_it_is_found_and_heard(self, executable, started, proc_info):
         self.until(lambda: executable in self.node.get_node_names())
-        topic = NODES[executable][1]
-        if topic is not None:
-            self.listen(topic)
-            self.until(lambda: topic.name in self.received)
+        wanted = [topics.JOINT_STATES, *filter(None, [NODES[executable][1]])]
+        self.listen(*wanted)
+        self.until(lambda: len(self.received) == len(wanted))
         self.assertNotIn(started, proc_info)  # it has not ended
 
 
 @launch_testing.post_shutdown_test()
 class TestShutdown(unittest.TestCase):
     def test_everything_ends_cleanly(self, proc_info):
-        assert_clean_end(self, proc_info)
+        # 130 is what says that a motion was not played.
+        assert_clean_end(self, proc_info, (EXIT_OK, 130))

@@ -42,10 +42,13 @@ class ControllerBench:
 
     def start(self) -> None:
         self.wait(lambda: self.mode == 'idle', 'the bridge')
-        client = self.node.create_client(Trigger, 'fake_hardware/enable')
+        self.call('enable')
+        self.wait(lambda: self.mode == 'ready', 'the alignment')
+
+    def call(self, action: str) -> None:
+        client = self.node.create_client(Trigger, f'fake_hardware/{action}')
         assert client.wait_for_service(LIMIT)
         client.call_async(Trigger.Request())
-        self.wait(lambda: self.mode == 'ready', 'the alignment')
 
     def listen(self, topic: topics.Topic, act: Callable) -> None:
         self.node.create_subscription(topic.type, topic.name, act, topic.qos)

@@ -36,6 +36,8 @@ def test_enables_stops_and_clears(bridge: NodeProcess, tmp_path: Path) -> None:
 def test_a_refusal_is_an_error_and_the_bridge_goes_on(bridge: NodeProcess, tmp_path: Path) -> None:
     log = tmp_path / 'arm.log'
     assert ask(log, 'enable', '--wait-before', 'idle', '--wait', 'ready')[0] == 0
+    status, text = ask(log, 'enable', '--wait-before', 'idle', '--wait', 'ready')
+    assert (status, 'already enabled' in text) == (0, True)
     assert ask(log, 'e_stop', '--wait', 'fault')[0] == 0
     status, text = ask(log, 'enable')
     assert status == 1

@@ -110,3 +110,18 @@ def test_tool_targets(bench: ControllerBench, name: str) -> None:
             ("send it in 'base_link'", elsewhere),
         ):
             refuse(bench, process, lambda m=message: targets.publish(m), reason)
+
+
+def test_a_set_point_for_an_arm_that_is_stopped(bench: ControllerBench) -> None:
+    with bench.controller('gravity_compensation') as process:
+        bench.wait(lambda: bench.mode == 'running', 'commands')
+        bench.call('e_stop')
+        bench.wait(lambda: bench.mode == 'fault', 'the stop')
+        set_points = bench.publisher(topics.SET_POINT)
+        message = JointState(name=NAMES, position=HERE)
+        reason = "set_point: the arm is 'fault': enable it, or clear its fault, first"
+        bench.wait(
+            lambda: reason in process.log.read_text(),
+            reason,
+            lambda: set_points.publish(message),
+        )

@@ -72,3 +72,12 @@ def test_without_a_cycle_nothing_is_taken(requests):
 def test_a_cycle_that_does_not_serve_is_noticed(requests):
     with pytest.raises(TimeoutError):
         requests.ask(lambda cycle: Answer(True, ''))
+
+
+@pytest.mark.parametrize('insist', [False, True])
+def test_what_came_too_late_is_done_only_if_it_stops_the_arm(requests, insist):
+    done = []
+    with pytest.raises(TimeoutError):
+        requests.ask(lambda cycle: done.append(cycle), insist)
+    requests.serve('the cycle')
+    assert done == (['the cycle'] if insist else [])

@@ -13,7 +13,7 @@ RECORDER = (
 )
 
 
-def account(tmp_path: Path, share: str = '0.100', lost: int = 0) -> DemoAccount:
+def account(tmp_path: Path, share: str = '0.100', lost: int | str = 0) -> DemoAccount:
     bridge, first, second = (tmp_path / name for name in ('bridge', 'first', 'second'))
     bridge.write_text('[INFO] idle\n' + BRIDGE.format(999, 1, share))
     first.write_text(RECORDER.format(0))
@@ -40,6 +40,11 @@ def test_warns_with_what_to_do(tmp_path: Path, given: dict, said: str) -> None:
     *_, warning = account(tmp_path, **given).lines()
     assert warning.startswith(f'WARNING   {said}')
     assert 'real-time priority (docs/how-to/raspberry_pi.md, "Real time")' in warning
+
+
+def test_messages_without_numbers_are_not_called_complete(tmp_path: Path) -> None:
+    *_, last = account(tmp_path, lost='unknown').lines()
+    assert last == 'Recorder  validation: 2000 messages, unknown lost'
 
 
 def test_a_log_without_an_account_is_named(tmp_path: Path) -> None:

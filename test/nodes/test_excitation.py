@@ -170,7 +170,7 @@ def test_sigint_stops_smoothly_and_exits(tmp_path: Path, environment) -> None:
     ('fault', 'message'),
     [
         ('--stuck-after', 'off its reference'),
-        ('--silent-after', 'no joint state for'),
+        ('--silent-after', 'is the computer overloaded? state_timeout lengthens the wait'),
         ('--fault-after', "arm_mode became 'fault'"),
     ],
 )
@@ -191,6 +191,24 @@ def test_says_what_it_waits_for(tmp_path: Path, environment) -> None:
     assert log.count('waiting: ') == 1
     assert 'joint_command has 1 of 2 subscribers' in log
     assert 'joint_command and joint_states not being recorded' in log
+
+
+@pytest.mark.parametrize(
+    ('mode', 'advice'),
+    [
+        ('running', 'another node commands the arm: stop it'),
+        ('damping', 'holds the arm where it is'),
+    ],
+)
+def test_starts_only_from_an_arm_that_is_held(
+    tmp_path: Path, environment, mode: str, advice: str
+) -> None:
+    with ideal_arm(tmp_path, environment, '--mode', mode) as seen:
+        status, log = run(environment, tmp_path, wait_timeout=3)
+    assert status == 1
+    assert f"arm_mode is '{mode}': " in log
+    assert advice in log
+    assert len(seen['commanded']) == 0
 
 
 def test_two_bridges_are_named(tmp_path: Path, environment) -> None:

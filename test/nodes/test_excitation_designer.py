@@ -4,12 +4,16 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from aerarm_ros.excitation.design_result import DesignResult
+from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
 from aerarm_ros.excitation.trajectory_file import TrajectoryFile
+from aerarm_ros.nodes import design_run
 from aerarm_ros.nodes.excitation_designer import main
 
 SMALL = ['--harmonics', '2', '--starts', '1', '--workers', '1', '--objective', 'condition']
@@ -31,6 +35,7 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
     assert (slow.periods, fast.periods) == (1, 4)
     printed = capsys.readouterr().out
     assert 'start 0' in printed
+    assert 'times smaller than those of the random trajectory above (geometric mean)' in printed
     assert 'motor current' in printed
     assert not list(tmp_path.glob('*.tmp'))
 
@@ -49,10 +54,12 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
         (['--bias', 'nan', '1.5', '0', '0'], 'bias of joint1 must be a finite number'),
         (['--bias', '0', '0'], 'bias has 2 values'),
         (['--amplitude', 'nan'], 'amplitude must be positive'),
+        (['--torque-noise', '0'], 'torque noise must be positive'),
         (['--urdf', 'missing.urdf'], 'missing.urdf'),
         (['--out', '/nowhere/best.yaml'], '/nowhere/best.yaml cannot be written'),
         (['--preview', '/nowhere/best.html'], '/nowhere/best.html cannot be written'),
         (['--out', '/tmp'], 'it is a folder'),
+        (['--amplitude', '100'], 'with the amplitude of 100 rad is feasible, nor with less'),
         (['--starts', '0'], 'at least one start'),
         (['--time-limit', 'nan'], 'time limit must be positive'),
         (['--time-limit', '1e-6'], 'nothing was written'),
@@ -60,11 +67,56 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
     ],
 )
 def test_bad_input_is_one_line(tmp_path: Path, capsys, arguments, message) -> None:
-    assert main([*SMALL, '--out', str(tmp_path / 'best.yaml'), *arguments]) == 1
+    assert main([*SMALL, '--out', str(tmp_path / 'best.yaml'), *arguments]) == 2
     error = capsys.readouterr().err
     assert message in error
     assert error.count('\n') == 1
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize('arguments', [['--harmonics', 'x'], ['--nonsense']])
+def test_a_wrong_argument_is_one_line(tmp_path: Path, capsys, arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(['--out', str(tmp_path / 'best.yaml'), *arguments])
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert error.startswith('excitation_designer: ')
+    assert error.endswith(': see excitation_designer --help\n')
+    assert error.count('\n') == 1
+
+
+@pytest.mark.parametrize(
+    ('name', 'option'),
+    [('best.yaml', '--out'), ('best_validation_slow.yaml', '--out'), ('best.html', '--preview')],
+)
+def test_files_that_exist_are_replaced_on_request_only(
+    tmp_path: Path, capsys, name: str, option: str
+) -> None:
+    (tmp_path / name).write_text('mine')
+    out, page = tmp_path / 'best.yaml', tmp_path / 'best.html'
+    arguments = [*SMALL, '--out', str(out), '--preview', str(page), '--validation']
+    assert main(arguments) == 2
+    assert f'/{name} exists: name another with {option}, or give --overwrite' in (
+        capsys.readouterr().err
+    )
+    assert [path.read_text() for path in tmp_path.iterdir()] == ['mine']
+    # The trial of the folder is the same with it; the search itself is left out.
+    assert main([*arguments, '--overwrite', '--time-limit', '1e-6']) == 2
+    assert 'nothing was written' in capsys.readouterr().err
+
+
+def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatch) -> None:
+    def stopped(specification, *_) -> Iterator[DesignResult]:
+        initial = TrajectoryDesigner(specification).initial(0)
+        remark = 'nothing better than the random start'
+        yield replace(initial, seconds=37.2, remark=remark, stopped=True)
+
+    monkeypatch.setattr(design_run, 'design_all', stopped)
+    assert main([*SMALL, '--out', str(tmp_path / 'best.yaml')]) == 0
+    printed = capsys.readouterr().out
+    assert 'start 0 stopped after its 37 s share of --time-limit: give more time' in printed
+    assert 'better than a random trajectory: give more time with --time-limit' in printed
+    assert 'breaks' not in printed
 
 
 def test_nothing_is_written_if_a_validation_trajectory_is_infeasible(
@@ -74,7 +126,7 @@ def test_nothing_is_written_if_a_validation_trajectory_is_infeasible(
     settings = tmp_path / 'excitation.yaml'
     settings.write_text('bias: [0.0, 1.5708, 0.0, 0.0]\nhighest_frequency: 0.3\n')
     arguments = ['--harmonics', '1', '--fundamental', '0.2', '--duration', '20', '--validation']
-    assert main([*arguments, '--excitation-config', str(settings), '--out', str(out)]) == 1
+    assert main([*arguments, '--excitation-config', str(settings), '--out', str(out)]) == 2
     error = capsys.readouterr().err
     assert 'fast validation trajectory: frequency of highest harmonic' in error
     assert list(tmp_path.iterdir()) == [settings]
@@ -96,7 +148,7 @@ def test_other_arms_by_the_defaults(
     best = TrajectoryFile.load(out)
     assert best.made_with['margins']['acceleration']['allowed'] == 9.0
     printed = capsys.readouterr().out
-    assert 'misses its limit of 26; what binds most is ' in printed
+    assert 'misses its limit of 26; ' in printed
     assert 'no limit is known for motor current' in printed
     assert 'built close together' in printed
 
@@ -123,7 +175,7 @@ def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
         _, error = process.communicate(timeout=60.0)
     finally:
         process.kill()
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert error == (
         'excitation_designer: stopped before there was a feasible trajectory: nothing was written\n'
     )

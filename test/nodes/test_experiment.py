@@ -1,4 +1,4 @@
-"""What issue 4 promises of the controllers, on the whole stack but ROS."""
+"""What the controllers promise of tracking, on the whole stack but ROS."""
 
 from dataclasses import replace
 

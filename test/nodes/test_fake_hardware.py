@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from bridge_client import JOINTS, BridgeClient, velocity_command
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from aerarm_ros.nodes.node_process import NodeProcess
@@ -93,6 +94,19 @@ def test_bad_commands_are_rejected_and_counted(
     assert client.modes[-1] == 'ready'
     assert client.states[-1].position[0] == pytest.approx(start, abs=2e-3)
     assert client.diagnostics['arm']['commands accepted'] == '0'
+
+
+def test_a_command_that_is_no_message_is_rejected_and_the_arm_held(client: BridgeClient) -> None:
+    client.make_ready()
+
+    def answer(state: JointState) -> None:
+        client.commands.publish(serialize_message(velocity_command(state, [0.1] * 4))[:60])
+
+    client.answer = answer
+    client.wait_for(
+        lambda: int(client.diagnostics.get('arm', {}).get('rejected unreadable', 0)) > 100
+    )
+    assert client.modes[-1] == 'ready'
 
 
 def test_e_stop_latches_until_cleared(client: BridgeClient) -> None:

@@ -147,6 +147,41 @@ def test_a_defect_in_a_callback_reaches_the_owner_of_the_loop(
     executor.spin_once(timeout_sec=0.0)  # and it goes on
 
 
+def test_a_defect_in_a_callback_takes_no_other_one_with_it(
+    ros_node: Node, executor: LeanExecutor
+) -> None:
+    def fail() -> None:
+        raise ZeroDivisionError
+
+    woken: list[int] = []
+    guards = [ros_node.create_guard_condition(call) for call in (fail, lambda: woken.append(1))]
+    for guard in guards:
+        guard.trigger()
+    with pytest.raises(ZeroDivisionError):
+        spin_until(executor, lambda: bool(woken))
+    # A guard condition tells of itself only once.
+    executor.spin_once(timeout_sec=0.0)
+    assert woken == [1]
+
+
+def test_what_a_callback_destroys_does_not_run_any_more(
+    ros_node: Node, executor: LeanExecutor
+) -> None:
+    ran: list[str] = []
+
+    def destroy_second() -> None:
+        ran.append('first')
+        ros_node.destroy_guard_condition(second)
+
+    first = ros_node.create_guard_condition(destroy_second)
+    second = ros_node.create_guard_condition(lambda: ran.append('second'))
+    first.trigger()
+    second.trigger()
+    spin_until(executor, lambda: bool(ran))
+    executor.spin_once(timeout_sec=0.0)
+    assert ran == ['first']
+
+
 def _yes(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
     response.success, response.message = True, 'yes'
     return response

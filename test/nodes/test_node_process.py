@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from aerarm_ros.nodes import die_with_parent
-from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
+from aerarm_ros.nodes.node_process import NodeProcess
 
 PARENT = """
 import sys, time
@@ -73,11 +73,3 @@ def test_ended_while_it_starts_it_says_nothing(ros_domain: dict[str, str], tmp_p
     with NodeProcess('identifier', log=tmp_path / 'log') as process:
         assert process.stop() in (-signal.SIGTERM, 0)
     assert process.tail() == ''
-
-
-def test_the_profile_that_the_user_chose_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    name = 'FASTRTPS_DEFAULT_PROFILES_FILE'
-    monkeypatch.delenv(name, raising=False)
-    assert ros_environment()[name].endswith('config/fastdds.xml')
-    monkeypatch.setenv(name, 'mine.xml')
-    assert ros_environment()[name] == 'mine.xml'

@@ -65,6 +65,13 @@ def test_sections_of_a_file(tmp_path: Path) -> None:
     assert [p.is_for_any_node for p in parameters] == [True, False, False, False, False]
 
 
+def test_tags_are_overlooked_as_launch_writes_them(tmp_path: Path) -> None:
+    file = tmp_path / 'parameters.yaml'
+    file.write_text('/**:\n  ros__parameters:\n    joints: !!python/tuple\n    - joint4\n')
+    (given,) = RosArguments(['--ros-args', '--params-file', str(file)]).parameters
+    assert given.name == 'joints'
+
+
 @pytest.mark.parametrize(
     ('remaps', 'name'),
     [
