@@ -83,6 +83,8 @@ class EmulatedTransport:
         positions = self._start.tolist()
         for (_, _, motor, ratio, offset), q in zip(self._drives, positions, strict=True):
             motor.encoder.place((q - offset) * ratio)
+        for board in self.boards:
+            board.prepare()  # the frame made before tells of the fallen arm
 
     def advance(self, now: float) -> None:
         """Run boards and arm up to `now` [s], or 10 ms at most."""
