@@ -35,11 +35,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         config, robot = load_arm_config(), load_robot()
         truth, origin = _truth(config, robot, options)
         motion = _motion(config, robot, options)
-    except ValueError as error:
+        cases = _cases(options.only)
+        options.out.mkdir(parents=True, exist_ok=True)  # before minutes of work
+    except (ValueError, OSError) as error:
         print(f'{NAME}: {error}', file=sys.stderr)
         return 1
     bench, report = ExperimentBench(config, robot, truth, motion), ExperimentReport(robot)
-    cases = [case for case in all_cases() if options.only in case.name]
     print(f'{len(cases)} runs of {motion.duration:.0f} s; plant: {origin}', flush=True)
     try:
         for index, case in enumerate(cases, start=1):
@@ -48,7 +49,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f'{NAME}: {error}', file=sys.stderr)
         return 1
     print('\n' + report.text())
-    options.out.mkdir(parents=True, exist_ok=True)
     path = options.out / 'controllers.html'
     note = (
         f'Five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}); plant: {origin}. "Identified" '
@@ -57,6 +57,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     report.write(path, note)
     print(f'\nPage      {path}')
     return 0
+
+
+def _cases(text: str) -> list[ExperimentCase]:
+    cases = [case for case in all_cases() if text in case.name]
+    if not cases:
+        names = '; '.join(case.name for case in all_cases())
+        raise ValueError(f"no run's name holds {text!r}, given with --only: there are {names}")
+    return cases
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:

@@ -123,3 +123,15 @@ def test_writes_table_and_page(tmp_path, capsys) -> None:
 def test_a_missing_model_is_one_clear_line(tmp_path, capsys) -> None:
     assert experiment.main(['--identified', str(tmp_path / 'absent.urdf')]) == 1
     assert 'absent.urdf' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'text'),
+    [
+        (['--only', 'nothing'], "no run's name holds 'nothing', given with --only: there are"),
+        (['--out', '/proc/experiment'], '/proc/experiment'),
+    ],
+)
+def test_what_cannot_be_run_or_written_is_said_at_once(arguments, text, capsys) -> None:
+    assert experiment.main(arguments) == 1
+    assert text in capsys.readouterr().err
