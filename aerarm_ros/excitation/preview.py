@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import os
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +11,11 @@ from plotly.subplots import make_subplots
 
 from aerarm_ros.excitation.arm_animation import ArmAnimation, scene
 from aerarm_ros.excitation.design_result import DesignResult
-from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.joint_reference import FloatArray
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation
 from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
+from aerarm_ros.excitation.whole_file import write_whole
 
 _STEP = 0.02
 _COLOURS = ('#1f77b4', '#d9722e', '#2ca02c', '#9467bd', '#8c564b', '#e377c2', '#17becf')
@@ -59,17 +58,7 @@ class Preview:
         ExcitationError
             If it cannot be written.
         """
-        path = Path(path)
-        page = self._page()
-        temporary = path.with_name(f'{path.name}.{os.getpid()}.tmp')
-        try:
-            temporary.write_text(page, encoding='utf-8')
-            temporary.replace(path)
-        except OSError as error:
-            temporary.unlink(missing_ok=True)
-            raise ExcitationError(
-                f'{path} cannot be written: {error.strerror}: check the folder and its permissions'
-            ) from error
+        write_whole(path, self._page())
 
     def _page(self) -> str:
         sections = [

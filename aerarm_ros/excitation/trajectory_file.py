@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +15,7 @@ from aerarm_ros.description.config_reader import build, read_yaml
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.feasibility_report import FeasibilityReport
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.whole_file import write_whole
 
 FORMAT = 'aerarm_ros/fourier_trajectory/1'
 
@@ -86,15 +86,7 @@ class TrajectoryFile:
             '# Fourier series of each joint, thesis (3.16): bias + sine_k sin(k w0 t)'
             ' + cosine_k cos(k w0 t).\n# Hz, rad. Played by `excitation`.\n'
         ) + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
-        temporary = path.with_name(f'{path.name}.{os.getpid()}.tmp')
-        try:
-            temporary.write_text(text, encoding='utf-8')
-            temporary.replace(path)
-        except OSError as error:
-            temporary.unlink(missing_ok=True)
-            raise ExcitationError(
-                f'{path} cannot be written: {error.strerror}: check the folder and its permissions'
-            ) from error
+        write_whole(path, text)
 
     @classmethod
     def load(cls, path: Path | str) -> TrajectoryFile:

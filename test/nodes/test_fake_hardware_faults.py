@@ -15,8 +15,7 @@ STILL = [0.0] * 4
 FAULTS = [
     ('bit_errors:1:0:1.0', 'board1: .* frames in a row were bad', [0, 1], True),
     ('lost_frames:0:0:1.0', 'board0: .* frames in a row were bad', [2, 3], True),
-    # The board fights the jump until the next frame, a while if the host is late.
-    ('encoder_jump:1:1:20', 'encoder of joint4 jumped by (1[0-9]|2[0-9])', [0, 1, 2], False),
+    ('encoder_jump:1:1:20', 'encoder of joint4 jumped by (19|2[0-2])', [0, 1, 2], False),
     ('slow_bus:0', 'board0: exchanges take 2.00 ms', [0, 1, 2, 3], False),
     ('dead_board:1', 'board1: .* frames in a row were bad', [0, 1], True),
     ('over_temperature:0', r'board0: error 3 \(critical temperature\)', [2, 3], True),
