@@ -65,7 +65,6 @@ class TrajectoryFile:
         ExcitationError
             If it cannot be written.
         """
-        path = Path(path)
         series = self.trajectory
         joints = {
             name: {
