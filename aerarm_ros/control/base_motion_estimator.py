@@ -171,6 +171,7 @@ class BaseMotionEstimator:
             )
         # From the IMU to the origin of the base frame: rigid-body acceleration.
         lever = -self._mount.imu_position_in_base
-        force = rotation @ sample.specific_force
-        force = force + np.cross(acceleration, lever) + np.cross(rate, np.cross(rate, lever))
+        tangential: Array = np.cross(acceleration, lever)
+        centripetal: Array = np.cross(rate, np.cross(rate, lever))
+        force = rotation @ sample.specific_force + tangential + centripetal
         return BaseMotion(gravity, force, rate, acceleration)

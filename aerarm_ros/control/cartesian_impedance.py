@@ -101,7 +101,8 @@ class CartesianImpedance:
         # N^T = 1 - J^T (L J B^-1), dynamically consistent.
         force -= task_inertia @ (mobility.T @ posture)
         bias = self._dynamics.bias(q, dq, base)
-        u = bias + jacobian.T @ force + posture
+        tool: Array = jacobian.T @ force
+        u = bias + tool + posture
         if self._friction is not None:
             u += self._friction.torque(dq, bias)
         return JointCommand(effort=u)

@@ -91,6 +91,7 @@ class VelocityResolution:
         self, jacobian: Array, velocity: Array, preferred: Array, low: Array, high: Array
     ) -> Array:
         """Solve, fixing one joint after the other at the bound it violates most."""
+        dq: Array
         free = jacobian.copy()
         fixed = np.zeros_like(preferred)
         is_free = np.ones(len(preferred), dtype=bool)

@@ -51,7 +51,7 @@ def _points(geometry: Any) -> FloatArray | None:
         rounded = geometry.getNodeType() == pin.hppfcl.NODE_TYPE.GEOM_CAPSULE
         rings = _ball_rings() if rounded else [(1.0, 0.0)]
         half = geometry.halfLength
-        parts = [
+        parts: list[FloatArray] = [
             np.column_stack(
                 [
                     geometry.radius * ring * circle,

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from aerarm_ros.identification.figure import figure_html, plain_text, plotting_script
 from aerarm_ros.identification.html_text import bullets, page, paragraph, section, table
@@ -126,5 +127,5 @@ def _traces(result: MotorResult, suffix: str, legend: bool) -> list[dict[str, An
     ]  # fmt: skip
 
 
-def _short(values: np.ndarray) -> list[float]:
+def _short(values: npt.NDArray[np.float64]) -> list[float]:
     return [float(f'{value:.6g}') for value in values]

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.bag_facts import BagFacts
@@ -118,7 +119,7 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
     return table(headings, rows)
 
 
-def base_deviations(result: IdentificationResult) -> np.ndarray:
+def base_deviations(result: IdentificationResult) -> npt.NDArray[np.float64]:
     """Return the (r,) standard deviations of the base parameters by the data alone."""
     fit = result.fit
     factor = fit.regression.system(fit.noise.information_weights).R[:, result.used_base.independent]

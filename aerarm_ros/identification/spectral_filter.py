@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Gain = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
 
 # The impulse response of the low-pass below has died out after this many periods of its cut-off.
 SETTLING_PERIODS = 6.0
@@ -140,7 +141,7 @@ class SpectralFilter:
         return result.reshape(-1, *signal.shape[1:])
 
     def _filtered(
-        self, rows: Array, derivative: int, gain: npt.NDArray[np.inexact], step: int
+        self, rows: Array, derivative: int, gain: Gain, step: int
     ) -> Array:
         if self._periodic:
             return self._apply(np.ascontiguousarray(rows), gain, step)
@@ -153,7 +154,7 @@ class SpectralFilter:
             filtered += slope / self.dt
         return filtered
 
-    def _apply(self, rows: Array, gain: npt.NDArray[np.inexact], step: int) -> Array:
+    def _apply(self, rows: Array, gain: Gain, step: int) -> Array:
         spectrum = np.fft.rfft(rows, axis=1)
         spectrum *= gain
         length = self._length // step

@@ -23,7 +23,8 @@ def viscous_coulomb(dq: Array, fv: Array, fs: Array) -> Array:
     (..., n) ndarray
         [Nm]
     """
-    return fv * dq + fs * np.sign(dq)
+    torque: Array = fv * dq + fs * np.sign(dq)
+    return torque
 
 
 def smooth_viscous_coulomb(dq: Array, fv: Array, fs: Array, width: float) -> Array:
@@ -53,4 +54,5 @@ def smooth_viscous_coulomb(dq: Array, fv: Array, fs: Array, width: float) -> Arr
     """
     if not width > 0.0:
         raise ValueError(f'width = {width} must be positive [rad/s]')
-    return fv * dq + fs * np.tanh(dq / width)
+    torque: Array = fv * dq + fs * np.tanh(dq / width)
+    return torque
