@@ -44,7 +44,7 @@ class FaultRequest:
             raise FaultInjectionError(f'{text!r} is not of the form {FORM}') from None
         if len(places) > 3 or not (value is None or isfinite(value)):
             raise FaultInjectionError(f'{text!r} is not of the form {FORM}')
-        check(name, boards, board, motor)
+        check(name, boards, board, motor, value)
         return cls(name, board, motor, value)
 
     def apply(self, transport: EmulatedTransport) -> None:

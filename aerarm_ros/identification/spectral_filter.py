@@ -140,9 +140,7 @@ class SpectralFilter:
             result[:, part] = self._filtered(columns[:, part].T, derivative, gain, step).T
         return result.reshape(-1, *signal.shape[1:])
 
-    def _filtered(
-        self, rows: Array, derivative: int, gain: Gain, step: int
-    ) -> Array:
+    def _filtered(self, rows: Array, derivative: int, gain: Gain, step: int) -> Array:
         if self._periodic:
             return self._apply(np.ascontiguousarray(rows), gain, step)
         slope = (rows[:, -1:] - rows[:, :1]) / (self.count - 1)

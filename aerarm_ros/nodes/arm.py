@@ -1,4 +1,4 @@
-"""Asks the bridge to do something: enable, disable, clear_fault, home or e_stop.
+"""Asks bridge and controllers to do something, and says what came of it.
 
 Usage: ros2 run aerarm_ros arm enable --wait ready
 """
@@ -7,45 +7,51 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from math import isfinite
 
 import rclpy
 from rclpy.utilities import remove_ros_args
 
 from aerarm_ros.hardware.bridge_cycle import MODES
+from aerarm_ros.hardware.fault_injection import FAULTS
+from aerarm_ros.hardware.fault_request import FORM
 from aerarm_ros.nodes.arm_client import ACTIONS, BRIDGES, ArmClient, ArmClientError
 from aerarm_ros.nodes.node_main import run_node
+from aerarm_ros.nodes.parameter_request import set_parameter
+from aerarm_ros.nodes.set_point_request import go_to_posture
 
 NAME = 'arm'
+_FAKE = 'fake_hardware'
+_MEANING = {
+    'enable': 'motors on; they align first: THE ARM MOVES, then it is held',
+    'disable': 'motors off: the arm sinks',
+    'clear_fault': 'end a fault whose cause is gone',
+    'home': "turn slowly to the encoders' index pulses: THE ARM MOVES",
+    'e_stop': 'damp the arm at once, latched until clear_fault',
+    'put_back': f'{_FAKE} with motors off: the arm back where it started',
+}
 
 
 class Arm:
-    """One request to the bridge, on the command line.
+    """One request, on the command line.
 
     Attributes
     ----------
     status
-        Exit status after `run`: 0 when the bridge did what was asked.
+        Exit status after `run`: 0 when what was asked was done.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
         self.status = 1
         self._options = options
         self._node = rclpy.create_node(NAME)
-        self._client = ArmClient(self._node, options.bridge or BRIDGES, [options.action])
+        self._request = options.make_request(self._node, options)
 
     def run(self) -> None:
-        """Ask, and wait for the mode if told to."""
-        options = self._options
+        """Ask, and say what came of it."""
         try:
-            if options.wait_before:
-                # An arm that is where it shall end up need not come from there.
-                modes = [options.wait_before, *(options.wait or ())]
-                self._client.wait_for_mode(modes, options.timeout)
-            print(self._client.call(options.action, options.timeout), flush=True)
-            if options.wait:
-                self._client.wait_for_mode(options.wait, options.timeout)
-                print(f'arm_mode {self._client.mode}', flush=True)
+            self._request()
             self.status = 0
         except ArmClientError as error:
             print(f'{NAME}: {error}', file=sys.stderr)
@@ -55,25 +61,101 @@ class Arm:
         self._node.destroy_node()
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the command; 0 if the bridge did what was asked."""
-    arguments = list(sys.argv if args is None else ['', *args])
+def _action(node: rclpy.node.Node, options: argparse.Namespace) -> Callable[[], None]:
+    """Return a call of the bridge's service, made ready: discovery takes its time."""
+    bridges = options.bridge or ((_FAKE,) if options.command == 'put_back' else BRIDGES)
+    client = ArmClient(node, bridges, [options.command])
+
+    def ask() -> None:
+        if options.wait_before:
+            # An arm that is where it shall end up need not come from there.
+            modes = [options.wait_before, *(options.wait or ())]
+            client.wait_for_mode(modes, options.timeout)
+        print(client.call(options.command, options.timeout), flush=True)
+        if options.wait:
+            client.wait_for_mode(options.wait, options.timeout)
+            print(f'arm_mode {client.mode}', flush=True)
+
+    return ask
+
+
+def _go(node: rclpy.node.Node, options: argparse.Namespace) -> Callable[[], None]:
+    def ask() -> None:
+        go_to_posture(node, options.angle, options.tolerance, options.timeout)
+        print('the arm is there', flush=True)
+
+    return ask
+
+
+def _set(node: rclpy.node.Node, options: argparse.Namespace) -> Callable[[], None]:
+    def ask() -> None:
+        value = set_parameter(node, options.node, options.name, options.value, options.timeout)
+        print(f'{options.node}: {options.name} = {value}', flush=True)
+
+    return ask
+
+
+def _fault(node: rclpy.node.Node, options: argparse.Namespace) -> Callable[[], None]:
+    options.node, options.name, options.value = options.bridge, 'fault', options.fault
+    return _set(node, options)
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return what reads the command line."""
     parser = argparse.ArgumentParser(prog=NAME, description=__doc__.splitlines()[0])
-    parser.add_argument('action', choices=ACTIONS)
-    parser.add_argument(
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument('--timeout', type=float, default=20.0, help='for each step [s]')
+    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+
+    def add(name: str, meaning: str, make_request: Callable) -> argparse.ArgumentParser:
+        command = commands.add_parser(name, help=meaning, description=meaning, parents=[common])
+        command.set_defaults(make_request=make_request)
+        return command
+
+    for name in (*ACTIONS, 'put_back'):
+        _add_waits(add(name, _MEANING[name], _action))
+    command = add('go', 'let the controller that runs move the arm to a posture', _go)
+    command.add_argument('angle', type=finite_number, nargs='+', help='of each joint in turn [rad]')
+    command.add_argument(
+        '--tolerance', type=finite_number, default=0.05, help='that is there [rad]'
+    )
+    command = add('set', 'set a live parameter of a node', _set)
+    command.add_argument('node', help='as in computed_torque')
+    command.add_argument('name', help='of the parameter')
+    command.add_argument('value', help='as in 0.5, true or "[900.0]"')
+    command = add('fault', f'inject a fault into {_FAKE}', _fault)
+    command.add_argument('fault', metavar=FORM, help=f'NAME is one of {", ".join(FAULTS)}')
+    command.add_argument('--bridge', metavar='NODE', default=_FAKE, help='its node name')
+    return parser
+
+
+def _add_waits(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
         '--bridge',
         action='append',
         metavar='NODE',
         help=f'node name of the bridge (default: {" or ".join(BRIDGES)})',
     )
-    parser.add_argument(
+    command.add_argument(
         '--wait-before', choices=MODES, metavar='MODE', help='mode to wait for before asking'
     )
-    parser.add_argument(
+    command.add_argument(
         '--wait', nargs='+', choices=MODES, metavar='MODE', help='modes to wait for afterwards'
     )
-    parser.add_argument('--timeout', type=float, default=20.0, help='for each step [s]')
-    options = parser.parse_args(remove_ros_args(arguments)[1:])
+
+
+def finite_number(text: str) -> float:
+    """Return a number of the command line; ValueError if it is none, infinite or NaN."""
+    value = float(text)
+    if not isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the command; 0 if what was asked was done."""
+    arguments = list(sys.argv if args is None else ['', *args])
+    options = make_parser().parse_args(remove_ros_args(arguments)[1:])
     return run_node(NAME, lambda: Arm(options), args)
 
 

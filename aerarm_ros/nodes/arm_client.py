@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 
-import rclpy
 from rclpy.client import Client
 from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
+from aerarm_ros.nodes.spinning import spin_until
 
 BRIDGES = ('hardware_bridge', 'fake_hardware')
 ACTIONS = ('enable', 'disable', 'clear_fault', 'home', 'e_stop')
 _STOPS = ('disable', 'e_stop')
 _DISCOVERY_TIME = 0.5  # [s]
-_SPIN = 0.05  # [s]
 
 
 class ArmClientError(RuntimeError):
-    """The bridge is absent, silent or refuses; the message says which and what to check."""
+    """A node is absent, silent or refuses; the message says which and what to check."""
 
 
 class ArmClient:
@@ -81,7 +79,7 @@ class ArmClient:
         def ready() -> list[Client]:
             return [client for client in clients if client.service_is_ready()]
 
-        if not self._spin_until(ready, timeout):
+        if not spin_until(self._node, ready, timeout):
             names = ' or '.join(client.srv_name for client in clients)
             raise ArmClientError(f'no service {names}: is a bridge running in this ROS domain?')
         found = ready()
@@ -91,7 +89,7 @@ class ArmClient:
         replies = [self._ask(client, timeout) for client in found]
         if action in _STOPS:
             # Who was found first is stopped first; another bridge may only just be discovered.
-            self._spin_until(lambda: len(ready()) == len(clients), _DISCOVERY_TIME)
+            spin_until(self._node, lambda: len(ready()) == len(clients), _DISCOVERY_TIME)
             replies += [self._ask(client, timeout) for client in ready() if client not in found]
         refusals = [reply.message for reply in replies if not reply.success]
         if refusals:
@@ -106,7 +104,7 @@ class ArmClient:
         ArmClientError
             If it is not within `timeout` [s].
         """
-        if not self._spin_until(lambda: self.mode in modes, timeout):
+        if not spin_until(self._node, lambda: self.mode in modes, timeout):
             seen = 'there is no arm_mode: is a bridge running in this ROS domain?'
             if self.mode:
                 seen = f"arm_mode is '{self.mode}': see the log of the bridge"
@@ -114,20 +112,12 @@ class ArmClient:
 
     def _ask(self, client: Client, timeout: float) -> Trigger.Response:
         future = client.call_async(Trigger.Request())
-        if not self._spin_until(future.done, timeout):
+        if not spin_until(self._node, future.done, timeout):
             client.remove_pending_request(future)
             raise ArmClientError(
                 f'{client.srv_name} gave no answer within {timeout:g} s: see arm_mode'
             )
         return future.result()
-
-    def _spin_until(self, condition: Callable[[], object], timeout: float) -> bool:
-        deadline = time.monotonic() + timeout
-        while not condition():
-            if time.monotonic() > deadline:
-                return False
-            rclpy.spin_once(self._node, timeout_sec=_SPIN)
-        return True
 
     def _on_mode(self, message: String) -> None:
         self.mode = message.data

@@ -157,7 +157,7 @@ class FakeHardware(HardwareBridge):
         if boards is None or not fault:
             return Answer(False, f'set the parameter fault first: {FORM}')
         FaultRequest.parse(fault, len(boards.boards)).apply(boards)
-        return Answer(True, f'{fault}: {FAULTS[fault.partition(":")[0].strip()][0]}')
+        return Answer(True, f'{fault}: {FAULTS[fault.partition(":")[0].strip()].meaning}')
 
     def _put_back(self, cycle: BridgeCycle) -> Answer:
         boards = self._boards

@@ -185,4 +185,4 @@ def test_unknown_faults_and_places_are_refused(rig):
 
 def test_every_fault_says_what_it_means():
     assert {fault for fault, *_ in STOPPING} | {'stuck_encoder', 'power_cycle'} == set(FAULTS)
-    assert all(meaning for meaning, _, _ in FAULTS.values())
+    assert all(fault.meaning for fault in FAULTS.values())

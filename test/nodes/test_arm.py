@@ -67,6 +67,60 @@ def test_with_two_bridges_only_what_stops_goes_to_both(
         client.wait_for_mode(['fault'], 30.0)
 
 
+def test_an_injected_fault_and_the_way_back(bridge: NodeProcess, tmp_path: Path) -> None:
+    log = tmp_path / 'arm.log'
+    assert ask(log, 'enable', '--wait-before', 'idle', '--wait', 'ready')[0] == 0
+    status, text = ask(log, 'fault', 'bit_errors:0:0:2')
+    assert (status, 'bit_errors: 2 is not from 0 to 1' in text) == (1, True)
+    status, text = ask(log, 'fault', 'encoder_jump:1:0:20')
+    assert (status, text) == (0, 'fake_hardware: fault = encoder_jump:1:0:20\n')
+    status, text = ask(log, 'put_back', '--wait-before', 'fault')
+    assert (status, 'disable first' in text) == (1, True)
+    assert ask(log, 'disable')[0] == 0
+    assert ask(log, 'fault', 'power_cycle:1')[0] == 0
+    # The boards switch off in their own time.
+    assert ask(log, 'clear_fault', '--wait', 'idle')[0] == 0
+    status, text = ask(log, 'put_back')
+    assert (status, 'back where it started' in text) == (0, True)
+    assert ask(log, 'enable', '--wait', 'ready')[0] == 0
+
+
+def test_goes_to_a_posture_and_says_when_it_does_not(bridge: NodeProcess, tmp_path: Path) -> None:
+    log = tmp_path / 'arm.log'
+    status, text = ask(log, 'go', '0', '1.5', '0', '0', '--timeout', '1')
+    assert (status, 'no controller takes a set_point' in text) == (1, True)
+    with NodeProcess('gravity_compensation', log=tmp_path / 'controller.log'):
+        enable = ('enable', '--wait-before', 'idle', '--wait', 'ready', 'running')
+        assert ask(log, *enable)[0] == 0
+        status, text = ask(log, 'go', '0.3', '1.4', '-0.2', '0.4')
+        assert (status, text) == (0, 'the arm is there\n')
+        status, text = ask(log, 'go', '0.3', '1.4')
+        assert (status, 'give 4 angles [rad], of joint1, joint2' in text) == (1, True)
+        status, text = ask(log, 'go', '0', '1.4', '9', '0', '--timeout', '2')
+        assert status == 1
+        assert 'joint3 is still 9.' in text
+        assert 'whether the controller rejected the set point' in text
+    assert ask(log, 'go', '0', 'nan')[0] == 2
+
+
+def test_sets_live_parameters(ros_domain: dict[str, str], tmp_path: Path) -> None:
+    log, node = tmp_path / 'arm.log', 'gravity_compensation'
+    with NodeProcess(node, log=tmp_path / 'controller.log'):
+        status, text = ask(log, 'set', node, 'kp', '[20, 25.5, 5, 2]')
+        assert (status, text) == (0, f'{node}: kp = [20.0, 25.5, 5.0, 2.0]\n')
+        assert ask(log, 'set', node, 'hand_guiding', 'true')[0] == 0
+        for name, value, problem in (
+            ('hand_guide', 'true', "has no parameter 'hand_guide': did you mean 'hand_guiding'?"),
+            ('kp', '[-1]', 'refuses: parameter kp must be'),
+            ('kp', '{', "'{' is no value of a parameter"),
+            ('urdf', 'x', 'read-only'),
+        ):
+            status, text = ask(log, 'set', node, name, value)
+            assert (status, problem in text) == (1, True), text
+    status, text = ask(log, 'set', node, 'kp', '1', '--timeout', '1')
+    assert (status, 'no node gravity_compensation' in text) == (1, True)
+
+
 def test_without_a_bridge_it_says_what_to_check(ros_domain: dict[str, str], tmp_path: Path) -> None:
     status, text = ask(tmp_path / 'arm.log', 'enable', '--timeout', '1')
     assert status == 1

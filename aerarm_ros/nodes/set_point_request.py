@@ -1,0 +1,67 @@
+"""Sending the arm to a posture, and seeing it arrive."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from aerarm_msgs_py import topics
+from aerarm_ros.nodes.arm_client import ArmClientError
+from aerarm_ros.nodes.spinning import spin_until
+
+
+def go_to_posture(node: Node, posture: Sequence[float], tolerance: float, timeout: float) -> None:
+    """Publish a set point and wait until the arm is there.
+
+    Parameters
+    ----------
+    node
+        Publishes and listens; no executor may hold it.
+    posture
+        Joint angles in the order of `joint_states` [rad].
+    tolerance
+        How near every joint must come [rad].
+    timeout
+        Longest time for a controller to be found, and again for the way [s].
+
+    Raises
+    ------
+    ArmClientError
+        If no arm or controller is there, the posture is of another arm, or it is not reached.
+    """
+    states: list[JointState] = []
+
+    def keep_newest(message: JointState) -> None:
+        states[:] = [message]
+
+    topic = topics.SET_POINT
+    publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+    topic = topics.JOINT_STATES
+    subscription = node.create_subscription(topic.type, topic.name, keep_newest, topic.qos)
+    try:
+        if not spin_until(node, lambda: states and publisher.get_subscription_count(), timeout):
+            what = 'no controller takes a set_point' if states else 'there are no joint_states'
+            raise ArmClientError(
+                f'{what}: do a bridge and computed_torque or gravity_compensation run in this '
+                'ROS domain?'
+            )
+        names = list(states[0].name)
+        if len(posture) != len(names):
+            raise ArmClientError(f'give {len(names)} angles [rad], of {", ".join(names)}')
+        publisher.publish(JointState(name=names, position=list(posture)))
+
+        def distance() -> np.ndarray:
+            return np.abs(np.array(states[0].position) - posture)
+
+        if not spin_until(node, lambda: np.all(distance() <= tolerance), timeout):
+            far = np.argmax(distance())
+            raise ArmClientError(
+                f'{names[far]} is still {distance()[far]:.3f} rad away after {timeout:g} s: see '
+                'arm_mode, and whether the controller rejected the set point'
+            )
+    finally:
+        node.destroy_subscription(subscription)
+        node.destroy_publisher(publisher)
