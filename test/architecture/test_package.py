@@ -1,5 +1,7 @@
 """What is installed: executables, both packages, and the shared files where they are found."""
 
+import json
+import os
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -69,3 +71,35 @@ def test_package_xml_is_format_3_ament_python_of_the_same_version() -> None:
 
 def test_scripts_go_where_ros2_run_looks() -> None:
     assert '$base/lib/aerarm_ros' in (ROOT / 'setup.cfg').read_text()
+
+
+def requirements(distribution: str) -> list[str]:
+    """Return what setup.py asks for where that ROS distribution is sourced, '' for none."""
+    script = (
+        'import json, runpy, setuptools\n'
+        "setuptools.setup = lambda **given: print(json.dumps(given['install_requires']))\n"
+        "runpy.run_path('setup.py')"
+    )
+    environment = {**os.environ, 'ROS_DISTRO': distribution}
+    command = [sys.executable, '-c', script]
+    run = subprocess.run(
+        command, check=True, capture_output=True, text=True, cwd=ROOT, env=environment
+    )
+    return json.loads(run.stdout)
+
+
+def test_beside_a_ros_from_apt_nothing_asks_for_numpy_2() -> None:
+    assert 'numpy>=1.26,<2' in requirements('jazzy')
+    assert not any(wanted.startswith('pin') for wanted in requirements('jazzy'))
+    assert {'numpy>=1.26,<3', 'pin>=3.3,<5'} <= set(requirements(''))
+
+
+def test_the_list_for_apt_hosts_has_all_that_is_not_from_apt() -> None:
+    lines = (ROOT / 'requirements-apt.txt').read_text().splitlines()
+    listed = {line for line in lines if line and not line.startswith('#')}
+    from_apt = ElementTree.parse(ROOT / 'package.xml').getroot().findall('exec_depend')
+    names = {'python3-scipy': 'scipy', 'python3-yaml': 'pyyaml'}
+    brought = {names.get(depend.text or '') for depend in from_apt}
+    wanted = {text for text in requirements('jazzy') if text.partition('>')[0] not in brought}
+    assert wanted <= listed
+    assert {text.partition('>')[0] for text in listed - wanted} == {'viser', 'example-robot-data'}

@@ -92,3 +92,28 @@ def test_the_parameter_page_is_up_to_date(
     reference: ModuleType, ros_domain: dict[str, str]
 ) -> None:
     assert reference.PAGE.read_text() == reference.page(), 'run: python docs/generate_parameters.py'
+
+
+GIVEN = re.compile(r'(?<![\w.~])(?P<name>[a-z][a-z_.]*[a-z]):=(?P<value>"[^"]*"|[^\s`)]*)')
+
+
+def launch_arguments() -> set[str]:
+    """Return the names that the drive-it page lists, which another test holds to the files."""
+    return set(re.findall(r'`(\w+)`', (DOCS / 'how-to' / 'drive_it.md').read_text()))
+
+
+def test_parameters_in_the_text_exist_and_may_have_that_value(
+    reference: ModuleType, ros_domain: dict[str, str]
+) -> None:
+    tables = {name: reference.parameters_of(name) for name in reference.executables()}
+    known = [parameter for table in tables.values() for parameter in table]
+    other = launch_arguments()
+    wrong = []
+    for page in PAGES:
+        for given in GIVEN.finditer(page.read_text()):
+            name, value = given['name'], given['value'].strip('"')
+            named = [parameter for parameter in known if parameter.name == name]
+            choices = {str(choice) for parameter in named for choice in parameter.choices}
+            if not named and name not in other or choices and value not in choices:
+                wrong.append(f'{page.relative_to(ROOT)}: {name}:={value}')
+    assert not wrong
