@@ -18,7 +18,16 @@ BIN := $(VENV)/bin
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: demo experiment test lint bench view setup clean
+.PHONY: help setup demo experiment view test lint bench clean
+
+help:
+	@echo 'make demo        move the emulated arm, record, identify, validate, report'
+	@echo 'make experiment  the controllers, the drone still, tilted and moving'
+	@echo 'make view        the running arm in a browser'
+	@echo 'make test        lint, type check and all tests'
+	@echo 'make bench       benchmarks beside a baseline or a peer'
+	@echo 'make setup       only install everything into $(VENV)'
+	@echo 'make clean       remove what make and the tests leave'
 
 setup: $(VENV)/.ready
 

@@ -52,7 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     path = options.out / 'controllers.html'
     note = (
         f'Five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}); plant: {origin}. "Identified" '
-        'means that the controller knows the parameters of the plant.'
+        'means that the controller knows the parameters of the plant. RMS and max are of the '
+        'periodic motion; final is one second after it stopped, where dry friction holds the arm '
+        'beside its reference unless something integrates.'
     )
     report.write(path, note)
     print(f'\nPage      {path}')

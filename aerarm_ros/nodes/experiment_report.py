@@ -94,18 +94,22 @@ class ExperimentReport:
 
     def _figure(self) -> str:
         figure = go.Figure()
-        step = max(1, len(self._runs[0].time) // _MOST_POINTS)
-        figure.add_trace(_curve(self._path(self._runs[0].qd[::step]), 'desired', True))
+        shown = np.flatnonzero(self._runs[0].at_full_speed)
+        shown = shown[:: max(1, len(shown) // _MOST_POINTS)]
+        desired = self._path(self._runs[0].qd[shown])
+        extent = np.ptp(desired, axis=0) + 1e-3  # a flat path has a box too
+        figure.add_trace(_curve(desired, 'desired', True))
         for index, run in enumerate(self._runs):
             # The first is seen; the others are there for a click in the legend.
-            figure.add_trace(_curve(self._path(run.q[::step]), run.case.name, index == 0))
+            figure.add_trace(_curve(self._path(run.q[shown]), run.case.name, index == 0))
         figure.update_layout(
-            height=800,
+            height=600,
             scene={
                 'xaxis_title': 'x [m]',
                 'yaxis_title': 'y [m]',
                 'zaxis_title': 'z [m]',
-                'aspectmode': 'data',
+                # Equal scales, the longest side 1.8: plotly's own choice leaves the picture.
+                'aspectratio': dict(zip('xyz', 1.8 * extent / extent.max(), strict=True)),
             },
             legend={'orientation': 'h', 'y': -0.05},
         )
