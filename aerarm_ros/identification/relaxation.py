@@ -1,6 +1,6 @@
 """The semidefinite program with constraints given up in order where they contradict."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,10 @@ Array = npt.NDArray[np.float64]
 
 
 def solve_relaxed(
-    system: TriangularSystem, prior: Prior, limits: PhysicalLimits
+    system: TriangularSystem,
+    prior: Prior,
+    limits: PhysicalLimits,
+    solve: Callable[[TriangularSystem, Prior, PhysicalLimits], Array] = solve_semidefinite,
 ) -> tuple[Array, tuple[str, ...]]:
     """Solve with the user's bounds, or with as many as can be met together.
 
@@ -31,6 +34,8 @@ def solve_relaxed(
         Weighted to unit variance.
     prior : Prior
     limits : PhysicalLimits
+    solve : callable
+        Solves with the bounds that the limits have.
 
     Returns
     -------
@@ -46,7 +51,7 @@ def solve_relaxed(
     failures: dict[LinkBounds, IdentificationError] = {}
     for bounds in _relaxations(limits):
         try:
-            theta = solve_semidefinite(system, prior, replace(limits, bounds=bounds))
+            theta = solve(system, prior, replace(limits, bounds=bounds))
         except IdentificationError as error:
             failures[bounds] = error
             if bounds == LinkBounds():

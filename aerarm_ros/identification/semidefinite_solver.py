@@ -5,12 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.identification.compressed_columns import CompressedColumns
+from aerarm_ros.identification.cone_program import ConeProgram, triangle
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.link_bounds import LinkBounds
 from aerarm_ros.identification.prior import Prior
 from aerarm_ros.identification.reduced_regression import TriangularSystem
-from aerarm_ros.identification.solver_error import SolverError
 from aerarm_ros.model.inertia import minimum_eigenvalue, pseudo_inertia
 
 Array = npt.NDArray[np.float64]
@@ -92,8 +91,22 @@ def solve_semidefinite(system: TriangularSystem, prior: Prior, limits: PhysicalL
     count = len(prior.mean)
     # Unknowns: the deviation x from the prior in its standard deviations, and the residual r,
     # so that R is never squared: min |x|^2 + |r|^2 with R (mean + std x) + r = z.
-    program = _ConeProgram(2 * count)
-    equations = np.hstack([system.R * prior.std, np.eye(count)])
+    program = ConeProgram(2 * count)
+    constrain(program, system, prior, limits)
+    for link in range(len(limits.mass)):
+        columns, constant = scaled_pseudo_inertia(link, prior, limits)
+        constant = constant - _MARGIN * np.eye(4)
+        cone = np.column_stack([triangle(column) for column in columns])
+        program.add('PSDTriangleConeT', -cone, triangle(constant), dimension=4, first=10 * link)
+    x = program.minimise(np.ones(2 * count), np.zeros(2 * count))[:count]
+    return checked(prior.mean + prior.std * x, limits)
+
+
+def constrain(
+    program: ConeProgram, system: TriangularSystem, prior: Prior, limits: PhysicalLimits
+) -> None:
+    """Add what the unknowns x, r of `solve_semidefinite` obey, but for the pseudo-inertias."""
+    equations = np.hstack([system.R * prior.std, np.eye(len(prior.mean))])
     program.add('ZeroConeT', equations, system.z - system.R @ prior.mean)
     linear = [_mass_bounds(prior, limits), _sign_bounds(prior, limits)]
     if limits.bounds.total_mass is not None:
@@ -102,60 +115,43 @@ def solve_semidefinite(system: TriangularSystem, prior: Prior, limits: PhysicalL
         linear.append(_centre_bounds(prior, limits))
     for rows, offsets in linear:
         program.add('NonnegativeConeT', -rows, offsets)
-    for link in range(len(limits.mass)):
-        columns, constant = _pseudo_inertia_cone(link, prior, limits)
-        program.add('PSDTriangleConeT', -columns, constant, dimension=4, first=10 * link)
-    theta = prior.mean + prior.std * program.least_norm()[:count]
-    return _inside(theta, limits)
 
 
-class _ConeProgram:
-    """Minimises |y|^2 such that each `offset - rows y` lies in a cone."""
+def scaled_pseudo_inertia(link: int, prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
+    """Return the pseudo-inertia of a link in units of its mass and size.
 
-    def __init__(self, count: int) -> None:
-        self._count = count
-        self._rows: list[Array] = []
-        self._offsets: list[Array] = []
-        self._cones: list[tuple[str, int]] = []
+    Returns
+    -------
+    columns : (10, 4, 4) ndarray
+    constant : (4, 4) ndarray
+        The matrix is `constant` plus the sum of x_i times `columns[i]`, x being the link's
+        deviations from the prior in its standard deviations.
+    """
+    part = slice(10 * link, 10 * link + 10)
+    length = np.array([1.0 / limits.size[link]] * 3 + [1.0])
+    unit = np.outer(length, length) / limits.mass[link]
+    columns = unit * pseudo_inertia(np.diag(prior.std[part]))
+    return columns, unit * pseudo_inertia(prior.mean[part])
 
-    def add(
-        self, cone: str, rows: Array, offset: Array, dimension: int | None = None, first: int = 0
-    ) -> None:
-        """Add a constraint on the unknowns from `first` on; most cones' dimension is its rows."""
-        if not len(rows):
-            return
-        padded = np.zeros((len(rows), self._count))
-        padded[:, first : first + rows.shape[1]] = rows
-        self._rows.append(padded)
-        self._offsets.append(offset)
-        self._cones.append((cone, dimension or len(rows)))
 
-    def least_norm(self) -> Array:
-        """Return the solution.
+def checked(theta: Array, limits: PhysicalLimits) -> Array:
+    """Return the solution with rounding errors of the solver removed.
 
-        Raises
-        ------
-        SolverError
-            If there is none, or none was found.
-        """
-        import clarabel
-
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        if hasattr(settings, 'max_threads'):
-            settings.max_threads = 1  # same input, same bits out
-        solver = clarabel.DefaultSolver(
-            CompressedColumns.of(np.eye(self._count)),
-            np.zeros(self._count),
-            CompressedColumns.of(np.vstack(self._rows)),
-            np.concatenate(self._offsets),
-            [getattr(clarabel, name)(dimension) for name, dimension in self._cones],
-            settings,
+    Raises
+    ------
+    IdentificationError
+        If the solver did not keep its constraints.
+    """
+    theta = theta.copy()
+    start = 10 * len(limits.mass)
+    signed = theta[start:]
+    signed[limits.nonnegative] = np.maximum(signed[limits.nonnegative], 0.0)
+    if minimum_eigenvalue(theta[:start].reshape(-1, 10)) < 0.0:
+        raise IdentificationError(
+            'the semidefinite program left its constraints: check the scale of the masses and '
+            'inertias in the URDF'
         )
-        solution = solver.solve()
-        if str(solution.status) not in ('Solved', 'AlmostSolved'):
-            raise SolverError(str(solution.status))
-        return np.asarray(solution.x)
+    return theta
 
 
 def _mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
@@ -199,35 +195,3 @@ def _sign_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
     rows = np.zeros((len(index), len(prior.mean)))
     rows[np.arange(len(index)), index] = 1.0
     return rows, prior.mean[index] / prior.std[index]
-
-
-def _pseudo_inertia_cone(link: int, prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return C, c such that the scaled pseudo-inertia's triangle is C x + c."""
-    part = slice(10 * link, 10 * link + 10)
-    length = np.array([1.0 / limits.size[link]] * 3 + [1.0])
-    unit = np.outer(length, length) / limits.mass[link]
-    columns = [_triangle(unit * pseudo_inertia(e)) for e in np.diag(prior.std[part])]
-    constant = unit * pseudo_inertia(prior.mean[part]) - _MARGIN * np.eye(4)
-    return np.column_stack(columns), _triangle(constant)
-
-
-def _triangle(matrix: Array) -> Array:
-    """Return the upper triangle, column by column, as the solver's cone has it."""
-    rows, columns = np.triu_indices(4)
-    order = np.lexsort((rows, columns))
-    rows, columns = rows[order], columns[order]
-    return np.asarray(matrix[rows, columns] * np.where(rows == columns, 1.0, np.sqrt(2.0)))
-
-
-def _inside(theta: Array, limits: PhysicalLimits) -> Array:
-    """Return the solution with rounding errors of the solver removed."""
-    theta = theta.copy()
-    start = 10 * len(limits.mass)
-    signed = theta[start:]
-    signed[limits.nonnegative] = np.maximum(signed[limits.nonnegative], 0.0)
-    if minimum_eigenvalue(theta[:start].reshape(-1, 10)) < 0.0:
-        raise IdentificationError(
-            'the semidefinite program left its constraints: check the scale of the masses and '
-            'inertias in the URDF'
-        )
-    return theta

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.annealing_solver import solve_annealing
 from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.entropic_solver import solve_entropic
 from aerarm_ros.identification.estimate import Estimate
 from aerarm_ros.identification.huber_solver import solve_huber
 from aerarm_ros.identification.identification_error import IdentificationError
@@ -28,7 +29,7 @@ Array = npt.NDArray[np.float64]
 RECOMMENDED = 'sdp'
 """The solver whose estimate is physically consistent."""
 
-SOLVERS = ('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', RECOMMENDED)
+SOLVERS = ('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', RECOMMENDED)
 """All solvers, in the order of tables."""
 
 ALWAYS = ('cad', 'ols', RECOMMENDED)
@@ -101,6 +102,9 @@ def _solvers(
         'huber': lambda: solve_huber(fit, bags, limits),
         'slsqp': lambda: (solve_slsqp(thesis_problem(fit, limits)), ()),
         'annealing': lambda: (solve_annealing(thesis_problem(fit, limits)), ()),
+        'entropic': lambda: solve_relaxed(
+            regression.system(weights), prior, limits, solve_entropic
+        ),
         RECOMMENDED: lambda: solve_relaxed(regression.system(weights), prior, limits),
     }
 

@@ -9,11 +9,15 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.prior import Prior
 from aerarm_ros.identification.recording import JointMapping, Recording, recording_from_states
+from aerarm_ros.identification.semidefinite_solver import PhysicalLimits
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
+from aerarm_ros.model.regressor import Regressor
 
 
 @dataclass
@@ -148,3 +152,29 @@ def result(arm: SimulatedArm, robot: Robot, config: ArmConfig) -> Identification
         IdentificationOptions(friction='coulomb'),
         Stopwatch(),
     )
+
+
+@pytest.fixture(scope='session')
+def cad(robot: Robot) -> ArmParameters:
+    """What the URDF says, without rotors."""
+    return ArmParameters.stated(robot, None)
+
+
+@pytest.fixture(scope='session')
+def limits(cad: ArmParameters) -> PhysicalLimits:
+    """Of links and three coefficients a joint, none of which may be negative."""
+    size = cad.inertial_scale()[:, 1] / cad.inertial[:, 0]
+    return PhysicalLimits(cad.inertial[:, 0], size, np.ones(12, dtype=bool))
+
+
+@pytest.fixture(scope='session')
+def prior(cad: ArmParameters) -> Prior:
+    mean = np.concatenate([cad.inertial.ravel(), np.full(12, 0.1)])
+    return Prior(mean, np.concatenate([0.3 * cad.inertial_scale().ravel(), np.ones(12)]))
+
+
+@pytest.fixture(scope='session')
+def factor(robot: Robot) -> np.ndarray:
+    random = np.random.default_rng(0)
+    stacked = Regressor(robot, rotor_inertia=True).stack(*random.uniform(-2, 2, (3, 100, robot.n)))
+    return np.linalg.qr(stacked, mode='r')

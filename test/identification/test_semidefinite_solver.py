@@ -6,40 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.prior import Prior
 from aerarm_ros.identification.reduced_regression import TriangularSystem
 from aerarm_ros.identification.semidefinite_solver import PhysicalLimits, solve_semidefinite
 from aerarm_ros.model.inertia import from_pseudo_inertia, minimum_eigenvalue, pseudo_inertia
-from aerarm_ros.model.regressor import Regressor
-
-JOINT_COLUMNS = 12
-
-
-@pytest.fixture(scope='module')
-def cad(robot: Robot) -> ArmParameters:
-    return ArmParameters.stated(robot, None)
-
-
-@pytest.fixture(scope='module')
-def limits(cad: ArmParameters) -> PhysicalLimits:
-    size = cad.inertial_scale()[:, 1] / cad.inertial[:, 0]
-    return PhysicalLimits(cad.inertial[:, 0], size, np.ones(JOINT_COLUMNS, dtype=bool))
-
-
-@pytest.fixture(scope='module')
-def prior(cad: ArmParameters) -> Prior:
-    mean = np.concatenate([cad.inertial.ravel(), np.full(JOINT_COLUMNS, 0.1)])
-    return Prior(mean, np.concatenate([0.3 * cad.inertial_scale().ravel(), np.ones(JOINT_COLUMNS)]))
-
-
-@pytest.fixture(scope='module')
-def factor(robot: Robot) -> np.ndarray:
-    random = np.random.default_rng(0)
-    stacked = Regressor(robot, rotor_inertia=True).stack(*random.uniform(-2, 2, (3, 100, robot.n)))
-    return np.linalg.qr(stacked, mode='r')
 
 
 def objective(system: TriangularSystem, prior: Prior, theta: np.ndarray) -> float:
@@ -90,7 +62,7 @@ def test_without_data_cad_is_left(prior, limits) -> None:
 
 
 def test_signs_are_free_where_they_may_be(factor, prior, limits) -> None:
-    free = replace(limits, nonnegative=np.zeros(JOINT_COLUMNS, dtype=bool))
+    free = replace(limits, nonnegative=np.zeros(12, dtype=bool))
     true = prior.mean.copy()
     true[45] = -0.4
     system = TriangularSystem(1e3 * factor, 1e3 * factor @ true)
