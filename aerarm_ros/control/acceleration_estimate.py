@@ -1,4 +1,4 @@
-"""Joint acceleration from measured velocity."""
+"""Acceleration from measured velocity."""
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ class AccelerationEstimate:
     Parameters
     ----------
     n : int
-        Number of joints.
+        Number of joints, or of axes.
     cutoff : float
         [Hz]; the estimate lags by 1 / (2 pi cutoff).
 

@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.control.acceleration_estimate import AccelerationEstimate
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.base_motion_prediction import BaseMotionPrediction
 from aerarm_ros.control.frame_conversion import rotation_matrix
@@ -17,6 +18,9 @@ NONE, ATTITUDE, FULL = 'none', 'attitude', 'full'
 MODES = (NONE, ATTITUDE, FULL)
 
 _GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
+# Low-pass of what is told of the next milliseconds [Hz]: a drone sways at 1 Hz or less, and below
+# this corner the prediction gains more than the IMU's noise costs.
+_TREND_CUTOFF = 3.0
 
 
 class BaseMotionEstimator:
@@ -24,7 +28,8 @@ class BaseMotionEstimator:
 
     Modes: 'none' uses the configured gravity; 'attitude' turns gravity with the drone and
     takes the base for still otherwise; 'full' also uses angular rate and specific force.
-    Angular acceleration is the filtered derivative of the rate.
+    Angular acceleration is the filtered derivative of the rate, brought forward by the lag of the
+    filter.
 
     While samples come the result follows them, each turned on with its rate for as long as
     it is old (see `BaseMotionPrediction`). When they stop this goes on for `hold_time`, then
@@ -77,7 +82,8 @@ class BaseMotionEstimator:
         self._fade_time = positive('fade_time', fade_time)
         self._time_constant = 1.0 / (2.0 * np.pi * positive('cutoff', cutoff))
         self._latency = non_negative_number('latency', latency)
-        self._measured = self.configured
+        self._spin = AccelerationEstimate(3, cutoff)
+        self._trend = AccelerationEstimate(6, _TREND_CUTOFF)
         self._prediction = BaseMotionPrediction(self.configured, np.zeros(3))
         self._stamp = -np.inf
         self._received = -np.inf
@@ -119,9 +125,7 @@ class BaseMotionEstimator:
         if -1.0 < step <= 0.0:
             self._refuse('IMU: a sample is not newer than the one before: one publisher only')
         continues = 0.0 < step < self._hold_time
-        self._measured = self._convert(sample, step if continues else None)
-        rate = self._mount.rotation_imu_to_base @ sample.angular_velocity
-        self._prediction = BaseMotionPrediction(self._measured, rate)
+        self._prediction = self._predict(sample, step if continues else None)
         self._stamp, self._received = sample.stamp, now
 
     def motion(self, now: float, ahead: float = 0.0) -> BaseMotion:
@@ -151,27 +155,36 @@ class BaseMotionEstimator:
         self.reject(reason)
         raise RejectedInputError(reason)
 
-    def _convert(self, sample: ImuSample, step: float | None) -> BaseMotion:
+    def _predict(self, sample: ImuSample, step: float | None) -> BaseMotionPrediction:
+        """Return the motion from a sample on, `step` [s] after the one before."""
         rotation = self._mount.rotation_imu_to_base
+        rate = rotation @ sample.angular_velocity
+        force = rotation @ sample.specific_force
         if sample.attitude is None:
-            # The best guess without attitude: what is felt is gravity.
-            gravity = -(rotation @ sample.specific_force)
+            gravity = -force  # the best guess without attitude: what is felt is gravity
         else:
             gravity = rotation @ (rotation_matrix(sample.attitude).T @ _GRAVITY_IN_WORLD)
         if self.mode == ATTITUDE:
-            return BaseMotion.still(gravity)
-        rate = rotation @ sample.angular_velocity
-        acceleration = np.zeros(3)
-        if step is not None:
-            before = self._measured
-            slope = (rate - before.angular_velocity) / step
-            share = step / (step + self._time_constant)
-            acceleration = before.angular_acceleration + share * (
-                slope - before.angular_acceleration
-            )
+            return BaseMotionPrediction(BaseMotion.still(gravity), rate)
+        spin, jerk, surge = self._derivatives(rate, force, step)
         # From the IMU to the origin of the base frame: rigid-body acceleration.
         lever = -self._mount.imu_position_in_base
-        tangential: Array = np.cross(acceleration, lever)
+        tangential: Array = np.cross(spin, lever)
         centripetal: Array = np.cross(rate, np.cross(rate, lever))
-        force = rotation @ sample.specific_force + tangential + centripetal
-        return BaseMotion(gravity, force, rate, acceleration)
+        motion = BaseMotion(gravity, force + tangential + centripetal, rate, spin)
+        return BaseMotionPrediction(motion, rate, surge, jerk)
+
+    def _derivatives(
+        self, rate: Array, force: Array, step: float | None
+    ) -> tuple[Array, Array, Array]:
+        """Return angular acceleration, its rate, and the rate of the force in the world."""
+        if step is None:
+            self._spin.reset()
+            self._trend.reset()
+            return self._spin.update(rate, 0.0), np.zeros(3), np.zeros(3)
+        spin = self._spin.update(rate, step)
+        trend = self._trend.update(np.concatenate([spin, force]), step)
+        jerk, slope = trend[:3], trend[3:]
+        # The derivative is that of a while ago: half a step, and the low-pass.
+        lag = 0.5 * step + self._time_constant
+        return spin + lag * jerk, jerk, slope + np.cross(rate, force)

@@ -28,6 +28,29 @@ def test_what_is_constant_in_the_world_turns_against_the_base(time: float) -> No
         np.testing.assert_allclose(now, then, atol=error + 1e-12)
 
 
+def test_a_force_that_grows_in_the_world_is_followed() -> None:
+    growth = np.array([3.0, -8.0, 5.0])
+
+    def growing(time: float) -> BaseMotion:
+        to_base = (START * Rotation.from_rotvec(time * RATE)).inv()
+        return motion_at(time)._replace(
+            specific_force=to_base.apply(FORCE_IN_WORLD + time * growth)
+        )
+
+    predicted = BaseMotionPrediction(growing(0.0), RATE, surge=START.inv().apply(growth))
+    error = growing(0.01).specific_force - predicted.after(0.01).specific_force
+    without = growing(0.01).specific_force - motion_at(0.01).specific_force
+    assert np.linalg.norm(error) < 0.05 * np.linalg.norm(without)
+
+
+def test_an_angular_acceleration_that_grows_is_followed() -> None:
+    spin, jerk = np.array([1.0, 2.0, 3.0]), np.array([10.0, 0.0, -20.0])
+    measured = motion_at(0.0)._replace(angular_acceleration=spin)
+    predicted = BaseMotionPrediction(measured, RATE, jerk=jerk).after(0.01)
+    np.testing.assert_allclose(predicted.angular_acceleration, spin + 0.01 * jerk)
+    np.testing.assert_allclose(predicted.angular_velocity, RATE + 0.01 * spin + 5e-5 * jerk)
+
+
 def test_the_rate_changes_with_the_angular_acceleration() -> None:
     spin = np.array([1.0, 2.0, 3.0])
     measured = motion_at(0.0)._replace(angular_acceleration=spin)
