@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerarm_msgs_py.bag import Bag
 from aerarm_msgs_py.bag_error import BagError, BagWarning
@@ -108,7 +109,7 @@ def read_contents(
     return contents
 
 
-def lost_messages(sequence: np.ndarray) -> int | None:
+def lost_messages(sequence: NDArray[np.int64]) -> int | None:
     """Return how many numbers are missing from (M,) publication sequence numbers.
 
     None if the recorder stored no numbers.

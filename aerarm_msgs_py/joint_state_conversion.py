@@ -20,12 +20,20 @@ def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
     ValueError
         If the payload is no JointState, or a field has neither no numbers nor one a name.
     """
+    return _checked(*decode_as_sent(payload))
+
+
+def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
+    """Return what `decode_joint_state` does, fields that do not fit the names among it.
+
+    For who has its own word for such a message. Raises ValueError if the payload is no
+    JointState.
+    """
     reader = CdrReader(payload)
     stamp_ns = reader.int32() * _NANOSECONDS + reader.uint32()
     reader.string()  # frame_id
     names = tuple(reader.strings())
-    fields = [reader.doubles() for _ in range(3)]
-    return names, _sample(stamp_ns, names, fields)
+    return names, _sample(stamp_ns, [reader.doubles() for _ in range(3)])
 
 
 def from_message(message: JointState) -> tuple[tuple[str, ...], JointSample]:
@@ -33,7 +41,7 @@ def from_message(message: JointState) -> tuple[tuple[str, ...], JointSample]:
     stamp = message.header.stamp
     names = tuple(message.name)
     fields = [np.array(x) for x in (message.position, message.velocity, message.effort)]
-    return names, _sample(stamp.sec * _NANOSECONDS + stamp.nanosec, names, fields)
+    return _checked(names, _sample(stamp.sec * _NANOSECONDS + stamp.nanosec, fields))
 
 
 def to_message(names: Sequence[str], sample: JointSample) -> JointState:
@@ -64,13 +72,15 @@ def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -
     )
 
 
-def _sample(
-    stamp_ns: int, names: Sequence[str], fields: Sequence[NDArray[np.float64]]
-) -> JointSample:
-    lengths = [len(field) for field in fields]
+def _sample(stamp_ns: int, fields: Sequence[NDArray[np.float64]]) -> JointSample:
+    return JointSample(stamp_ns, *(field if len(field) else None for field in fields))
+
+
+def _checked(names: tuple[str, ...], sample: JointSample) -> tuple[tuple[str, ...], JointSample]:
+    lengths = [0 if field is None else len(field) for field in sample[1:]]
     if any(length not in (0, len(names)) for length in lengths):
         raise ValueError(
             f'{len(names)} names with {lengths[0]} positions, {lengths[1]} velocities and '
             f'{lengths[2]} efforts: each must be empty or have one number a name'
         )
-    return JointSample(stamp_ns, *(field if len(field) else None for field in fields))
+    return names, sample

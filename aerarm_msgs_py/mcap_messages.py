@@ -108,5 +108,5 @@ def walk(records: bytes) -> tuple[NDArray[np.int64], list[tuple[int, bytes]]]:
     return np.array(starts, np.int64), definitions
 
 
-def _have_headers(headers: NDArray) -> bool:
+def _have_headers(headers: NDArray[np.void]) -> bool:
     return bool((headers['length'] >= MESSAGE_HEADER.itemsize - RECORD.size).all())

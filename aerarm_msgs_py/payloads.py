@@ -1,7 +1,7 @@
 """Serialized messages that lie somewhere in one buffer."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +70,7 @@ class Payloads(Sequence[bytes]):
         return taken.view(np.uint8).reshape(len(index), size)
 
 
-def elements_at(buffer: bytes, kind: np.dtype, starts: NDArray[np.int64]) -> NDArray:
+def elements_at(buffer: bytes, kind: np.dtype[Any], starts: NDArray[np.int64]) -> NDArray[Any]:
     """Return the (K,) elements of a type that begin at any bytes of a buffer.
 
     Raises

@@ -14,26 +14,33 @@ from launch.actions import (
 )
 from launch.conditions import IfCondition
 from launch.substitutions import (
-    Command,
     EnvironmentVariable,
+    EqualsSubstitution,
+    FileContent,
+    IfElseSubstitution,
     LaunchConfiguration,
+    NotEqualsSubstitution,
     PathJoinSubstitution,
-    PythonExpression,
 )
 from launch_ros.actions import Node, PushRosNamespace
 from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
-SHARE = FindPackageShare('aerarm_ros')
-CONTROLLERS = ('gravity_compensation', 'computed_torque', 'impedance_control', 'kinematic_control')
+from aerarm_ros.launch_parts import (
+    IMU_REMAPPING,
+    SHARE,
+    arguments_as_parameters,
+    base_motion_argument,
+    controller_argument,
+    enable_argument,
+    node,
+    switch_argument,
+)
 
 ARGUMENTS = (
     DeclareLaunchArgument(
         'hardware', default_value='fake', choices=['fake', 'spi'], description='boards behind it'
     ),
-    DeclareLaunchArgument(
-        'controller', default_value='none', choices=['none', *CONTROLLERS], description='law to run'
-    ),
+    controller_argument(),
     DeclareLaunchArgument('namespace', default_value='', description='in front of every name'),
     DeclareLaunchArgument(
         'params_file',
@@ -48,24 +55,29 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'urdf',
         default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
-        description='the arm, for example an identified one; emulated boards keep the drawn one',
+        description='what is known of the arm, for example an identified model',
     ),
     DeclareLaunchArgument(
-        'base_motion',
-        default_value='none',
-        choices=['none', 'attitude', 'full'],
-        description='what a controller uses of the IMU',
+        'plant_urdf',
+        default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
+        description='fake hardware: the arm that is emulated',
     ),
+    base_motion_argument(),
     DeclareLaunchArgument('imu_topic', default_value='imu', description="the base's IMU"),
-    DeclareLaunchArgument(
-        'enable',
-        default_value='false',
-        choices=['true', 'false'],
-        description='switch the motors on when the boards are there: THE ARM MOVES',
-    ),
-    DeclareLaunchArgument('rviz', default_value='false', description='start RViz'),
-    DeclareLaunchArgument('view', default_value='false', description='start the browser view'),
+    enable_argument(),
+    switch_argument('rviz', 'start RViz'),
+    switch_argument('view', 'start the browser view'),
 )
+
+ON_SPI = EqualsSubstitution(LaunchConfiguration('hardware'), 'spi')
+# The arm that moves. An identified model is one of it, and must not become what is emulated.
+# The bridge publishes this URDF as robot_description, the frames come from it, so RViz draws it.
+MOVING_ARM = IfElseSubstitution(
+    ON_SPI, LaunchConfiguration('urdf'), LaunchConfiguration('plant_urdf')
+)
+# Frames have the same names in every namespace, as in the headers of this package's messages;
+# so each namespace has a tf of its own, and its RViz listens to that.
+FRAME_TOPICS = [('/tf', 'tf'), ('/tf_static', 'tf_static')]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -92,12 +104,8 @@ def _discovery_profile() -> SetEnvironmentVariable:
 
 
 def _bridge() -> Node:
-    hardware = LaunchConfiguration('hardware')
-    executable = PythonExpression(
-        ["'hardware_bridge' if '", hardware, "' == 'spi' else 'fake_hardware'"]
-    )
-    parameters = [LaunchConfiguration('params_file'), {'config': LaunchConfiguration('config')}]
-    return Node(package='aerarm_ros', executable=executable, parameters=parameters, output='screen')
+    executable = IfElseSubstitution(ON_SPI, 'hardware_bridge', 'fake_hardware')
+    return node(executable, {'config': LaunchConfiguration('config'), 'urdf': MOVING_ARM})
 
 
 def _enable() -> Node:
@@ -112,26 +120,17 @@ def _enable() -> Node:
 
 def _controller() -> Node:
     controller = LaunchConfiguration('controller')
-    arm = {name: LaunchConfiguration(name) for name in ('config', 'urdf', 'base_motion')}
-    return Node(
-        package='aerarm_ros',
-        executable=controller,
-        parameters=[LaunchConfiguration('params_file'), arm],
-        remappings=[('imu', LaunchConfiguration('imu_topic'))],
-        condition=IfCondition(PythonExpression(["'", controller, "' != 'none'"])),
-        output='screen',
+    return node(
+        controller,
+        arguments_as_parameters('config', 'urdf', 'base_motion'),
+        remappings=[IMU_REMAPPING],
+        condition=IfCondition(NotEqualsSubstitution(controller, 'none')),
     )
 
 
 def _view() -> Node:
-    arm = {name: LaunchConfiguration(name) for name in ('config', 'urdf')}
-    return Node(
-        package='aerarm_ros',
-        executable='view',
-        parameters=[LaunchConfiguration('params_file'), arm],
-        condition=IfCondition(LaunchConfiguration('view')),
-        output='screen',
-    )
+    condition = IfCondition(LaunchConfiguration('view'))
+    return node('view', arguments_as_parameters('config', 'urdf'), condition=condition)
 
 
 def _robot_state_publisher(context: LaunchContext) -> list[Node | LogInfo]:
@@ -140,25 +139,28 @@ def _robot_state_publisher(context: LaunchContext) -> list[Node | LogInfo]:
         get_package_prefix('robot_state_publisher')
     except PackageNotFoundError:
         return [LogInfo(msg='robot_state_publisher is not installed: no frames for RViz')]
-    urdf = ParameterValue(Command(['cat ', LaunchConfiguration('urdf')]), value_type=str)
+    urdf = ParameterValue(FileContent(MOVING_ARM), value_type=str)
+    # It latches its URDF too: robot_description is left to the bridge, which is always there.
+    own_copy = ('robot_description', '~/robot_description')
     return [
         Node(
             package='robot_state_publisher',
             executable='robot_state_publisher',
             parameters=[{'robot_description': urdf, 'publish_frequency': 50.0}],
+            remappings=[own_copy, *FRAME_TOPICS],
         )
     ]
 
 
 def _rviz() -> list[Node]:
     condition = IfCondition(LaunchConfiguration('rviz'))
-    arm = {name: LaunchConfiguration(name) for name in ('config', 'urdf')}
     return [
         Node(
             package='rviz2',
             executable='rviz2',
             arguments=['-d', PathJoinSubstitution([SHARE, 'rviz', 'aerarm.rviz'])],
+            remappings=FRAME_TOPICS,
             condition=condition,
         ),
-        Node(package='aerarm_ros', executable='tool_path', parameters=[arm], condition=condition),
+        node('tool_path', arguments_as_parameters('config', 'urdf'), condition=condition),
     ]

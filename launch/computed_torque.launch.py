@@ -5,17 +5,10 @@ Takes the arguments of bringup.launch.py.
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
+
+from aerarm_ros.launch_parts import bringup, controller_argument
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return what `ros2 launch` starts."""
-    bringup = PathJoinSubstitution([FindPackageShare('aerarm_ros'), 'launch', 'bringup.launch.py'])
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument('controller', default_value='computed_torque'),
-            IncludeLaunchDescription(bringup),
-        ]
-    )
+    return LaunchDescription([controller_argument('computed_torque'), bringup()])

@@ -1,44 +1,55 @@
 """The arm under a drone: a controller that feels the drone's attitude, and what the drone feels.
 
-ros2 launch aerarm_ros drone.launch.py hardware:=spi imu_topic:=/mavros/imu/data
+ros2 launch aerarm_ros drone.launch.py hardware:=spi autopilot:=px4
 Takes the arguments of bringup.launch.py.
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
-from launch_ros.actions import Node, PushRosNamespace
-from launch_ros.substitutions import FindPackageShare
+from launch.actions import DeclareLaunchArgument, GroupAction
+from launch.conditions import IfCondition
+from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PythonExpression
+from launch_ros.actions import PushRosNamespace
+
+from aerarm_ros.launch_parts import (
+    IMU_REMAPPING,
+    arguments_as_parameters,
+    base_motion_argument,
+    bringup,
+    controller_argument,
+    node,
+)
+
+ON_PX4 = EqualsSubstitution(LaunchConfiguration('autopilot'), 'px4')
+ARGUMENTS = (
+    controller_argument('gravity_compensation'),
+    base_motion_argument('full'),
+    DeclareLaunchArgument(
+        'autopilot',
+        default_value='mavros',
+        choices=['mavros', 'px4'],
+        description="whose IMU it is; px4: PX4's own topics, which px4_imu then converts",
+    ),
+    DeclareLaunchArgument(
+        'imu_topic',
+        default_value=PythonExpression(
+            ["'imu' if '", LaunchConfiguration('autopilot'), "' == 'px4' else '/mavros/imu/data'"]
+        ),
+        description="the autopilot's IMU, as MAVROS or px4_imu publishes it",
+    ),
+)
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return what `ros2 launch` starts."""
-    bringup = PathJoinSubstitution([FindPackageShare('aerarm_ros'), 'launch', 'bringup.launch.py'])
-    base_reaction = GroupAction(
+    drone = GroupAction(
         [
             PushRosNamespace(LaunchConfiguration('namespace')),
-            Node(
-                package='aerarm_ros',
-                executable='base_reaction',
-                parameters=[
-                    LaunchConfiguration('params_file'),
-                    {name: LaunchConfiguration(name) for name in ('config', 'urdf', 'base_motion')},
-                ],
-                remappings=[('imu', LaunchConfiguration('imu_topic'))],
-                output='screen',
+            node(
+                'base_reaction',
+                arguments_as_parameters('config', 'urdf', 'base_motion'),
+                remappings=[IMU_REMAPPING],
             ),
+            node('px4_imu', remappings=[IMU_REMAPPING], condition=IfCondition(ON_PX4)),
         ]
     )
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument('controller', default_value='gravity_compensation'),
-            DeclareLaunchArgument('base_motion', default_value='full'),
-            DeclareLaunchArgument(
-                'imu_topic',
-                default_value='/mavros/imu/data',
-                description="the autopilot's IMU, as MAVROS publishes it",
-            ),
-            IncludeLaunchDescription(bringup),
-            base_reaction,
-        ]
-    )
+    return LaunchDescription([*ARGUMENTS, bringup(), drone])

@@ -9,6 +9,8 @@ from launch.actions import DeclareLaunchArgument, ExecuteProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.substitutions import ExecutableInPackage
 
+from aerarm_ros.launch_parts import after, end
+
 ARGUMENTS = (
     DeclareLaunchArgument('out', default_value='experiment', description='folder for the page'),
     DeclareLaunchArgument('seed', default_value='1', description='seed of the trajectory'),
@@ -32,4 +34,5 @@ def generate_launch_description() -> LaunchDescription:
         cmd=[ExecutableInPackage(package='aerarm_ros', executable='experiment'), *options],
         output='screen',
     )
-    return LaunchDescription([*ARGUMENTS, experiment])
+    done = end('the experiment has ended')
+    return LaunchDescription([*ARGUMENTS, experiment, after(experiment, 'experiment', done)])

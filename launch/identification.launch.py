@@ -3,26 +3,27 @@
 ros2 launch aerarm_ros identification.launch.py out:=run1
 Takes the arguments of bringup.launch.py. On real hardware the motors are enabled by hand, while
 everything waits: ros2 run aerarm_ros arm enable
+With namespace:=NS: ros2 run aerarm_ros arm enable --ros-args -r __ns:=/NS
 """
 
 import signal
 
 from launch import LaunchDescription
-from launch.actions import (
-    DeclareLaunchArgument,
-    EmitEvent,
-    ExecuteProcess,
-    IncludeLaunchDescription,
-    RegisterEventHandler,
-)
-from launch.event_handlers import OnProcessExit
-from launch.events import Shutdown, matches_action
+from launch.actions import DeclareLaunchArgument, EmitEvent, ExecuteProcess
+from launch.events import matches_action
 from launch.events.process import SignalProcess
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
-from launch_ros.actions import Node
-from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
+from launch_ros.substitutions import ExecutableInPackage
 
-WAIT_FOR_A_PERSON = 600.0  # [s]
+from aerarm_ros.launch_parts import (
+    MOTION_ARGUMENTS,
+    WAIT_FOR_A_PERSON,
+    after,
+    arguments_as_parameters,
+    bringup,
+    end,
+    node,
+)
 
 ARGUMENTS = (
     DeclareLaunchArgument('out', default_value='identification', description='new folder'),
@@ -33,36 +34,24 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'trajectory', default_value="''", description='YAML file to play instead of a random one'
     ),
-    DeclareLaunchArgument(
-        'enable',
-        default_value=PythonExpression(
-            [
-                "'true' if '",
-                LaunchConfiguration('hardware', default='fake'),
-                "' == 'fake' else 'false'",
-            ]
-        ),
-        description='switch the motors on when the boards are there: THE ARM MOVES',
-    ),
+    *MOTION_ARGUMENTS,
 )
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return what `ros2 launch` starts."""
-    bringup = PathJoinSubstitution([FindPackageShare('aerarm_ros'), 'launch', 'bringup.launch.py'])
-    out = LaunchConfiguration('out')
+    namespace, out = LaunchConfiguration('namespace'), LaunchConfiguration('out')
     bag, result = (PathJoinSubstitution([out, name]) for name in ('bag', 'result'))
-    recorder = _node('recorder', {'bag': bag})
-    excitation = _node(
+    recorder = node('recorder', {'bag': bag}, namespace=namespace)
+    excitation = node(
         'excitation',
         {
-            'seed': LaunchConfiguration('seed'),
-            'periods': LaunchConfiguration('periods'),
-            'trajectory': LaunchConfiguration('trajectory'),
-            'config': LaunchConfiguration('config'),
+            **arguments_as_parameters('seed', 'periods', 'trajectory'),
+            **arguments_as_parameters('config', 'urdf', 'excitation_config'),
             'subscribers': 2,  # the bridge and the recorder
             'wait_timeout': WAIT_FOR_A_PERSON,
         },
+        namespace=namespace,
     )
     identifier = ExecuteProcess(
         cmd=[
@@ -75,27 +64,16 @@ def generate_launch_description() -> LaunchDescription:
     stop_recorder = EmitEvent(
         event=SignalProcess(signal_number=signal.SIGINT, process_matcher=matches_action(recorder))
     )
-    end = EmitEvent(event=Shutdown(reason='identification has ended'))
     return LaunchDescription(
         [
             *ARGUMENTS,
-            IncludeLaunchDescription(bringup),
+            bringup(),
             recorder,
             excitation,
-            _then(excitation, stop_recorder, end),
-            _then(recorder, identifier, end),
-            _then(identifier, end, end),
+            after(excitation, 'excitation', stop_recorder),
+            after(recorder, 'recorder', identifier),
+            after(identifier, 'identifier', end('identification has ended')),
         ]
-    )
-
-
-def _node(executable: str, parameters: dict) -> Node:
-    return Node(
-        package='aerarm_ros',
-        executable=executable,
-        namespace=LaunchConfiguration('namespace'),
-        parameters=[LaunchConfiguration('params_file'), parameters],
-        output='screen',
     )
 
 
@@ -103,12 +81,3 @@ def _states_topic() -> PythonExpression:
     """Return the name of joint_states inside the namespace, as the bag has it."""
     namespace = LaunchConfiguration('namespace')
     return PythonExpression(["('/' + '", namespace, "' + '/joint_states').replace('//', '/')"])
-
-
-def _then(process, if_good, if_failed) -> RegisterEventHandler:
-    """Let one action follow the end of a process, another one its failure."""
-
-    def choose(event, context):
-        return if_good if event.returncode == 0 else if_failed
-
-    return RegisterEventHandler(OnProcessExit(target_action=process, on_exit=choose))

@@ -23,12 +23,6 @@ def frd_to_flu(vector: npt.ArrayLike) -> Array:
     return np.asarray(vector, dtype=float) * (1.0, -1.0, -1.0)
 
 
-def ned_to_enu(vector: npt.ArrayLike) -> Array:
-    """Return a world vector (3,) in east-north-up axes; the way back is the same."""
-    x, y, z = np.asarray(vector, dtype=float)
-    return np.array([y, x, -z])
-
-
 def attitude_ned_frd_to_enu_flu(quaternion: npt.ArrayLike) -> Array:
     """Return the attitude (4,) of a forward-left-up body in an east-north-up world.
 

@@ -30,19 +30,6 @@ class Mount:
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
-    def from_roll_pitch_yaw(cls, position: npt.ArrayLike, rpy: npt.ArrayLike) -> 'Mount':
-        """Return the mount of an IMU at `position` [m], turned by URDF angles `rpy` [rad]."""
-        (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-        rotation = np.array(
-            [
-                [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-                [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-                [-sp, cp * sr, cp * cr],
-            ]
-        )
-        return cls(rotation, np.array(position, dtype=float))
-
-    @classmethod
     def from_robot(cls, robot: Robot, imu_frame: str) -> 'Mount':
         """Return the mount of an IMU whose frame is a link of the URDF fixed to the base.
 

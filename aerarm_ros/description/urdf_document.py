@@ -69,11 +69,6 @@ class UrdfDocument:
         self.joints = self._read_joints()
         self._check_tree()
 
-    @property
-    def continuous_joints(self) -> tuple[str, ...]:
-        """Names of the joints that turn without end."""
-        return tuple(j.name for j in self.joints.values() if j.kind == 'continuous')
-
     def revolute_text(self) -> str:
         """Return the URDF with every continuous joint declared revolute.
 

@@ -64,19 +64,6 @@ class MotionSequence:
         """Return the stage running at `time` [s]."""
         return self.stages[self._index(time)]
 
-    def start_of(self, name: str) -> float:
-        """Return when the stage called `name` starts [s].
-
-        Raises
-        ------
-        KeyError
-            If there is no such stage.
-        """
-        for stage, start in zip(self.stages, self.boundaries, strict=False):
-            if stage.name == name:
-                return float(start)
-        raise KeyError(name)
-
     def evaluate(self, time: ArrayLike) -> JointReference:
         """Return the reference at `time` [s], scalar or (M,); the ends hold outside."""
         if np.ndim(time) == 0:

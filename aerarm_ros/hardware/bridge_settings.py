@@ -1,11 +1,14 @@
 """Tunable numbers of the bridge."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import ClassVar
 
 
 @dataclass(frozen=True)
 class BridgeSettings:
-    """Times and tolerances of the bridge; all must be above 0.
+    """Times and tolerances of the bridge, each within its bounds.
 
     Attributes
     ----------
@@ -37,7 +40,32 @@ class BridgeSettings:
         Time constant of the boards' current loop, for the mean torque of a cycle [s].
     stall_time
         Standstill under a torque that must move the joint that is a fault [s].
+    BOUNDS
+        Smallest and largest allowed value of each, by name.
     """
+
+    # As wide as another light arm, a busy host or a slow bus may need; none so wide that the
+    # stop which it belongs to would never come.
+    BOUNDS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
+        {
+            'command_timeout': (0.002, 1.0),
+            'stamp_age_max': (0.002, 1.0),
+            'board_timeout': (0.001, 0.255),  # its byte in the frame; 0 would mean never
+            'bad_frames_max': (1, 1000),
+            'state_age_max': (0.002, 1.0),
+            'exchange_time_max': (2e-5, 0.1),
+            'slow_exchanges_max': (1, 1000),
+            'connect_frames': (1, 1000),
+            'alignment_timeout': (0.1, 60.0),
+            'soft_zone': (0.001, 1.0),
+            'position_tolerance': (0.001, 0.5),
+            'velocity_factor': (1.0, 5.0),  # limits come before stops
+            'effort_factor': (1.0, 5.0),
+            'position_error_max': (0.01, 2.0),
+            'current_lag': (1e-6, 0.05),
+            'stall_time': (0.005, 60.0),
+        }
+    )
 
     command_timeout: float = 0.05
     stamp_age_max: float = 0.05
@@ -59,14 +87,9 @@ class BridgeSettings:
     def __post_init__(self) -> None:
         """Check the numbers; raises ValueError."""
         for item in fields(self):
+            low, high = self.BOUNDS[item.name]
             value = getattr(self, item.name)
-            if not 0.0 < value < float('inf'):
-                raise ValueError(f'bridge setting {item.name} is {value}, must be above 0')
-        if not 0.001 <= self.board_timeout <= 0.255:
-            raise ValueError(
-                f'bridge setting board_timeout is {self.board_timeout} s, must lie in 0.001 to '
-                '0.255 s, the range of its byte in the frame; 0 would mean never'
-            )
-        for name in ('velocity_factor', 'effort_factor'):
-            if getattr(self, name) < 1.0:
-                raise ValueError(f'bridge setting {name} is below 1: limits come before stops')
+            if not low <= value <= high:
+                raise ValueError(
+                    f'bridge setting {item.name} is {value}, must lie in {low:g} to {high:g}'
+                )

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from numpy.typing import ArrayLike
+
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.motor_config import MotorConfig
 from aerarm_ros.description.robot import Robot
@@ -21,7 +23,7 @@ def make_emulated_transport(
     robot: Robot,
     seed: int | None = 0,
     *,
-    position: Sequence[float] | None = None,
+    position: ArrayLike | None = None,
     spread: Spread | None = None,
     alignment: AlignmentTiming | None = None,
     encoder_zeros: Sequence[float] | None = None,

@@ -27,12 +27,6 @@ class JointCommand:
         self.velocity: Array = np.full(n, np.nan)
         self.effort: Array = np.full(n, np.nan)
 
-    def copy_from(self, other: 'JointCommand') -> None:
-        """Take over another command's numbers."""
-        self.position[:] = other.position
-        self.velocity[:] = other.velocity
-        self.effort[:] = other.effort
-
     @classmethod
     def standstill(cls, n: int) -> 'JointCommand':
         """Return zero velocity for every joint: stay where you are."""

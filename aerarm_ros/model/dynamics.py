@@ -54,10 +54,6 @@ class Dynamics:
         """(n,) rotor inertia at the joints [kg m^2]."""
         return np.array(self._model.armature)
 
-    def set_gravity(self, gravity_in_base: npt.ArrayLike) -> None:
-        """Change gravity, (3,) in the base frame [m/s^2], e.g. as a drone's IMU reports it."""
-        self._model.gravity.linear = np.asarray(gravity_in_base, dtype=float)
-
     def carry(self, payload: npt.ArrayLike) -> None:
         """Add a body to the last link, in place of one added before.
 

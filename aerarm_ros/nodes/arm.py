@@ -16,12 +16,14 @@ from rclpy.utilities import remove_ros_args
 from aerarm_ros.hardware.bridge_cycle import MODES
 from aerarm_ros.hardware.fault_injection import FAULTS
 from aerarm_ros.hardware.fault_request import FORM
-from aerarm_ros.nodes.arm_client import ACTIONS, BRIDGES, ArmClient, ArmClientError
+from aerarm_ros.nodes.arm_client import BRIDGES, ArmClient, ArmClientError
+from aerarm_ros.nodes.bridge_services import ACTIONS
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter_request import set_parameter
 from aerarm_ros.nodes.set_point_request import go_to_posture
 
 NAME = 'arm'
+MakeRequest = Callable[[rclpy.node.Node, argparse.Namespace], Callable[[], None]]
 _FAKE = 'fake_hardware'
 _MEANING = {
     'enable': 'motors on; they align first: THE ARM MOVES, then it is held',
@@ -107,7 +109,7 @@ def make_parser() -> argparse.ArgumentParser:
     common.add_argument('--timeout', type=float, default=20.0, help='for each step [s]')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
 
-    def add(name: str, meaning: str, make_request: Callable) -> argparse.ArgumentParser:
+    def add(name: str, meaning: str, make_request: MakeRequest) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=meaning, description=meaning, parents=[common])
         command.set_defaults(make_request=make_request)
         return command

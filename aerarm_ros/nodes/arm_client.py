@@ -10,11 +10,10 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
+from aerarm_ros.nodes.bridge_services import ACTIONS, STOPS
 from aerarm_ros.nodes.spinning import spin_until
 
 BRIDGES = ('hardware_bridge', 'fake_hardware')
-ACTIONS = ('enable', 'disable', 'clear_fault', 'home', 'e_stop')
-_STOPS = ('disable', 'e_stop')
 _DISCOVERY_TIME = 0.5  # [s]
 
 
@@ -44,7 +43,7 @@ class ArmClient:
     """
 
     def __init__(
-        self, node: Node, bridges: Sequence[str] = BRIDGES, actions: Sequence[str] = ACTIONS
+        self, node: Node, bridges: Sequence[str] = BRIDGES, actions: Collection[str] = ACTIONS
     ) -> None:
         self.mode = ''
         self._node = node
@@ -83,11 +82,11 @@ class ArmClient:
             names = ' or '.join(client.srv_name for client in clients)
             raise ArmClientError(f'no service {names}: is a bridge running in this ROS domain?')
         found = ready()
-        if len(found) > 1 and action not in _STOPS:
+        if len(found) > 1 and action not in STOPS:
             names = ' and '.join(client.srv_name for client in found)
             raise ArmClientError(f'there are {names}: stop one bridge, or name the one meant')
         replies = [self._ask(client, timeout) for client in found]
-        if action in _STOPS:
+        if action in STOPS:
             # Who was found first is stopped first; another bridge may only just be discovered.
             spin_until(self._node, lambda: len(ready()) == len(clients), _DISCOVERY_TIME)
             replies += [self._ask(client, timeout) for client in ready() if client not in found]

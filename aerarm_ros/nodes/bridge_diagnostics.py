@@ -6,16 +6,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import inf
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
-from aerarm_msgs_py import topics
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.command_publishers import CommandPublishers
 from aerarm_ros.nodes.bridge_timing import BridgeTiming
+from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.nodes.publisher_watch import PublisherWatch
 
-_PERIOD = 1.0  # [s]
 _END = object()
 _POWER_SOURCES = {
     'voltage': 'power from the voltages that the boards report',
@@ -48,14 +47,15 @@ class BridgeDiagnostics:
     """
 
     def __init__(self, node: Node) -> None:
-        self._node = node
-        self._publisher = node.create_publisher(
-            DiagnosticArray, topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.qos
-        )
+        self._output = DiagnosticsPublisher(node)
         self._watched: Watched | None = None
         self._pieces: Iterator[None] | None = None
         self._due = -inf
-        self._timer = node.create_timer(_PERIOD, self._publish_inactive)
+        self._timer = node.create_timer(PERIOD, self._publish_inactive)
+
+    def name_arm(self, name: str) -> None:
+        """Say from now on which arm it is."""
+        self._output.arm = name
 
     def watch(self, watched: Watched) -> None:
         """Report on a cycle from now on, which calls `step`."""
@@ -79,39 +79,24 @@ class BridgeDiagnostics:
         if self._pieces is None:
             if now < self._due or self._watched is None:
                 return
-            self._due = now + _PERIOD
+            self._due = now + PERIOD
             self._pieces = self._make(self._watched)
         if next(self._pieces, _END) is _END:
             self._pieces = None
 
     def _make(self, watched: Watched) -> Iterator[None]:
         yield from watched.timing.refresh()
-        timing = self._status('timing', *watched.timing.status())
+        timing = self._output.status('timing', *watched.timing.status())
         yield
-        motors = self._status('motors', *_motors(watched))
+        motors = self._output.status('motors', *_motors(watched))
         yield
-        arm = self._status('arm', *_arm(watched))
+        arm = self._output.status('arm', *_arm(watched))
         yield
-        self._publish([arm, motors, timing])
+        self._output.publish([arm, motors, timing])
 
     def _publish_inactive(self) -> None:
-        self._publish([self._status('arm', DiagnosticStatus.STALE, 'not active', {})])
-
-    def _publish(self, statuses: Sequence[DiagnosticStatus]) -> None:
-        message = DiagnosticArray(status=statuses)
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(message)
-
-    def _status(
-        self, part: str, level: bytes, text: str, values: dict[str, object]
-    ) -> DiagnosticStatus:
-        return DiagnosticStatus(
-            level=level,
-            name=f'{self._node.get_fully_qualified_name()}: {part}',
-            message=text,
-            hardware_id='aerarm',
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-        )
+        status = self._output.status('arm', DiagnosticStatus.STALE, 'not active', {})
+        self._output.publish([status])
 
 
 def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:

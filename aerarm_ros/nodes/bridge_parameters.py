@@ -12,6 +12,7 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.frame_field import ProfileError
 from aerarm_ros.hardware.frame_profile import FrameProfile, load_profile
+from aerarm_ros.nodes.arm_files import ARM_FILES
 from aerarm_ros.nodes.parameter import Parameter
 
 _DEFAULTS = BridgeSettings()
@@ -40,8 +41,7 @@ _SETTINGS = {
 }
 
 BRIDGE_PARAMETERS = (
-    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
-    Parameter('urdf', '', 'URDF file of the arm; the packaged arm if empty'),
+    *ARM_FILES,
     Parameter('period', 0.001, 'time between two cycles', 's', 0.0005, 0.1),
     Parameter('autostart', True, 'configure and activate by itself, without a lifecycle manager'),
     Parameter(
@@ -52,7 +52,14 @@ BRIDGE_PARAMETERS = (
         maximum=98,
     ),
     Parameter('lock_memory', False, 'keep all memory of the process in RAM'),
-    Parameter('cpus', [], 'CPUs the process may run on; all if empty', element=int, minimum=0),
+    Parameter(
+        'cpus',
+        [],
+        'CPUs the process may run on; all if empty',
+        element=int,
+        minimum=0,
+        maximum=1023,
+    ),
     Parameter('freeze_gc', True, "switch Python's cyclic garbage collector off while active"),
     Parameter(
         'allowed_publishers',
@@ -74,23 +81,19 @@ BRIDGE_PARAMETERS = (
             "configuration's if empty",
             unit,
             minimum=0.0,
+            maximum=maximum,
             live=True,
             element=float,
         )
-        for name, what, unit in (
-            ('board_kp', 'stiffness', 'A/rad'),
-            ('board_kd', 'damping', 'A s/rad'),
-            ('board_ki', 'integral gain, where the profile carries it,', 'A/(rad s)'),
+        # What a profile's fields hold is less, and is checked when they are set.
+        for name, what, unit, maximum in (
+            ('board_kp', 'stiffness', 'A/rad', 100.0),
+            ('board_kd', 'damping', 'A s/rad', 10.0),
+            ('board_ki', 'integral gain, where the profile carries it,', 'A/(rad s)', 1000.0),
         )
     ),
     *(
-        Parameter(
-            name,
-            getattr(_DEFAULTS, name),
-            description,
-            unit,
-            minimum=1 if isinstance(getattr(_DEFAULTS, name), int) else 0.0,
-        )
+        Parameter(name, getattr(_DEFAULTS, name), description, unit, *BridgeSettings.BOUNDS[name])
         for name, (unit, description) in _SETTINGS.items()
     ),
 )

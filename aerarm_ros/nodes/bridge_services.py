@@ -19,7 +19,7 @@ ACTIONS: dict[str, Action] = {
     'e_stop': lambda cycle: cycle.e_stop('service e_stop'),
 }
 # What is done even if it comes late.
-_STOPS = {'disable', 'e_stop'}
+STOPS = {'disable', 'e_stop'}
 
 
 class BridgeServices:
@@ -48,7 +48,7 @@ class BridgeServices:
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def handle(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             try:
-                answer = self._ask(action, name in _STOPS)
+                answer = self._ask(action, name in STOPS)
             except (RuntimeError, ValueError) as error:
                 answer = Answer(False, str(error))
             except TimeoutError:

@@ -7,13 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.float64_array_cdr import Float64ArrayCdr
 from aerarm_msgs_py.joint_sample import JointSample
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.joint_state_conversion import decode_as_sent
 from aerarm_msgs_py.raw_reader import RawReader
 
 Array = NDArray[np.float64]
@@ -75,21 +74,10 @@ class BridgeStreams:
         sample = self._cdr.unpack(payload)
         if sample is not None:
             return self._names, sample, number
-        return (*_decode(payload), number)
+        return (*decode_as_sent(payload), number)
 
     def destroy(self) -> None:
         """Destroy publishers and subscription."""
         for publisher in (self._joint_states, self._motor_states, self._motor_power):
             self._node.destroy_publisher(publisher)
         self.commands.destroy()
-
-
-def _decode(payload: bytes) -> tuple[Sequence[str], JointSample]:
-    """Read a command of another layout (some joints, another order) by the ordinary codec."""
-    try:
-        message = deserialize_message(payload, JointState)
-    except RuntimeError as error:  # RMWError
-        raise ValueError(f'not a JointState: {error}') from None
-    stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-    fields = (np.array(x) for x in (message.position, message.velocity, message.effort))
-    return message.name, JointSample(stamp_ns, *(x if x.size else None for x in fields))

@@ -12,9 +12,8 @@ from aerarm_ros.nodes.parameters import ParameterTable
 from aerarm_ros.nodes.ros_arguments import GivenParameter, RosArguments, UsageError
 
 _HELP = ('-h', '--help')
-# Parameters that every node of rclpy has, or may be given.
+# Parameters that every node of rclpy has.
 _OF_RCLPY = ('use_sim_time', 'start_type_description_service')
-_OF_RCLPY_GROUPS = ('qos_overrides.',)
 # Similarity of a name that is meant to be the other one. Where other nodes' names are
 # expected as well, only a slip of the pen counts.
 _SIMILAR, _NEARLY_SAME = 0.6, 0.8
@@ -103,7 +102,7 @@ class CommandLine:
         return text if closest else ''
 
     def _knows(self, name: str) -> bool:
-        return name in self._parameters or name in _OF_RCLPY or name.startswith(_OF_RCLPY_GROUPS)
+        return name in self._parameters or name in _OF_RCLPY
 
 
 def _misnamed_sections(given: Sequence[GivenParameter], node: str) -> Iterator[str]:

@@ -18,15 +18,15 @@ from aerarm_ros.control.momentum_observer import MomentumObserver
 from aerarm_ros.control.mount import Mount
 from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.trajectory_follower import TrajectoryFollower
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.dynamics import checked_payload
+from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
 from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.real_time_parameters import REAL_TIME_PARAMETERS
 
 ARM_PARAMETERS = (
-    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
-    Parameter('urdf', '', 'URDF of the arm, for example an identified one; the packaged if empty'),
+    *ARM_FILES,
     Parameter(
         'base_motion',
         NONE,
@@ -56,6 +56,8 @@ PAYLOAD_PARAMETER = Parameter(
     'inertial parameters (3.3) of what the last link carries, in the frame of its joint, as in '
     'payload.yaml; nothing if empty',
     'kg, kg m, kg m^2',
+    -100.0,
+    100.0,
     element=float,
     live=True,
 )
@@ -65,7 +67,7 @@ FRICTION_PARAMETERS = (
     Parameter('friction_fraction', 1.0, "share of the URDF's joint friction compensated", '', 0, 1),
     Parameter('friction_width', 0.02, 'velocity of 3/4 of the friction', 'rad/s', 1e-4, 1.0),
     Parameter('rotor_inertia', [], 'rotor inertia at the joints, J_m / k_g^2; from the '
-              'configuration if empty', 'kg m^2', 0.0, element=float),
+              'configuration if empty', 'kg m^2', 0.0, 10.0, element=float),
     Parameter('load_friction', [0.0], "share of the torque passed on that joints' gears lose, one "
               'or one a joint; `load` in estimate.yaml', '', 0.0, 1.0),
 )  # fmt: skip
@@ -98,12 +100,7 @@ class ControlledArm:
     @classmethod
     def from_parameters(cls, values: SimpleNamespace) -> ControlledArm:
         """Read URDF and configuration; raises ValueError with what to check."""
-        config = load_arm_config(values.config or None)
-        robot = load_robot(
-            values.urdf or None,
-            gravity_in_base=config.gravity_in_base,
-            joint_names=config.joint_names,
-        )
+        config, robot = load_arm(values)
         return cls(config, robot, JointLimits.from_config(config))
 
     def dynamics(self, values: SimpleNamespace) -> MovingBaseDynamics:

@@ -45,16 +45,22 @@ class EmergencyStop:
             names = ' or '.join(client.srv_name for client in self._clients.values())
             return False, f'no service {names}: is the bridge running in this ROS domain?'
         answers = {name: self._call(client) for name, client in found.items()}
+        # Who was found first is stopped first; others may have been discovered meanwhile.
+        late = {n: client for n, client in self._ready().items() if n not in found}
+        answers |= {name: self._call(client) for name, client in late.items()}
         text = '; '.join(f'{name}: {reply}' for name, (_, reply) in answers.items())
         return all(done for done, _ in answers.values()), text
 
     def _find(self) -> dict[str, Client]:
         deadline = time.monotonic() + self._timeout
         while True:
-            found = {n: client for n, client in self._clients.items() if client.service_is_ready()}
+            found = self._ready()
             if found or time.monotonic() > deadline:
                 return found
             time.sleep(_POLL)
+
+    def _ready(self) -> dict[str, Client]:
+        return {n: client for n, client in self._clients.items() if client.service_is_ready()}
 
     def _call(self, client: Client) -> tuple[bool, str]:
         answered = threading.Event()

@@ -28,6 +28,7 @@ class EmulatedDrone:
     """
 
     def __init__(self, node: Node, plant: MovingBasePlant) -> None:
+        self._node = node
         self._plant = plant
         self._publisher = node.create_publisher(Imu, topics.IMU.name, topics.IMU.qos)
         self._message = Imu()
@@ -43,6 +44,10 @@ class EmulatedDrone:
         if now >= self._due:
             self._due = now + IMU_PERIOD - 0.5e-3  # cycles come with jitter
             self._publish()
+
+    def destroy(self) -> None:
+        """Destroy the publisher."""
+        self._node.destroy_publisher(self._publisher)
 
     def _publish(self) -> None:
         attitude, rate, force = (part.tolist() for part in self._plant.imu)

@@ -10,11 +10,10 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import rclpy
 
-from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.robot import load_robot
 from aerarm_ros.excitation.command_law import CommandLaw, FeedForwardLaw, VelocityLaw
 from aerarm_ros.excitation.excitation_config import load_excitation_config
 from aerarm_ros.excitation.excitation_error import ExcitationError
@@ -22,7 +21,9 @@ from aerarm_ros.excitation.excitation_player import ExcitationPlayer
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
 from aerarm_ros.excitation.trajectory_file import TrajectoryFile, describe_margins
+from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
+from aerarm_ros.nodes.exit_status import INTERRUPTED
 from aerarm_ros.nodes.motion_playback import MotionPlayback
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
@@ -33,12 +34,11 @@ from aerarm_ros.nodes.stop_signals import StopSignals
 
 NAME = 'excitation'
 VELOCITY, FULL = 'velocity', 'position_velocity_effort'
-INTERRUPTED = 130
 DEFAULT_PERIODS = 2
 
 PARAMETERS = ParameterTable(
     Parameter('trajectory', '', 'YAML file to play; without one a random trajectory is drawn'),
-    Parameter('seed', 1, 'seed of the random trajectory', minimum=0),
+    Parameter('seed', 1, 'seed of the random trajectory', '', 0, 10**9),
     Parameter('fundamental', 0.1, 'f0 of the random trajectory', 'Hz', 0.001, 10.0),
     Parameter('harmonics', 5, 'N of the random trajectory', '', 1, 50),
     Parameter('amplitude', 0.35, 'largest random coefficient', 'rad', 0.001, 3.0),
@@ -58,8 +58,7 @@ PARAMETERS = ParameterTable(
     Parameter('wait_for_recorder', False, 'wait until recorder_status says that joint_states and '
               'joint_command are being recorded'),
     *REAL_TIME_PARAMETERS,
-    Parameter('urdf', '', 'URDF of the arm; the packaged one if empty'),
-    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+    *ARM_FILES,
     Parameter('excitation_config', '', 'YAML file of surroundings and usable shares of the limits; '
               'the packaged one if empty'),
 )  # fmt: skip
@@ -82,12 +81,7 @@ class ExcitationNode:
         self.status = 1
         self._node = rclpy.create_node(NAME)
         self._parameters = PARAMETERS.declare(self._node)
-        arm = load_arm_config(self._parameters.config or None)
-        robot = load_robot(
-            self._parameters.urdf or None,
-            gravity_in_base=arm.gravity_in_base,
-            joint_names=arm.joint_names,
-        )
+        arm, robot = load_arm(self._parameters)
         config = load_excitation_config(self._parameters.excitation_config or None)
         if self._parameters.stop_time > 0.0:
             # What is checked is the stop that will be played.
@@ -96,7 +90,9 @@ class ExcitationNode:
         self._setup = ExcitationSetup.of_arm(robot, arm, config)
         self._periods = self._parameters.periods or DEFAULT_PERIODS
         self._trajectory = self._get_trajectory()
-        self._diagnostics = StateDiagnostics(self._node, lambda: '', self._diagnostic_values)
+        self._diagnostics = StateDiagnostics(
+            self._node, lambda: '', self._diagnostic_values, arm.name
+        )
         self._playback = MotionPlayback(
             self._node,
             self._names,
@@ -152,7 +148,7 @@ class ExcitationNode:
             self._periods = values.periods or file.periods or DEFAULT_PERIODS
             report = setup.checker.check_trajectory(trajectory, setup.config.ramp_time)
             report.require(values.trajectory)
-            made_with = {'source': Path(values.trajectory).name}
+            made_with: dict[str, Any] = {'source': Path(values.trajectory).name}
         else:
             candidates = setup.random_trajectory(
                 values.amplitude, values.fundamental, values.harmonics

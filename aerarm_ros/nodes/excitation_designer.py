@@ -10,20 +10,12 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
+from aerarm_ros.nodes.exit_status import INTERRUPTED, USER_ERROR
+from aerarm_ros.nodes.one_line_parser import OneLineParser
 from aerarm_ros.nodes.stop_signals import StopSignals
 
 NAME = 'excitation_designer'
-_USER_ERROR = 2
-_INTERRUPTED = 130
-
-
-class _Parser(argparse.ArgumentParser):
-    """Reports a wrong argument in one line."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(_USER_ERROR, f'{NAME}: {message}: see {NAME} --help\n')
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -40,14 +32,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except (ValueError, OSError) as error:
             print(f'{NAME}: {" ".join(str(error).split())}', file=sys.stderr)
             stopped = isinstance(error, DesignStoppedError) and stops
-            return _INTERRUPTED if stopped else _USER_ERROR
+            return INTERRUPTED if stopped else USER_ERROR
     return 0
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     from aerarm_ros.excitation.design_specification import BOTH, OBJECTIVES
 
-    parser = _Parser(prog=NAME, description=__doc__.splitlines()[0])
+    parser = OneLineParser(prog=NAME, description=__doc__.splitlines()[0])
     add = parser.add_argument
     add('--out', type=Path, default=Path('trajectory.yaml'), help='file (default: %(default)s)')
     add('--overwrite', action='store_true', help='replace files that exist')

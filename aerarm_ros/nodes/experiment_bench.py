@@ -145,7 +145,8 @@ class ExperimentBench:
         time = table[:, 0]
         ramp = self._motion.ramp_time
         full_speed = (time >= ramp) & (time <= self._motion.duration - ramp)
-        return ExperimentRun(case, time, *np.split(table[:, 1:], 3, axis=1), full_speed)
+        q, desired_q, effort = np.split(table[:, 1:], 3, axis=1)
+        return ExperimentRun(case, time, q, desired_q, effort, full_speed)
 
     def _enable(self, bridge: BridgeCycle) -> float:
         """Align the motors and let the arm rest; return the time [s]."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
@@ -37,12 +38,15 @@ PARAMETERS = ParameterTable(
         0,
         "seed of the arm's deviations from the drawing and of noise; -1 for an arm as drawn",
         minimum=-1,
+        maximum=10**9,
     ),
     Parameter(
         'initial_position',
         [],
         "joint angles at the start, in the joints' order; the rest position if empty",
         'rad',
+        -6.3,
+        6.3,
         element=float,
     ),
     Parameter(
@@ -51,6 +55,8 @@ PARAMETERS = ParameterTable(
         "what the arm carries: mass, and x, y, z of its centre in the frame of the last link's "
         'joint; nothing if empty',
         'kg, m',
+        -10.0,
+        10.0,
         element=float,
     ),
     Parameter(
@@ -99,6 +105,7 @@ class FakeHardware(HardwareBridge):
             parameters=_plant_parameters(config, robot, seed, values.payload),
             profile=profile,
         )
+        self._destroy_drone()
         if values.base_motion_profile != STILL:
             plant = mount_on_base(transport, robot, BASE_PROFILES[values.base_motion_profile])
             self._drone = EmulatedDrone(self, plant)
@@ -108,6 +115,11 @@ class FakeHardware(HardwareBridge):
         if values.fault:
             FaultRequest.parse(values.fault, len(transport.boards)).apply(transport)
         return transport
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the buses, and forget the drone: configuring makes another."""
+        self._destroy_drone()
+        return super().on_cleanup(state)
 
     def actions(self) -> dict[str, Action]:
         """Return the services' actions: those of a bridge, and what can be done to the arm."""
@@ -139,6 +151,11 @@ class FakeHardware(HardwareBridge):
         super().on_parameter(name, value)
         if name == 'fault' and value:
             self.requests.post(self._inject_fault)
+
+    def _destroy_drone(self) -> None:
+        if self._drone is not None:
+            self._drone.destroy()
+            self._drone = None
 
     def _enable(self, cycle: BridgeCycle) -> Answer:
         boards = self._boards

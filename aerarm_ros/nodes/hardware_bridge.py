@@ -12,8 +12,8 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.answer import Answer
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.command_publishers import CommandPublishers
@@ -23,6 +23,7 @@ from aerarm_ros.hardware.spi_self_test import self_test
 from aerarm_ros.hardware.spidev_transport import SpidevTransport
 from aerarm_ros.hardware.transport import Transport
 from aerarm_ros.model.gravity_load import largest_gravity_load
+from aerarm_ros.nodes.arm_files import load_arm
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.bridge_diagnostics import BridgeDiagnostics, Watched
 from aerarm_ros.nodes.bridge_parameters import (
@@ -135,14 +136,10 @@ class HardwareBridge(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the configuration, open the buses and try the wires."""
         try:
-            config = load_arm_config(self.values.config or None)
-            robot = load_robot(
-                self.values.urdf or None,
-                gravity_in_base=config.gravity_in_base,
-                joint_names=config.joint_names,
-            )
+            config, robot = load_arm(self.values)
             profile = frame_profile(self.values, config)
             self._config = config
+            self._diagnostics.name_arm(config.name)
             self._transport = self.make_transport(config, robot, profile)
             self._transport.open()
             self._cycle = BridgeCycle(
@@ -226,7 +223,7 @@ class HardwareBridge(LifecycleNode):
     # The cycle, in the main thread.
 
     def run(self) -> None:
-        """Run until SIGINT, SIGTERM or `stop`; raises OSError if it can't start by itself."""
+        """Run until a stop signal or `stop`; raises OSError if it can't start by itself."""
         with StopSignals(self.stop), BackgroundExecutor(self, self._slack.wait):
             if self.values.autostart and not self._start():
                 raise OSError(self._problem)

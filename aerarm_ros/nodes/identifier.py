@@ -15,19 +15,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from aerarm_ros.nodes.exit_status import INTERRUPTED, USER_ERROR
+from aerarm_ros.nodes.one_line_parser import OneLineParser
+
 if TYPE_CHECKING:
     from aerarm_ros.nodes.identifier_run import IdentifierRun
 
 _NAME = 'identifier'
-_USER_ERROR = 2
-_INTERRUPTED = 130
-
-
-class _Parser(argparse.ArgumentParser):
-    """Reports a wrong argument in one line."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(_USER_ERROR, f'{_NAME}: {message}: see {_NAME} --help\n')
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -46,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(options)
     except KeyboardInterrupt:
         print(f'{_NAME}: interrupted, nothing was written', file=sys.stderr)
-        return _INTERRUPTED
+        return INTERRUPTED
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -72,7 +66,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _report(error: object) -> int:
     print(f'{_NAME}: {" ".join(str(error).split())}', file=sys.stderr)
-    return _USER_ERROR
+    return USER_ERROR
 
 
 def _interrupt(number: int, frame: Any) -> NoReturn:
@@ -205,17 +199,18 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         '--solvers',
         {
             'nargs': '+',
-            'choices': ('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'sdp'),
+            'choices': ('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', 'sdp'),
             'default': ['wls'],
             'metavar': 'NAME',
         },
-        'besides cad, ols and sdp: wls (default), huber, slsqp, annealing (these two take seconds)',
+        'besides cad, ols and sdp: wls (default), huber, entropic, slsqp, annealing (the last two '
+        'take seconds)',
     ),
 )
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog=_NAME, description=(__doc__ or '').splitlines()[0])
+    parser = OneLineParser(prog=_NAME, description=(__doc__ or '').splitlines()[0])
     for name, details, text in _OPTIONS:
         parser.add_argument(name, help=text, **details)
     parser.set_defaults(started=datetime.now())

@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.bag_error import BagError
-from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
-from aerarm_ros.description.robot import load_robot
 from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, bench_checker
 from aerarm_ros.excitation.command_law import VelocityLaw
 from aerarm_ros.excitation.excitation_config import load_excitation_config
@@ -32,8 +30,10 @@ from aerarm_ros.identification.motor_files import bench_yaml, config_yaml, load_
 from aerarm_ros.identification.motor_report import bench_html, bench_table
 from aerarm_ros.identification.motor_result import MotorResult
 from aerarm_ros.identification.result_directory import MARKER, ResultDirectory
+from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.bench_recording import BenchRecording
+from aerarm_ros.nodes.exit_status import INTERRUPTED
 from aerarm_ros.nodes.motion_playback import MotionPlayback
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
@@ -42,7 +42,6 @@ from aerarm_ros.nodes.real_time_parameters import REAL_TIME_PARAMETERS, prepare_
 from aerarm_ros.nodes.stop_signals import StopSignals
 
 NAME = 'motor_bench'
-INTERRUPTED = 130
 _PLAN = BenchPlan()
 
 PARAMETERS = ParameterTable(
@@ -50,7 +49,7 @@ PARAMETERS = ParameterTable(
     Parameter('mounted', True, 'whether the drives are in the arm; false for bare motors, on '
               'which no gravity acts'),
     Parameter('posture', [], 'about which is measured, in the joints\' order; where the arm is, '
-              'if empty', 'rad', element=float),
+              'if empty', 'rad', -6.3, 6.3, element=float),
     Parameter('speeds', list(_PLAN.speeds), 'of the velocity steps, each in both directions',
               'rad/s', 1e-3, 50.0),
     Parameter('span', _PLAN.span, 'way of a joint, half of it to either side of the posture',
@@ -73,8 +72,7 @@ PARAMETERS = ParameterTable(
     Parameter('state_timeout', 0.2, 'longest wait for the next joint state', 's', 0.005, 10.0),
     Parameter('wait_timeout', 20.0, 'longest wait for the arm', 's', 0.1, 3600.0),
     *REAL_TIME_PARAMETERS,
-    Parameter('urdf', '', 'URDF of the arm; the packaged one if empty'),
-    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+    *ARM_FILES,
     Parameter('excitation_config', '', 'YAML file of the surroundings; the packaged if empty'),
 )  # fmt: skip
 
@@ -98,13 +96,8 @@ class MotorBenchNode:
         self._node = rclpy.create_node(NAME)
         self._values = values = PARAMETERS.declare(self._node)
         self._source = Path(values.config) if values.config else resource('config', 'aerarm.yaml')
-        self._config = load_arm_config(self._source)
+        self._config, self._robot = load_arm(values)
         names = self._config.joint_names
-        self._robot = load_robot(
-            values.urdf or None,
-            gravity_in_base=self._config.gravity_in_base,
-            joint_names=names,
-        )
         surroundings = load_excitation_config(values.excitation_config or None)
         # What is checked is the stop that will be played.
         surroundings = replace(surroundings, stop_time=values.stop_time)

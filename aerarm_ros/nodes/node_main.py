@@ -1,5 +1,7 @@
 """What every executable does around its node: start, run, end cleanly."""
 
+import contextlib
+import os
 import sys
 from collections.abc import Callable, Sequence
 from typing import Protocol
@@ -45,11 +47,11 @@ def run_node(
 ) -> int:
     """Create a node, run it, close it, and return the exit status.
 
-    SIGINT, SIGTERM and a shutdown from outside are ordinary ends (0), and so is a request for
-    help, which starts nothing. An argument or parameter that the node does not have is one
-    line on standard error (2), and so is what else a user can repair (a parameter's value, a
-    file: ValueError while creating, OSError at any time; 1). Anything else is a defect and
-    keeps its traceback.
+    SIGINT, SIGTERM and a shutdown from outside are ordinary ends (0), as SIGHUP is for a node
+    that runs under StopSignals, and so is a request for help, which starts nothing. An argument
+    or parameter that the node does not have is one line on standard error (2), and so is what
+    else a user can repair (a parameter's value, a file: ValueError while creating, OSError at
+    any time; 1). Anything else is a defect and keeps its traceback.
 
     Parameters
     ----------
@@ -105,7 +107,7 @@ def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) ->
     try:
         arguments = RosArguments(sys.argv[1:] if args is None else args)
         if command_line.asks_help(arguments):
-            print(command_line.help())
+            _print_help(command_line.help())
             return 0
         for warning in command_line.check(arguments):
             print(f'{name}: warning: {warning}', file=sys.stderr, flush=True)
@@ -114,7 +116,16 @@ def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) ->
     return None
 
 
+def _print_help(text: str) -> None:
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:  # whoever reads it, such as head, has seen enough
+        # Python flushes once more when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def _report(name: str, error: Exception, status: int = 1) -> int:
     text = ' '.join(str(error).split())
-    print(f'{name}: {text}', file=sys.stderr, flush=True)
+    with contextlib.suppress(OSError):  # the terminal may be closed
+        print(f'{name}: {text}', file=sys.stderr, flush=True)
     return status

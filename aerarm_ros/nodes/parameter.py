@@ -108,7 +108,7 @@ class Parameter:
     def has_type(self, value: Any) -> bool:
         """Tell whether a value has the parameter's type."""
         if isinstance(value, (list, tuple)) and not value:
-            return self.type.name.endswith('_ARRAY')
+            return bool(self.type.name.endswith('_ARRAY'))
         try:
             return bool(RosParameter.Type.from_parameter_value(value) is self.type)
         except TypeError:

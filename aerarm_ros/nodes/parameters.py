@@ -10,6 +10,9 @@ from rclpy.parameter import Parameter as RosParameter
 
 from aerarm_ros.nodes.parameter import Parameter
 
+_SIM_TIME = 'use_sim_time'
+_IGNORED = f'{_SIM_TIME} is ignored: boards and loops run in real time, on the system clock'
+
 LiveCallback = Callable[[str, Any], None]
 Check = Callable[[dict[str, Any]], str]
 
@@ -50,7 +53,7 @@ class ParameterTable:
     def declare(
         self, node: Node, on_change: LiveCallback | None = None, check: Check | None = None
     ) -> SimpleNamespace:
-        """Declare the table on a node.
+        """Declare the table on a node, and keep the node on the system clock.
 
         Parameters
         ----------
@@ -73,6 +76,7 @@ class ParameterTable:
         ParameterError
             If an override has the wrong type or value.
         """
+        _use_system_clock(node)
         values = SimpleNamespace()
         for parameter in self._parameters.values():
             setattr(values, parameter.name, self._declare_one(node, parameter))
@@ -123,8 +127,17 @@ class ParameterTable:
         return RosParameter(change.name, parameter.type, value)
 
     def _problem(self, change: RosParameter) -> str | None:
+        if change.name == _SIM_TIME and change.value is True:
+            return _IGNORED
         parameter = self._parameters.get(change.name)
         return parameter.problem(_plain(change.value)) if parameter else None
+
+
+def _use_system_clock(node: Node) -> None:
+    """Switch simulated time off, which would be another time than that of the states' stamps."""
+    if node.get_parameter(_SIM_TIME).value:
+        node.get_logger().warning(_IGNORED)
+        node.set_parameters([RosParameter(_SIM_TIME, value=False)])
 
 
 def _plain(value: Any) -> Any:

@@ -11,18 +11,22 @@ from importlib.util import find_spec
 from typing import Any
 
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.frame_conversion import attitude_ned_frd_to_enu_flu, frd_to_flu
+from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.nodes.stop_signals import StopSignals
 
 NAME = 'px4_imu'
 # An older attitude [s] is none: better no gravity than one that has stopped turning.
 _ATTITUDE_AGE = 0.2
+_SPIN = 0.1  # [s] longest time until a stop signal is noticed
 PARAMETERS = ParameterTable(
     Parameter('sensor_topic', '/fmu/out/sensor_combined', 'px4_msgs/SensorCombined'),
     Parameter('attitude_topic', '/fmu/out/vehicle_attitude', 'px4_msgs/VehicleAttitude'),
@@ -32,7 +36,8 @@ PARAMETERS = ParameterTable(
 class Px4Imu:
     """Publishes `imu` for every SensorCombined, with the newest attitude.
 
-    Without an attitude for 0.2 s the samples say that they have none.
+    Without an attitude for 0.2 s the samples say that they have none. What PX4 sends is
+    counted on /diagnostics.
 
     Raises
     ------
@@ -53,32 +58,59 @@ class Px4Imu:
         values = PARAMETERS.declare(self._node)
         self._attitude: list[float] | None = None
         self._attitude_time = 0.0
+        self._samples = self._attitudes = 0
+        self._reported = (0, 0)
+        self._is_stopping = False
         self._imu = self._node.create_publisher(Imu, topics.IMU.name, topics.IMU.qos)
         for kind, topic, act in (
             (SensorCombined, values.sensor_topic, self._on_sensor),
             (VehicleAttitude, values.attitude_topic, self._on_attitude),
         ):
             self._node.create_subscription(kind, topic, act, qos_profile_sensor_data)
+        self._topics = (values.sensor_topic, values.attitude_topic)
+        self._diagnostics = DiagnosticsPublisher(self._node)
+        self._node.create_timer(PERIOD, self._report)
 
     def run(self) -> None:
-        """Convert until the ROS context is shut down."""
-        rclpy.spin(self._node)
+        """Convert until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        executor = SingleThreadedExecutor()
+        executor.add_node(self._node)
+        with StopSignals(self._on_stop):
+            while not self._is_stopping and rclpy.ok():
+                executor.spin_once(timeout_sec=_SPIN)
 
     def close(self) -> None:
         """Destroy the node."""
         self._node.destroy_node()
 
     def _on_attitude(self, message: Any) -> None:
+        self._attitudes += 1
         w, x, y, z = (float(value) for value in message.q)
         self._attitude, self._attitude_time = [x, y, z, w], time.monotonic()
 
     def _on_sensor(self, message: Any) -> None:
+        self._samples += 1
         stamp = self._node.get_clock().now().to_msg()
         if time.monotonic() - self._attitude_time > _ATTITUDE_AGE:
             self._attitude = None
         self._imu.publish(
             to_imu(stamp, self._attitude, message.gyro_rad, message.accelerometer_m_s2)
         )
+
+    def _report(self) -> None:
+        counts = (self._samples, self._attitudes)
+        silent = [
+            topic
+            for topic, count, before in zip(self._topics, counts, self._reported, strict=True)
+            if count == before
+        ]
+        self._reported = counts
+        problem = f'nothing comes on {" and ".join(silent)}: is the uXRCE-DDS agent running?'
+        values = {'samples': counts[0], 'attitudes': counts[1]}
+        self._diagnostics.report(problem if silent else '', values)
+
+    def _on_stop(self) -> None:
+        self._is_stopping = True
 
 
 def to_imu(

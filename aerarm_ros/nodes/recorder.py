@@ -4,6 +4,7 @@ Usage: ros2 run aerarm_ros recorder --ros-args -p bag:=DIRECTORY
 """
 
 import json
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -18,8 +19,9 @@ from aerarm_msgs_py.bag_writer import BagWriter
 from aerarm_msgs_py.mcap_writer import COMPRESSIONS
 from aerarm_msgs_py.raw_reader import RawReader
 from aerarm_msgs_py.recorded_message import RecordedMessage
-from aerarm_msgs_py.topics import JOINT_STATES, RECORDER_STATUS
+from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, RECORDER_STATUS
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
+from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.parameters import ParameterTable
@@ -58,7 +60,7 @@ class Recorder:
 
     The latched topic `recorder_status` tells others when it is worth starting: a JSON object
     with `state` (recording, stored, failed), `bag`, and `matched`, the topics whose publisher
-    has been found.
+    has been found. What is written and lost is on /diagnostics, and so in the bag as well.
 
     Attributes
     ----------
@@ -90,12 +92,14 @@ class Recorder:
         self._status_publisher = self._node.create_publisher(
             String, RECORDER_STATUS.name, RECORDER_STATUS.qos
         )
+        self._diagnostics = DiagnosticsPublisher(self._node)
+        self._own = self._node.resolve_topic_name(DIAGNOSTICS.name)
         self._matched: list[str] = []
-        self._status_due = 0.0
+        self._status_due = self._report_due = 0.0
         self._stopped = False
 
     def run(self) -> None:
-        """Record until SIGINT, SIGTERM or a shutdown, then complete the bag."""
+        """Record until SIGINT, SIGTERM, SIGHUP or a shutdown, then complete the bag."""
         self._node.get_logger().info(f'recording {len(self._names)} topics into {self._directory}')
         self._publish_status('recording')
         with BackgroundExecutor(self._node), StopSignals(self._on_stop):
@@ -129,6 +133,9 @@ class Recorder:
             if time.monotonic() > self._status_due:
                 self._status_due = time.monotonic() + _STATUS_PERIOD
                 self._update_matched()
+            if time.monotonic() > self._report_due:
+                self._report_due = time.monotonic() + PERIOD
+                self._report()
         if rclpy.ok():
             self._take_all()
 
@@ -167,20 +174,39 @@ class Recorder:
         content = {'state': state, 'bag': str(self._directory), 'matched': self._matched}
         self._status_publisher.publish(String(data=json.dumps(content)))
 
+    def _report(self) -> None:
+        """Tell how the recording goes on /diagnostics."""
+        losing = [name for name, (_, lost) in self._heard().items() if lost]
+        total = self._total_lost()
+        problem = f'{total} messages lost of {", ".join(losing)}: is the machine too busy?'
+        values = {
+            'bag': self._directory,
+            'messages written': sum(self._writer.counts),
+            'messages lost': total,
+            'bytes written': os.fstat(self._writer.fileno()).st_size,
+        }
+        self._diagnostics.report(problem if losing else '', values)
+
+    def _heard(self) -> dict[str, tuple[int, int | None]]:
+        """Return messages, and lost ones (None: not known), of each topic that is heard."""
+        read = self._reader
+        heard = {name: (read.count(k), read.lost(k)) for k, name in enumerate(self._names)}
+        return {name: numbers for name, numbers in heard.items() if numbers[0]}
+
+    def _total_lost(self) -> object:
+        lost = [lost for _, lost in self._heard().values()]
+        return 'unknown' if None in lost else sum(filter(None, lost))
+
     def _log_counts(self) -> None:
-        log = self._node.get_logger().info
-        counts = [self._reader.count(k) for k in range(len(self._names))]
-        losses = [self._reader.lost(k) for k in range(len(self._names))]
-        for name, count, lost in zip(self._names, counts, losses, strict=True):
-            if count:
-                log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost')
-        if not any(counts):
+        log, heard = self._node.get_logger().info, self._heard()
+        for name, (count, lost) in heard.items():
+            log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost')
+        if not heard.keys() - {self._own}:
             self._node.get_logger().warning(
                 'nothing came: is a bridge running in this ROS domain (ROS_DOMAIN_ID)?'
             )
-        numbered = [lost for count, lost in zip(counts, losses, strict=True) if count]
-        total = 'unknown' if None in numbered else sum(filter(None, numbered))
-        log(f'{self._directory}: {sum(counts)} messages, {total} lost')
+        count = sum(count for count, _ in heard.values())
+        log(f'{self._directory}: {count} messages, {self._total_lost()} lost')
 
     def _on_stop(self) -> None:
         self._stopped = True

@@ -27,6 +27,7 @@ def _without_tag(loader: yaml.SafeLoader, _: str, node: yaml.Node) -> object:
         return loader.construct_sequence(node)
     if isinstance(node, yaml.MappingNode):
         return loader.construct_mapping(node)
+    assert isinstance(node, yaml.ScalarNode)
     return loader.construct_scalar(node)
 
 

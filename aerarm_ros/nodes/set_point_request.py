@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -53,8 +54,9 @@ def go_to_posture(node: Node, posture: Sequence[float], tolerance: float, timeou
             raise ArmClientError(f'give {len(names)} angles [rad], of {", ".join(names)}')
         publisher.publish(JointState(name=names, position=list(posture)))
 
-        def distance() -> np.ndarray:
-            return np.abs(np.array(states[0].position) - posture)
+        def distance() -> NDArray[np.float64]:
+            error: NDArray[np.float64] = np.abs(np.array(states[0].position) - posture)
+            return error
 
         if not spin_until(node, lambda: np.all(distance() <= tolerance), timeout):
             far = np.argmax(distance())

@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
+from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.nodes.sole_publisher import SolePublisher
 from aerarm_ros.nodes.state_stream import StateStream
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
@@ -29,6 +29,8 @@ class StateDiagnostics:
         Returns what the node itself finds wrong, '' if nothing.
     values
         Returns what the node itself has to say, by name.
+    arm
+        The arm's name.
 
     Attributes
     ----------
@@ -43,6 +45,7 @@ class StateDiagnostics:
         node: Node,
         warning: Callable[[], str],
         values: Callable[[], Mapping[str, object]],
+        arm: str = '',
     ) -> None:
         self._node = node
         self._warning = warning
@@ -54,10 +57,8 @@ class StateDiagnostics:
         self.rejections = 0
         self.last_rejection = ''
         self._sources = SolePublisher(node, topics.JOINT_STATES)
-        self._publisher = node.create_publisher(
-            DiagnosticArray, topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.qos
-        )
-        node.create_timer(1.0, self.publish)
+        self._output = DiagnosticsPublisher(node, arm)
+        node.create_timer(PERIOD, self.publish)
 
     def watch(self, stream: StateStream) -> None:
         """Report on the stream from now on."""
@@ -80,19 +81,7 @@ class StateDiagnostics:
 
     def publish(self) -> None:
         """Publish the status."""
-        message = DiagnosticArray()
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        problem = self._problem()
-        message.status = [
-            DiagnosticStatus(
-                level=DiagnosticStatus.WARN if problem else DiagnosticStatus.OK,
-                name=f'{self._node.get_fully_qualified_name()}: {self._node.get_name()}',
-                message=problem or 'in order',
-                hardware_id='aerarm',
-                values=[KeyValue(key=key, value=str(x)) for key, x in self._all_values().items()],
-            )
-        ]
-        self._publisher.publish(message)
+        self._output.report(self._problem(), self._all_values())
 
     def _problem(self) -> str:
         news = self._sources.news()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -73,7 +74,9 @@ class StateNode:
         self.arm = ControlledArm.from_parameters(self.values)
         self.base = self.arm.base(self.values)
         self.build()
-        self.diagnostics = StateDiagnostics(self.node, self.warning, self.describe)
+        self.diagnostics = StateDiagnostics(
+            self.node, self.warning, self.describe, self.arm.config.name
+        )
         self._stream = StateStream(self.node, self.arm.config.joint_names, self.reject)
         self.diagnostics.watch(self._stream)
         self.connect()
@@ -130,7 +133,7 @@ class StateNode:
     # The loop.
 
     def run(self) -> None:
-        """Answer states until SIGINT, SIGTERM or a shutdown."""
+        """Answer states until SIGINT, SIGTERM, SIGHUP or a shutdown."""
         with StopSignals(self._on_stop), BackgroundExecutor(self.node):
             prepare_thread(self.values, self.node.get_logger())
             while not self._stopping and rclpy.ok():
@@ -153,7 +156,7 @@ class StateNode:
         # After the answer, which need not wait for it.
         for sample in self._stream.imu_samples():
             # Its age is counted from its arrival: a drone's clock need not be ours.
-            self._try(lambda now, sample=sample: self.base.offer(sample, now), time.time_ns())
+            self._try(partial(self.base.offer, sample), time.time_ns())
 
     def _try(self, action: Callable[[float], None], now_ns: int) -> None:
         try:

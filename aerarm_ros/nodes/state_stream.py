@@ -88,7 +88,7 @@ class StateStream:
         try:
             names, sample = decode_joint_state(payload)
             return in_order(names, sample, self._names)
-        except (ValueError, RuntimeError) as error:  # RMWError: no message at all
+        except ValueError as error:
             self._reject(f'joint_states: {error}')
             return None
 

@@ -1,8 +1,9 @@
-"""SIGINT and SIGTERM as a request instead of an exception.
+"""SIGINT, SIGTERM and SIGHUP as a request instead of an exception.
 
 A node that drives motors must finish its cycle and leave the boards safe. With rclpy's own
 handlers the context dies first and publishing fails; with Python's, KeyboardInterrupt comes
-out of the middle of an exchange.
+out of the middle of an exchange; and SIGHUP, which comes when the terminal is closed or ssh
+loses its connection, would end the process on the spot.
 """
 
 from __future__ import annotations
@@ -11,11 +12,15 @@ import signal
 from collections.abc import Callable
 from types import FrameType
 
-_STOP = (signal.SIGINT, signal.SIGTERM)
+# Asked for by a person or a supervisor: the second time they mean it.
+_ASKED = (signal.SIGINT, signal.SIGTERM)
 
 
 class StopSignals:
-    """Context in which the stop signals call a function; the second of them ends the process.
+    """Context in which the stop signals call a function.
+
+    A second SIGINT or SIGTERM ends the process. SIGHUP never does: a closing terminal sends
+    it more than once. Where it is ignored already, as under nohup, it stays so.
 
     Parameters
     ----------
@@ -26,10 +31,13 @@ class StopSignals:
 
     def __init__(self, on_stop: Callable[[], None]) -> None:
         self._on_stop = on_stop
+        self._is_stopping = False
         self._previous: dict[signal.Signals, object] = {}
 
     def __enter__(self) -> StopSignals:
-        self._previous = {number: signal.signal(number, self._handle) for number in _STOP}
+        is_kept = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        numbers = _ASKED if is_kept else (*_ASKED, signal.SIGHUP)
+        self._previous = {number: signal.signal(number, self._handle) for number in numbers}
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -37,6 +45,9 @@ class StopSignals:
             signal.signal(number, handler)  # type: ignore[arg-type]
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        for other in _STOP:
-            signal.signal(other, signal.SIG_DFL)
-        self._on_stop()
+        if number in _ASKED:
+            for other in _ASKED:
+                signal.signal(other, signal.SIG_DFL)
+        if not self._is_stopping:
+            self._is_stopping = True
+            self._on_stop()

@@ -16,9 +16,8 @@ from nav_msgs.msg import Path
 from numpy.typing import NDArray
 
 from aerarm_msgs_py import topics
-from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
@@ -29,15 +28,15 @@ from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 
 NAME = 'tool_path'
 BASE_FRAME = 'base_link'
-# Sent whole each time, so whoever comes later sees all of it.
 
 PARAMETERS = ParameterTable(
     Parameter('frame', 'tool0', 'frame whose path it is'),
-    Parameter('rate', 10.0, 'how often the path is sent', 'Hz', 0.1, 50.0),
+    Parameter(
+        'rate', 10.0, 'how often the tool is looked at; sent when it has moved', 'Hz', 0.1, 50.0
+    ),
     Parameter('length', 500, 'points kept', '', 2, 10000),
     Parameter('distance', 0.002, 'distance after which a new point is added', 'm', 1e-4, 1.0),
-    Parameter('urdf', '', 'URDF of the arm; the packaged one if empty'),
-    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+    *ARM_FILES,
 )
 
 
@@ -59,8 +58,7 @@ class ToolPath:
         self.status = 0
         self._node = rclpy.create_node(NAME)
         values = PARAMETERS.declare(self._node)
-        arm = load_arm_config(values.config or None)
-        robot = load_robot(values.urdf or None, joint_names=arm.joint_names)
+        _, robot = load_arm(values)
         self._kinematics = Kinematics(robot, values.frame)
         self._distance = values.distance
         self._points: deque[NDArray[np.float64]] = deque(maxlen=values.length)

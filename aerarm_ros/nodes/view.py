@@ -18,8 +18,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.robot import load_robot
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.nodes.arm_client import BRIDGES
+from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.emergency_stop import EmergencyStop
 from aerarm_ros.nodes.node_main import run_node
@@ -40,13 +41,12 @@ PARAMETERS = ParameterTable(
     Parameter('host', LOOPBACK[0], 'address to serve the page at; others than this machine '
               'reach it only if it is another one, and may then stop the arm'),
     Parameter('port', 8080, 'first TCP port to try', '', 1, 65535),
-    Parameter('bridges', ['hardware_bridge', 'fake_hardware'],
+    Parameter('bridges', list(BRIDGES),
               'node names of the bridges whose e_stop service the button calls'),
     Parameter('rate', 30.0, 'pictures a second', 'Hz', 1.0, 100.0),
     Parameter('history', 10.0, 'time the plots show', 's', 1.0, 120.0),
     Parameter('tool', 'tool0', 'frame whose path is drawn; the last of the URDF if empty'),
-    Parameter('urdf', '', 'URDF of the arm; the packaged one if empty'),
-    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+    *ARM_FILES,
 )  # fmt: skip
 
 
@@ -72,12 +72,7 @@ class View:
         self.status = 0
         self._node = rclpy.create_node(NAME)
         self._values = values = PARAMETERS.declare(self._node)
-        arm = load_arm_config(values.config or None)
-        robot = load_robot(
-            values.urdf or None,
-            gravity_in_base=arm.gravity_in_base,
-            joint_names=arm.joint_names,
-        )
+        _, robot = load_arm(values)
         self._names = list(robot.joint_names)
         self._mode = ''
         self._diagnostics = ViewDiagnostics()
@@ -107,7 +102,7 @@ class View:
         self._states.destroy()
         self._node.destroy_node()
 
-    def _serve(self, robot: object) -> None:
+    def _serve(self, robot: Robot) -> None:
         try:
             import viser
 

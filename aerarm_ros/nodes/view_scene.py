@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 _GRID_SIZE = 2.0  # [m]
 _TRAIL_COLOR = (30, 120, 230)
 _TRAIL_STEP = 2e-3  # [m] the tool's path gets a new point after this distance
+_TRAIL_WIDTH = 2.0  # pixels
 _TRAIL_POINTS = 400
 
 
@@ -55,7 +56,11 @@ class ViewScene:
             self._add(shape)
         self._path: deque[Array] = deque(maxlen=_TRAIL_POINTS)
         self._trail = self._scene.add_line_segments(
-            '/tool_path', np.zeros((1, 2, 3)), _TRAIL_COLOR, line_width=2.0
+            '/tool_path',
+            np.zeros((1, 2, 3)),
+            _TRAIL_COLOR,
+            thickness=_TRAIL_WIDTH,
+            thickness_units='screen',
         )
         self.update(np.clip(np.zeros(robot.n), robot.position_min, robot.position_max))
         self._path.clear()  # nobody has seen the arm there

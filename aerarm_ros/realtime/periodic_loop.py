@@ -88,10 +88,3 @@ class PeriodicLoop:
             self.missed += behind
             index += 1 + behind
             deadline += (1 + behind) * period_ns
-
-    def reset_statistics(self) -> None:
-        """Forget counts and statistics, as after a warm-up."""
-        self.cycles = 0
-        self.missed = 0
-        for statistics in (self.lateness, self.execution, self.interval):
-            statistics.reset()

@@ -37,22 +37,16 @@ class TimingStatistics:
             raise ValueError(f'1 ns <= resolution < span is needed, not {resolution}, {span} [s]')
         self._width = round(resolution * _NANOSECONDS)
         self._last = math.ceil(span / resolution)
-        self._zeros = array('Q', repeat(0, self._last + 1))
-        self._bins = array('Q', self._zeros)
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget everything."""
+        self._bins = array('Q', repeat(0, self._last + 1))
         self._count = 0
         self._mean = 0.0
         self._squares = 0.0
         self._minimum = 0
         self._maximum = 0
-        self._bins[:] = self._zeros
 
     @property
     def count(self) -> int:
-        """How many durations were added since the last reset."""
+        """How many durations were added."""
         return self._count
 
     def add(self, duration_ns: int) -> None:

@@ -5,6 +5,7 @@ from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py.joint_sample import JointSample
 from aerarm_msgs_py.joint_state_conversion import (
+    decode_as_sent,
     decode_joint_state,
     from_message,
     in_order,
@@ -36,11 +37,16 @@ def test_joints_are_ordered_by_name() -> None:
         in_order(NAMES, SAMPLE, ['a', 'c'])
 
 
-def test_refuses_fields_that_do_not_fit_the_names() -> None:
+def test_fields_that_do_not_fit_the_names_are_refused_or_told_as_sent() -> None:
     message = JointState(name=['a', 'b'], position=[1.0])
+    names, sample = decode_as_sent(serialize_message(message))
+    assert names == NAMES
+    np.testing.assert_array_equal(sample.position, [1.0])
+    assert sample.velocity is None
     with pytest.raises(ValueError, match='2 names with 1 positions'):
         decode_joint_state(serialize_message(message))
     with pytest.raises(ValueError, match='2 names with 1 positions'):
         from_message(message)
-    with pytest.raises(ValueError, match='too early'):
-        decode_joint_state(b'\0\1\0\0abc')
+    for decode in (decode_joint_state, decode_as_sent):
+        with pytest.raises(ValueError, match='too early'):
+            decode(b'\0\1\0\0abc')

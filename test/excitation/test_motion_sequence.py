@@ -18,7 +18,6 @@ def test_stages_follow_each_other() -> None:
     motion = MotionSequence([leg('out', A, B, 1.0), leg('on', B, C, 2.0)])
     assert motion.duration == 3.0
     assert [motion.stage_at(t).name for t in (0.0, 0.99, 1.0, 5.0)] == ['out', 'out', 'on', 'on']
-    assert motion.start_of('on') == 1.0
     np.testing.assert_allclose(motion.evaluate(1.0).position, B)
     np.testing.assert_allclose(motion.evaluate(9.0).position, C)
 

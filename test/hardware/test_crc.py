@@ -1,8 +1,9 @@
 import numpy as np
+from crc_table import crc32_mpeg2_rows
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aerarm_ros.hardware.crc import crc32_mpeg2, crc32_mpeg2_rows
+from aerarm_ros.hardware.crc import crc32_mpeg2
 
 
 def test_published_check_value():

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from crc_table import crc32_mpeg2_rows
 
 from aerarm_ros.hardware.board_state import BoardState
-from aerarm_ros.hardware.crc import crc32_mpeg2_rows
 from aerarm_ros.hardware.frame_codec import FrameCodec
 from aerarm_ros.hardware.frame_profile import load_profile
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from aerarm_ros.control.friction_compensation import FrictionCompensation
 from aerarm_ros.identification.joint_term import COUPLED, ROTOR, THESIS_TERMS, JointTerm, TermKind
-from aerarm_ros.model.friction import smooth_viscous_coulomb, viscous_coulomb
+from aerarm_ros.model.friction import viscous_coulomb
 
 DQ = np.linspace(-1.0, 1.0, 41)
 DDQ = np.cos(DQ)
@@ -15,9 +16,10 @@ def test_thesis_terms_are_friction_2_6() -> None:
     assert np.allclose(0.2 * viscous + 0.3 * coulomb, viscous_coulomb(DQ, 0.2, 0.3))
 
 
-def test_a_width_makes_the_step_smooth() -> None:
+def test_a_width_makes_the_step_smooth_as_the_compensation_does() -> None:
     smooth = JointTerm(TermKind.COULOMB, 0.05).basis(DQ, DDQ, None)
-    assert np.allclose(0.3 * smooth, smooth_viscous_coulomb(DQ, 0.0, 0.3, 0.05))
+    compensation = FrictionCompensation([0.0], [0.3], width=0.05)
+    assert np.allclose(0.3 * smooth, compensation.torque(DQ))
 
 
 def test_load_scales_dry_friction_and_is_required() -> None:

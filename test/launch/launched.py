@@ -1,49 +1,119 @@
-"""What the tests by launch_testing share; importing it skips them where that is not installed."""
+"""What the tests by ROS's launch share; where that is missing, they skip and say why."""
 
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import signal
+import subprocess
 import time
 import unittest
+from collections.abc import Callable, Mapping, Sequence
+from importlib.util import find_spec
 
 import pytest
+import rclpy
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
-WHERE = 'it comes with ROS 2 from apt, not from PyPI: process tests cover the nodes here'
-pytest.importorskip('launch_testing', reason=f'launch_testing is not installed: {WHERE}')
-pytest.importorskip('launch_ros', reason=f'launch_ros is not installed: {WHERE}')
-
-import rclpy  # noqa: E402
-from ament_index_python.packages import PackageNotFoundError, get_package_prefix  # noqa: E402
-from launch.actions import IncludeLaunchDescription  # noqa: E402
-from launch.substitutions import PathJoinSubstitution  # noqa: E402
-from launch_ros.substitutions import FindPackageShare  # noqa: E402
-from launch_testing.asserts import EXIT_OK, assertExitCodes  # noqa: E402
-
-from aerarm_msgs_py.topic import Topic  # noqa: E402
-
-try:
-    get_package_prefix('aerarm_ros')
-except PackageNotFoundError:
-    pytest.skip(
-        'aerarm_ros is not in the ament index: colcon build, source install/setup.bash',
-        allow_module_level=True,
-    )
+from aerarm_msgs_py.topic import Topic
+from aerarm_ros.nodes.node_process import ros_environment
 
 NAMESPACE = '/launched'
 PATIENCE = 60.0  # [s]
 
 
-def bringup(**arguments: str) -> IncludeLaunchDescription:
-    """Return the bring-up on fake hardware, enabled, in a namespace of the tests."""
-    path = PathJoinSubstitution([FindPackageShare('aerarm_ros'), 'launch', 'bringup.launch.py'])
-    arguments = {'enable': 'true', 'namespace': NAMESPACE, **arguments}
-    return IncludeLaunchDescription(path, launch_arguments=arguments.items())
+def is_in_the_index(package: str) -> bool:
+    """Tell whether ROS's launch finds a package."""
+    try:
+        get_package_prefix(package)
+    except (PackageNotFoundError, OSError):  # OSError: no environment is sourced
+        return False
+    return True
 
 
-class ListeningTestCase(unittest.TestCase):
-    """Has a node, and keeps the last message of every topic that it listens to."""
+def _what_is_missing() -> str:
+    for name in ('launch_testing', 'launch_ros'):
+        if find_spec(name) is None:
+            return (
+                f'{name} is not installed: it comes with ROS 2 from apt, not from PyPI; process '
+                'tests cover the nodes here'
+            )
+    if not is_in_the_index('aerarm_ros'):
+        return 'aerarm_ros is not in the ament index: colcon build, source install/setup.bash'
+    return ''
+
+
+MISSING = _what_is_missing()
+NO_COMMAND = MISSING or (
+    '' if shutil.which('ros2') else 'there is no command ros2: source a ROS 2 environment'
+)
+needs_ros2_launch = pytest.mark.skipif(bool(NO_COMMAND), reason=NO_COMMAND)
+
+if not MISSING:
+    # Tests by launch_testing get no fixtures; the domain is left to whoever asks for one.
+    domain = str(random.randint(1, 101))
+    os.environ.update(
+        ros_environment({'ROS_DOMAIN_ID': domain, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
+    )
+
+
+def launch_test(name: str, values: Sequence[str]) -> Callable:
+    """Mark generate_test_description, which takes an argument of this name."""
+    if MISSING:
+        return lambda function: function
+    import launch_testing
+
+    parametrize = launch_testing.parametrize(name, values)
+    return lambda function: pytest.mark.launch_test(parametrize(function))
+
+
+def after_shutdown(case: type) -> type:
+    """Mark a test case to run after all processes have ended."""
+    if MISSING:
+        return case
+    import launch_testing
+
+    return launch_testing.post_shutdown_test()(case)
+
+
+def description(file: str, arguments: Mapping[str, str], *actions: object, **context: object):
+    """Return a launch file of this package, enabled in a namespace of the tests, for a test."""
+    from launch import LaunchDescription
+    from launch.actions import IncludeLaunchDescription
+    from launch.substitutions import PathJoinSubstitution
+    from launch_ros.substitutions import FindPackageShare
+    from launch_testing.actions import ReadyToTest
+
+    path = PathJoinSubstitution([FindPackageShare('aerarm_ros'), 'launch', f'{file}.launch.py'])
+    given = {'enable': 'true', 'namespace': NAMESPACE, **arguments}
+    include = IncludeLaunchDescription(path, launch_arguments=given.items())
+    return LaunchDescription([include, *actions, ReadyToTest()]), context
+
+
+@unittest.skipIf(MISSING, MISSING)
+class LaunchedTestCase(unittest.TestCase):
+    """Test case of processes that launch has started."""
+
+    def assert_clean_end(self, proc_info, allowable: Sequence[int] = (0,)) -> None:
+        """Assert the exit codes of this package's processes; others' nodes are not ours."""
+        from launch_testing.asserts import assertExitCodes
+
+        nodes = [info for info in proc_info if '/lib/aerarm_ros/' in info.cmd[0]]
+        # arm may be interrupted in what it waits for.
+        ours = [info for info in nodes if not info.cmd[0].endswith('/arm')]
+        self.assertTrue(ours)
+        for info in ours:
+            assertExitCodes(proc_info, allowable, process=info.action)
+
+
+class ListeningTestCase(LaunchedTestCase):
+    """Has a node, and keeps the messages of every topic that it listens to."""
 
     def setUp(self):
         rclpy.init(args=[])
         self.node = rclpy.create_node('test', namespace=NAMESPACE)
-        self.received = {}
+        self.received: dict[str, list] = {}
 
     def tearDown(self):
         self.node.destroy_node()
@@ -51,26 +121,39 @@ class ListeningTestCase(unittest.TestCase):
 
     def listen(self, *topics: Topic):
         for topic in topics:
-            self.node.create_subscription(topic.type, topic.name, self._keep(topic.name), topic.qos)
+            messages = self.received.setdefault(topic.name, [])
+            self.node.create_subscription(topic.type, topic.name, messages.append, topic.qos)
+
+    def newest(self, topic: Topic):
+        """Return the last message of a topic that is listened to, None if there is none."""
+        messages = self.received[topic.name]
+        return messages[-1] if messages else None
+
+    def until_heard(self, *topics: Topic):
+        """Listen until there is a message on every topic."""
+        self.listen(*topics)
+        self.until(lambda: all(self.received[topic.name] for topic in topics))
 
     def until(self, condition):
         deadline = time.monotonic() + PATIENCE
         while not condition():
-            self.assertLess(time.monotonic(), deadline, f'only {sorted(self.received)}')
+            heard = sorted(name for name, messages in self.received.items() if messages)
+            self.assertLess(time.monotonic(), deadline, f'heard only {heard}')
             rclpy.spin_once(self.node, timeout_sec=0.1)
 
-    def _keep(self, name):
-        def keep(message):
-            self.received[name] = message
 
-        return keep
-
-
-def assert_clean_end(case, proc_info, allowable=(EXIT_OK,)):
-    """Assert the exit codes of this package's processes; others' nodes are not ours to judge."""
-    nodes = [info for info in proc_info if '/lib/aerarm_ros/' in info.cmd[0]]
-    # arm may be interrupted in what it waits for.
-    ours = [info for info in nodes if not info.cmd[0].endswith('/arm')]
-    case.assertTrue(ours)
-    for info in ours:
-        assertExitCodes(proc_info, allowable, process=info.action)
+def ros2_launch(file: str, *arguments: str, timeout: float = 200.0) -> tuple[int, str]:
+    """Run a launch file that ends by itself; return its exit status and what it said."""
+    process = subprocess.Popen(
+        ['ros2', 'launch', 'aerarm_ros', f'{file}.launch.py', *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        output, _ = process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGINT)  # it takes its processes with it
+        output, _ = process.communicate()
+        pytest.fail(f'{file} has not ended in {timeout:.0f} s:\n{output[-3000:]}')
+    return process.returncode, output

@@ -1,17 +1,8 @@
 """bringup.launch.py with every controller, by launch_testing."""
 
-import unittest
-
-import pytest
-from launched import ListeningTestCase, assert_clean_end, bringup
-
-# isort: split
-import launch_testing
-from launch import LaunchDescription
-from launch_testing.actions import ReadyToTest
+from launched import LaunchedTestCase, ListeningTestCase, after_shutdown, description, launch_test
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.topics import ROBOT_DESCRIPTION
 
 CONTROLLERS = [
     'none',
@@ -22,31 +13,25 @@ CONTROLLERS = [
 ]
 
 
-@pytest.mark.launch_test
-@launch_testing.parametrize('controller', CONTROLLERS)
+@launch_test('controller', CONTROLLERS)
 def generate_test_description(controller):
-    return LaunchDescription([bringup(controller=controller), ReadyToTest()]), {
-        'controller': controller
-    }
+    return description('bringup', {'controller': controller}, controller=controller)
 
 
 class TestBringup(ListeningTestCase):
     def test_the_arm_is_up(self, controller):
-        self.listen(topics.JOINT_STATES, topics.ARM_MODE, topics.DIAGNOSTICS)
+        self.until_heard(topics.JOINT_STATES, topics.ARM_MODE, topics.DIAGNOSTICS)
         wanted = 'ready' if controller == 'none' else 'running'
-        mode = topics.ARM_MODE.name
-        self.until(lambda: mode in self.received and self.received[mode].data == wanted)
-        self.until(lambda: len(self.received) == 3)
-        names = list(self.received[topics.JOINT_STATES.name].name)
+        self.until(lambda: self.newest(topics.ARM_MODE).data == wanted)
+        names = list(self.newest(topics.JOINT_STATES).name)
         self.assertEqual(names, ['joint1', 'joint2', 'joint3', 'joint4'])
 
     def test_the_urdf_is_latched(self):
-        self.listen(ROBOT_DESCRIPTION)
-        self.until(lambda: ROBOT_DESCRIPTION.name in self.received)
-        self.assertIn('<robot', self.received[ROBOT_DESCRIPTION.name].data)
+        self.until_heard(topics.ROBOT_DESCRIPTION)
+        self.assertIn('<robot', self.newest(topics.ROBOT_DESCRIPTION).data)
 
 
-@launch_testing.post_shutdown_test()
-class TestShutdown(unittest.TestCase):
+@after_shutdown
+class TestShutdown(LaunchedTestCase):
     def test_everything_ends_cleanly(self, proc_info):
-        assert_clean_end(self, proc_info)
+        self.assert_clean_end(proc_info)

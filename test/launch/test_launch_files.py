@@ -12,6 +12,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
+PARTS = ROOT / 'aerarm_ros' / 'launch_parts.py'
 DRIVE_IT = ROOT / 'docs' / 'how-to' / 'drive_it.md'
 PARAMETER_FILES = sorted((ROOT / 'config').glob('parameters_*.yaml'))
 
@@ -51,7 +52,7 @@ def started(path: Path) -> set[str]:
         for call in calls(path, 'Node', 'ExecutableInPackage')
         if literal(keywords(call).get('package')) == 'aerarm_ros'
     }
-    names |= {literal(call.args[0]) for call in calls(path, '_node')}
+    names |= {literal(call.args[0]) for call in calls(path, 'node')}
     for node in ast.parse(path.read_text()).body:
         if isinstance(node, ast.Assign) and getattr(node.targets[0], 'id', '') == 'CONTROLLERS':
             names |= set(ast.literal_eval(node.value))
@@ -59,7 +60,26 @@ def started(path: Path) -> set[str]:
 
 
 def declared(path: Path) -> set[str]:
-    return {str(literal(call.args[0])) for call in calls(path, 'DeclareLaunchArgument')}
+    names = {literal(call.args[0]) for call in calls(path, 'DeclareLaunchArgument')}
+    names |= {literal(call.args[0]) for call in calls(path, 'switch_argument')}
+    return {name for name in names if isinstance(name, str)}
+
+
+def given(call: ast.Call) -> set[str]:
+    """Return the parameters that a call of `node` sets by itself."""
+    if len(call.args) < 2:
+        return set()
+    names = {
+        literal(key)
+        for part in ast.walk(call.args[1])
+        if isinstance(part, ast.Dict)
+        for key in part.keys
+        if key
+    }
+    for part in ast.walk(call.args[1]):
+        if isinstance(part, ast.Call) and getattr(part.func, 'id', '') == 'arguments_as_parameters':
+            names |= {literal(argument) for argument in part.args}
+    return {str(name) for name in names}
 
 
 def used(path: Path) -> set[str]:
@@ -70,15 +90,27 @@ def used(path: Path) -> set[str]:
     }
 
 
-@pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
+@pytest.mark.parametrize('path', [*LAUNCH_FILES, PARTS], ids=lambda path: path.name)
 def test_every_executable_is_installed(path: Path, reference: ModuleType) -> None:
     assert started(path) <= set(reference.executables())
 
 
 @pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
 def test_every_configuration_is_declared(path: Path) -> None:
-    arguments = declared(path) | declared(ROOT / 'launch' / 'bringup.launch.py')
+    arguments = declared(path) | declared(ROOT / 'launch' / 'bringup.launch.py') | declared(PARTS)
     assert used(path) <= arguments
+
+
+def test_shared_arguments_are_described() -> None:
+    assert {'controller', 'base_motion', 'enable', 'excitation_config'} <= declared(PARTS)
+    for name in declared(PARTS):
+        assert f'`{name}`' in DRIVE_IT.read_text()
+
+
+@pytest.mark.parametrize('path', [*LAUNCH_FILES, PARTS], ids=lambda path: path.name)
+def test_every_argument_says_what_it_is(path: Path) -> None:
+    for call in calls(path, 'DeclareLaunchArgument'):
+        assert 'description' in keywords(call), ast.unparse(call)
 
 
 @pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
@@ -88,10 +120,11 @@ def test_it_is_documented_and_takes_the_arguments_of_bringup(path: Path) -> None
     assert f'ros2 launch aerarm_ros {path.name}' in text
     assert f'`{path.name}`' in DRIVE_IT.read_text()
     if path.name == 'bringup.launch.py':
-        wanted = {'hardware', 'controller', 'namespace', 'params_file', 'rviz', 'view', 'enable'}
+        wanted = {'hardware', 'namespace', 'params_file', 'urdf', 'plant_urdf', 'rviz', 'view'}
         assert wanted <= declared(path)
     elif path.name != 'experiment.launch.py':  # which needs no bridge
         assert 'bringup.launch.py' in text
+        assert calls(path, 'bringup')
 
 
 @pytest.mark.parametrize('path', PARAMETER_FILES, ids=lambda path: path.name)
@@ -109,10 +142,25 @@ def test_parameter_files_hold_what_the_nodes_have(
 
 
 @pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
-def test_parameters_set_in_launch_files_exist(
+def test_nodes_get_the_files_of_the_arm_and_only_parameters_that_they_have(
     path: Path, reference: ModuleType, ros_domain: dict[str, str]
 ) -> None:
-    for call in calls(path, '_node'):
-        table = {p.name for p in reference.parameters_of(str(literal(call.args[0])))}
-        assert isinstance(call.args[1], ast.Dict)
-        assert {str(literal(key)) for key in call.args[1].keys if key} <= table
+    for call in calls(path, 'node'):
+        executable = literal(call.args[0])
+        if executable is None:  # bringup's bridge and controller, known when it is launched
+            continue
+        table = {parameter.name for parameter in reference.parameters_of(str(executable))}
+        assert given(call) <= table
+        assert given(call) >= table & {'config', 'urdf', 'excitation_config', 'base_motion'}
+
+
+def test_only_launch_files_need_ros_launch() -> None:
+    importers = {
+        path
+        for folder in ('aerarm_ros', 'aerarm_msgs_py', 'launch')
+        for path in (ROOT / folder).rglob('*.py')
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom)
+        and str(node.module).split('.')[-1] in ('launch', 'launch_parts')
+    }
+    assert importers == {*LAUNCH_FILES, PARTS}

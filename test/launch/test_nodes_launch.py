@@ -1,18 +1,17 @@
 """Every node that needs no controller, beside the arm on fake hardware, by launch_testing."""
 
 import tempfile
-import unittest
+from importlib.util import find_spec
 from pathlib import Path
 
-import pytest
-from launched import NAMESPACE, ListeningTestCase, assert_clean_end, bringup
-
-# isort: split
-import launch_testing
-from launch import LaunchDescription
-from launch_ros.actions import Node
-from launch_testing.actions import ReadyToTest
-from launch_testing.asserts import EXIT_OK
+from launched import (
+    NAMESPACE,
+    LaunchedTestCase,
+    ListeningTestCase,
+    after_shutdown,
+    description,
+    launch_test,
+)
 
 from aerarm_msgs_py import topics
 
@@ -25,12 +24,15 @@ NODES = {
     'recorder': ({}, topics.RECORDER_STATUS),
     'tool_path': ({}, topics.TOOL_PATH),
     'view': ({'port': 8123}, None),
+    # Without px4_msgs it says so and ends, as test_px4_imu.py has it.
+    **({'px4_imu': ({}, None)} if find_spec('px4_msgs') else {}),
 }
 
 
-@pytest.mark.launch_test
-@launch_testing.parametrize('executable', list(NODES))
+@launch_test('executable', list(NODES))
 def generate_test_description(executable):
+    from launch_ros.actions import Node
+
     parameters, _ = NODES[executable]
     if executable == 'recorder':
         parameters = {'bag': str(Path(tempfile.mkdtemp()) / 'bag')}
@@ -41,21 +43,18 @@ def generate_test_description(executable):
         parameters=[parameters],
         output='screen',
     )
-    context = {'executable': executable, 'started': node}
-    return LaunchDescription([bringup(enable='false'), node, ReadyToTest()]), context
+    return description('bringup', {'enable': 'false'}, node, executable=executable, started=node)
 
 
 class TestNode(ListeningTestCase):
     def test_it_is_found_and_heard(self, executable, started, proc_info):
         self.until(lambda: executable in self.node.get_node_names())
-        wanted = [topics.JOINT_STATES, *filter(None, [NODES[executable][1]])]
-        self.listen(*wanted)
-        self.until(lambda: len(self.received) == len(wanted))
+        self.until_heard(topics.JOINT_STATES, *filter(None, [NODES[executable][1]]))
         self.assertNotIn(started, proc_info)  # it has not ended
 
 
-@launch_testing.post_shutdown_test()
-class TestShutdown(unittest.TestCase):
+@after_shutdown
+class TestShutdown(LaunchedTestCase):
     def test_everything_ends_cleanly(self, proc_info):
         # 130 is what says that a motion was not played.
-        assert_clean_end(self, proc_info, (EXIT_OK, 130))
+        self.assert_clean_end(proc_info, (0, 130))

@@ -166,14 +166,6 @@ def test_mujoco_computes_the_same_torques(
         assert np.allclose(dynamics.inverse(q, dq, ddq), data.qfrc_inverse, atol=1e-10)
 
 
-def test_gravity_can_change_while_running(arm: Robot) -> None:
-    q = np.array([0.1, 0.4, 0.2, -0.3])
-    dynamics, upright = Dynamics(arm), Dynamics(arm)
-    dynamics.set_gravity([0.0, 0.0, 9.81])
-    assert np.allclose(dynamics.gravity(q), -upright.gravity(q))
-    assert np.allclose(arm.gravity_in_base, [0.0, 0.0, -9.81])
-
-
 def test_results_are_not_overwritten_by_the_next_call(arm: Robot) -> None:
     dynamics = Dynamics(arm)
     zero, q = np.zeros(4), np.array([0.1, 0.4, 0.2, -0.3])

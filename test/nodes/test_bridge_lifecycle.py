@@ -6,6 +6,8 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
 
+from aerarm_ros.nodes.spinning import spin_until
+
 
 class Lifecycle:
     """What a launch file or `ros2 lifecycle` asks of a node."""
@@ -115,3 +117,16 @@ def test_invalid_transitions_are_refused_and_change_nothing(
     assert lifecycle.state == State.PRIMARY_STATE_ACTIVE
     client = BridgeClient(ros_node)
     client.wait_for_mode('idle')  # the cycle has not noticed
+
+
+def test_the_second_configuration_leaves_one_drone(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    start_bridge(autostart=False, base_motion_profile='moving')
+    lifecycle = Lifecycle(ros_node)
+    for _ in range(2):
+        assert lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
+        assert spin_until(ros_node, lambda: ros_node.count_publishers('imu') > 0, 20.0)
+        assert ros_node.count_publishers('imu') == 1
+        assert lifecycle.trigger(Transition.TRANSITION_CLEANUP)
+        assert spin_until(ros_node, lambda: ros_node.count_publishers('imu') == 0, 20.0)

@@ -1,17 +1,26 @@
 """The bridge on emulated boards as a process of its own, driven over real DDS."""
 
 import math
+import os
 import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from bridge_client import JOINTS, BridgeClient, velocity_command
+from bridge_client import JOINTS, BridgeClient, StartBridge, velocity_command
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
-from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_msgs_py import topics
+from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
+from aerarm_ros.nodes.spinning import spin_until
 
 
 def test_publishes_states_of_all_joints_and_motors(client: BridgeClient) -> None:
@@ -119,7 +128,7 @@ def test_e_stop_latches_until_cleared(client: BridgeClient) -> None:
     client.wait_for(lambda: client.modes[-1] in ('ready', 'idle'))
 
 
-@pytest.mark.parametrize('sent', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('sent', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_ends_cleanly_on_signals(
     client: BridgeClient, bridge: NodeProcess, sent: signal.Signals
 ) -> None:
@@ -127,6 +136,54 @@ def test_ends_cleanly_on_signals(
     assert bridge.stop(sent) == 0
     assert 'cycles' in bridge.tail()
     assert 'Traceback' not in bridge.tail(100)
+
+
+def test_a_closed_terminal_switches_the_motors_off(ros_node: Node) -> None:
+    master, slave = os.openpty()
+    # The terminal is the process's own, as a shell's: closing it sends SIGHUP, and what is
+    # written from then on fails.
+    command = ['setsid', '--ctty', sys.executable, '-m', 'aerarm_ros.nodes.fake_hardware']
+    with subprocess.Popen(
+        command, env=ros_environment(), stdin=slave, stdout=slave, stderr=slave
+    ) as bridge:
+        try:
+            os.close(slave)
+            client = BridgeClient(ros_node)
+            client.make_ready()
+            os.close(master)
+            client.wait_for_mode('inactive')  # the boards have been told
+            assert bridge.wait(20.0) >= 0  # it ended by itself, not by the signal
+        finally:
+            bridge.kill()
+
+
+def test_two_arms_can_be_told_apart(ros_node: Node, tmp_path: Path) -> None:
+    found: dict[str, str] = {}
+
+    def store(message: DiagnosticArray) -> None:
+        found.update({status.name: status.hardware_id for status in message.status})
+
+    topic = topics.DIAGNOSTICS
+    ros_node.create_subscription(topic.type, topic.name, store, topic.qos)
+    namespace = ('--ros-args', '-r', '__ns:=/left', '--')
+    names = {'/left/fake_hardware: timing', '/left/base_reaction: base_reaction'}
+    with ExitStack() as stack:
+        for name in ('fake_hardware', 'base_reaction'):
+            stack.enter_context(NodeProcess(name, namespace, log=tmp_path / name))
+        assert spin_until(ros_node, lambda: found.keys() >= names, 30.0), found
+    assert {found[name] for name in names} == {'left/aerarm'}
+
+
+def test_everything_is_stamped_by_the_system_clock(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    process = start_bridge(use_sim_time=True)
+    client = BridgeClient(ros_node)
+    client.wait_for(lambda: client.diagnosed > 0.0 and bool(client.states))
+    now = time.time()
+    stamp = client.states[-1].header.stamp
+    assert [stamp.sec, client.diagnosed] == pytest.approx([now, now], abs=20.0)
+    assert process.tail(50).count('use_sim_time is ignored') == 1
 
 
 def test_true_parameters_are_written_for_the_report(client: BridgeClient, tmp_path: Path) -> None:

@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import pytest
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -78,6 +81,16 @@ PARAMETERS = ParameterTable(Parameter('periods', 2, 'how often'))
 def test_help_starts_nothing(capsys) -> None:
     assert run_node('script', pytest.fail, ['--help'], PARAMETERS, 'Does it.') == 0
     assert 'Does it.' in capsys.readouterr().out
+
+
+def test_help_may_be_cut_off(ros_domain) -> None:
+    command = [sys.executable, '-m', 'aerarm_ros.nodes.fake_hardware', '--help']
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as node:
+        node.stdout.close()  # as head does, only sooner
+        assert node.stderr.read() == ''
+        assert node.wait(60.0) == 0
 
 
 @pytest.mark.parametrize(

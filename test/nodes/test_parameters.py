@@ -1,6 +1,7 @@
 """Parameter tables on real nodes: command-line overrides, and sets while running."""
 
 import math
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -126,3 +127,13 @@ def test_a_table_that_contradicts_itself_is_refused() -> None:
         ParameterTable(one, one)
     with pytest.raises(ValueError, match='default is not allowed: parameter gain'):
         ParameterTable(Parameter('gain', 3.0, 'gain', maximum=2.0))
+
+
+def test_a_node_stays_on_the_system_clock(declare, capfd) -> None:
+    node, _ = declare('use_sim_time:=true')
+    assert 'use_sim_time is ignored' in capfd.readouterr().err
+    assert node.get_parameter('use_sim_time').value is False
+    assert node.get_clock().now().nanoseconds * 1e-9 == pytest.approx(time.time(), abs=10.0)
+    assert 'use_sim_time is ignored' in set_parameter(node, 'use_sim_time', True)
+    assert node.get_clock().now().nanoseconds * 1e-9 == pytest.approx(time.time(), abs=10.0)
+    assert set_parameter(node, 'use_sim_time', False) == ''

@@ -4,14 +4,18 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import rclpy
+import yaml
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.topics import TOOL_PATH
+from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_ros.nodes.spinning import spin_until
 
 STEP = 0.02
 
@@ -33,6 +37,11 @@ def test_follows_the_tool(ros_node: Node, tmp_path: FilePath) -> None:
                 q[1] += STEP * 0.1
                 states.publish(codec.pack(ros_node.get_clock().now().nanoseconds, q))
             rclpy.spin_once(ros_node, timeout_sec=0.01)
+        # Who comes when the arm rests sees the path as well.
+        late = []
+        ros_node.create_subscription(TOOL_PATH.type, TOOL_PATH.name, late.append, TOOL_PATH.qos)
+        assert spin_until(ros_node, lambda: late, 20.0)
+        assert len(late[-1].poses) >= 10
     path = paths[-1]
     assert path.header.frame_id == 'base_link'
     points = np.array(
@@ -42,3 +51,15 @@ def test_follows_the_tool(ros_node: Node, tmp_path: FilePath) -> None:
     reach = np.linalg.norm(Kinematics(robot, 'tool0').position(q) - [0.0, 0.0, 0.167])
     np.testing.assert_allclose(np.linalg.norm(points - [0.0, 0.0, 0.167], axis=1), reach, atol=1e-9)
     assert np.all(np.diff(points[:, 2]) > 0.0)
+
+
+def test_rviz_asks_for_the_path_that_was_sent_before_it_came() -> None:
+    displays = yaml.safe_load(resource('rviz', 'aerarm.rviz').read_text())
+    (path,) = [
+        display['Topic']
+        for display in displays['Visualization Manager']['Displays']
+        if display['Class'] == 'rviz_default_plugins/Path'
+    ]
+    assert path['Value'] == TOOL_PATH.name
+    assert TOOL_PATH.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert path['Durability Policy'] == 'Transient Local'

@@ -11,6 +11,7 @@ import subprocess
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,9 @@ import pytest
 
 from aerarm_ros.nodes.node_process import NodeProcess
 
-pytest.importorskip('viser', reason="viser is not installed: pip install 'aerarm_ros[view]'")
-from PIL import Image  # noqa: E402  (comes with viser)
-from websockets.sync.client import connect  # noqa: E402
-
+pytestmark = pytest.mark.skipif(
+    find_spec('viser') is None, reason="viser is not installed: pip install 'aerarm_ros[view]'"
+)
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
 FLAGS = [
     '--headless',
@@ -47,6 +47,8 @@ class HeadlessBrowser:
     """One page in Chromium, driven over its DevTools protocol."""
 
     def __init__(self, address: str, profile: Path) -> None:
+        from websockets.sync.client import connect  # comes with viser
+
         assert CHROMIUM
         command = [CHROMIUM, *FLAGS, f'--user-data-dir={profile}', address]
         self._process = subprocess.Popen(
@@ -80,6 +82,8 @@ class HeadlessBrowser:
         self.evaluate(f'{found}.click()')
 
     def picture(self) -> np.ndarray:
+        from PIL import Image  # comes with viser
+
         data = base64.b64decode(self.call('Page.captureScreenshot')['data'])
         return np.asarray(Image.open(io.BytesIO(data)).convert('RGB')).astype(int)
 

@@ -1,0 +1,138 @@
+"""What the launch files have in common.
+
+Only they import this module: nothing else needs ROS's launch, which not every host has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from launch import Action, LaunchContext, SomeSubstitutionsType
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+    RegisterEventHandler,
+)
+from launch.event_handlers import OnProcessExit
+from launch.events import Shutdown
+from launch.events.process import ProcessExited
+from launch.substitutions import (
+    LaunchConfiguration,
+    PathJoinSubstitution,
+    PythonExpression,
+)
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+SHARE = FindPackageShare('aerarm_ros')
+CONTROLLERS = ('gravity_compensation', 'computed_torque', 'impedance_control', 'kinematic_control')
+WAIT_FOR_A_PERSON = 600.0  # [s]
+IMU_REMAPPING = ('imu', LaunchConfiguration('imu_topic'))
+
+
+def switch_argument(
+    name: str, description: str, default: SomeSubstitutionsType = 'false'
+) -> DeclareLaunchArgument:
+    """Return an argument that is true or false."""
+    return DeclareLaunchArgument(
+        name, default_value=default, choices=['true', 'false'], description=description
+    )
+
+
+def enable_argument(default: SomeSubstitutionsType = 'false') -> DeclareLaunchArgument:
+    """Return the argument that enables the motors."""
+    what = 'switch the motors on when the boards are there: THE ARM MOVES'
+    return switch_argument('enable', what, default)
+
+
+def controller_argument(default: str = 'none') -> DeclareLaunchArgument:
+    """Return the argument that chooses the controller."""
+    return DeclareLaunchArgument(
+        'controller',
+        default_value=default,
+        choices=['none', *CONTROLLERS],
+        description='law to run',
+    )
+
+
+def base_motion_argument(default: str = 'none') -> DeclareLaunchArgument:
+    """Return the argument that says what a controller takes from the IMU."""
+    return DeclareLaunchArgument(
+        'base_motion',
+        default_value=default,
+        choices=['none', 'attitude', 'full'],
+        description='what a controller uses of the IMU',
+    )
+
+
+# Of the launch files that move the arm by themselves. Only emulated motors are switched on
+# unasked; and two nodes that command would fight, so there is no controller to choose.
+MOTION_ARGUMENTS = (
+    enable_argument(
+        PythonExpression(
+            [
+                "'true' if '",
+                LaunchConfiguration('hardware', default='fake'),
+                "' == 'fake' else 'false'",
+            ]
+        )
+    ),
+    DeclareLaunchArgument(
+        'controller',
+        default_value='none',
+        choices=['none'],
+        description='none: the arm is moved by what is started here',
+    ),
+    DeclareLaunchArgument(
+        'excitation_config',
+        default_value=PathJoinSubstitution([SHARE, 'config', 'excitation.yaml']),
+        description='surroundings of the arm and usable shares of its limits',
+    ),
+)
+
+
+def bringup() -> IncludeLaunchDescription:
+    """Return bringup.launch.py, with the arguments that are set where it is included."""
+    return IncludeLaunchDescription(PathJoinSubstitution([SHARE, 'launch', 'bringup.launch.py']))
+
+
+def node(
+    executable: SomeSubstitutionsType, parameters: Mapping[str, Any] | None = None, **options: Any
+) -> Node:
+    """Return a node of this package with the parameter file's values, then the given ones."""
+    return Node(
+        package='aerarm_ros',
+        executable=executable,
+        parameters=[LaunchConfiguration('params_file'), *([parameters] if parameters else [])],
+        output='screen',
+        **options,
+    )
+
+
+def arguments_as_parameters(*names: str) -> dict[str, LaunchConfiguration]:
+    """Return parameters that have the values of the launch arguments of the same names."""
+    return {name: LaunchConfiguration(name) for name in names}
+
+
+def end(reason: str) -> EmitEvent:
+    """Return the end of everything, with exit status 0."""
+    return EmitEvent(event=Shutdown(reason=reason))
+
+
+def after(process: Action, what: str, if_good: Action) -> RegisterEventHandler:
+    """Let an action follow a process; if that fails, launch ends with exit status 1."""
+
+    def choose(event: ProcessExited, context: LaunchContext) -> Action | None:
+        if event.returncode == 0:
+            return None if context.is_shutdown else if_good
+        return OpaqueFunction(function=_fail, args=[f'{what}: exit status {event.returncode}'])
+
+    return RegisterEventHandler(OnProcessExit(target_action=process, on_exit=choose))
+
+
+def _fail(context: LaunchContext, problem: str) -> None:
+    # An exception is the one thing that changes launch's exit status.
+    raise RuntimeError(problem)

@@ -1,0 +1,62 @@
+"""A node's place on /diagnostics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+
+PERIOD = 1.0
+"""[s]; how often a node reports when nothing is new."""
+
+
+class DiagnosticsPublisher:
+    """Makes statuses in the node's name, and publishes them.
+
+    Parameters
+    ----------
+    node
+        Owner of the publisher.
+    arm
+        Name of the arm that it works for, '' if it knows of none (yet).
+
+    Attributes
+    ----------
+    arm
+        As given; may change.
+    """
+
+    def __init__(self, node: Node, arm: str = '') -> None:
+        self.arm = arm
+        self._node = node
+        self._publisher = node.create_publisher(
+            DiagnosticArray, topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.qos
+        )
+
+    def status(
+        self, part: str, level: bytes, text: str, values: Mapping[str, object]
+    ) -> DiagnosticStatus:
+        """Return a status of a part of the node; its hardware is NAMESPACE/ARM."""
+        namespace = self._node.get_namespace().strip('/')
+        return DiagnosticStatus(
+            level=level,
+            name=f'{self._node.get_fully_qualified_name()}: {part}',
+            message=text,
+            hardware_id='/'.join(filter(None, (namespace, self.arm))),
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+
+    def publish(self, statuses: Sequence[DiagnosticStatus]) -> None:
+        """Publish statuses, stamped now."""
+        message = DiagnosticArray(status=statuses)
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+    def report(self, problem: str, values: Mapping[str, object]) -> None:
+        """Publish one status of the whole node: a warning if there is a problem."""
+        level = DiagnosticStatus.WARN if problem else DiagnosticStatus.OK
+        part = self._node.get_name()
+        self.publish([self.status(part, level, problem or 'in order', values)])

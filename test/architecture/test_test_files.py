@@ -1,0 +1,64 @@
+"""What launch_testing's pytest plugin asks of every test file: it imports all by their path."""
+
+import ast
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+TEST = Path(__file__).resolve().parents[1]
+FILES = sorted(path for path in TEST.rglob('*.py') if path.name != 'conftest.py')
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+
+
+def at_module_level(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield what runs when a module is imported."""
+    for child in ast.iter_child_nodes(node):
+        yield child
+        if isinstance(child, FUNCTIONS):
+            continue
+        yield from at_module_level(child)
+
+
+def module_level_skips(source: str) -> list[int]:
+    """Return the lines of a module that skip it as a whole."""
+    return [
+        node.lineno
+        for node in at_module_level(ast.parse(source))
+        if isinstance(node, (ast.Name, ast.Attribute))
+        and (node.attr if isinstance(node, ast.Attribute) else node.id)
+        in ('importorskip', 'SkipTest', 'Skipped')
+        or isinstance(node, ast.keyword)
+        and node.arg == 'allow_module_level'
+    ]
+
+
+def test_basenames_are_unique() -> None:
+    # It would take one file for the other and stop.
+    counts = Counter(path.name for path in FILES)
+    assert [name for name, count in counts.items() if count > 1] == []
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
+def test_no_file_skips_itself_when_it_is_imported(path: Path) -> None:
+    # It would skip all tests of the session: a mark skips those of the file.
+    assert module_level_skips(path.read_text()) == []
+
+
+@pytest.mark.parametrize(
+    'source',
+    [
+        "pytest.importorskip('viser')",
+        "viser = pytest.importorskip('viser')",
+        "if find_spec('viser') is None:\n    pytest.skip('why', allow_module_level=True)",
+        "try:\n    import viser\nexcept ImportError:\n    raise unittest.SkipTest('why')",
+        "from pytest import importorskip\nimportorskip('viser')",
+    ],
+)
+def test_module_level_skips_are_found(source: str) -> None:
+    assert module_level_skips(source)
+
+
+def test_skips_inside_tests_are_fine() -> None:
+    assert not module_level_skips("def test_it():\n    pytest.importorskip('viser')")

@@ -1,0 +1,89 @@
+"""The launch files that start more than the bring-up, and its page, by launch_testing."""
+
+import socket
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+
+import yaml
+from launched import (
+    NAMESPACE,
+    PATIENCE,
+    LaunchedTestCase,
+    ListeningTestCase,
+    after_shutdown,
+    description,
+    launch_test,
+)
+
+from aerarm_msgs_py import topics
+
+# The launch file, the nodes beside the bridge that it brings, and a topic of theirs.
+CASES = {
+    'gravity_compensation': ('gravity_compensation', {'gravity_compensation'}, None),
+    'computed_torque': ('computed_torque', {'computed_torque'}, None),
+    'drone': ('drone', {'gravity_compensation', 'base_reaction'}, topics.BASE_WRENCH),
+    'px4': ('drone', {'gravity_compensation', 'base_reaction'}, topics.BASE_WRENCH),
+    'view': ('bringup', {'view', 'gravity_compensation'}, None),
+}
+HAS_PX4 = find_spec('px4_msgs') is not None
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(('127.0.0.1', 0))
+        return probe.getsockname()[1]
+
+
+def parameter_file(**nodes: dict) -> str:
+    path = Path(tempfile.mkdtemp()) / 'parameters.yaml'
+    content = {f'/**/{name}': {'ros__parameters': values} for name, values in nodes.items()}
+    path.write_text(yaml.safe_dump(content))
+    return str(path)
+
+
+@launch_test('case', list(CASES))
+def generate_test_description(case):
+    arguments, port = {}, free_port()
+    if case == 'drone':
+        file = parameter_file(fake_hardware={'base_motion_profile': 'tilted'})
+        arguments = {'imu_topic': '/drone/imu', 'params_file': file}
+    if case == 'px4':
+        arguments = {'autopilot': 'px4'}
+    if case == 'view':
+        file = parameter_file(view={'port': port})
+        arguments = {'view': 'true', 'controller': 'gravity_compensation', 'params_file': file}
+    return description(CASES[case][0], arguments, case=case, port=port)
+
+
+class TestWrapper(ListeningTestCase):
+    def test_the_arm_runs_with_everything_beside_it(self, case):
+        _, nodes, topic = CASES[case]
+        self.until_heard(topics.ARM_MODE, *filter(None, [topic]))
+        self.until(lambda: self.newest(topics.ARM_MODE).data == 'running')
+        self.until(lambda: nodes <= set(self.node.get_node_names()))
+
+    def test_the_page_is_served(self, case, port):
+        self.until(lambda: case != 'view' or is_served(port))
+
+    def test_who_uses_the_imu(self, case, proc_output):
+        # The controller and base_reaction.
+        if case == 'drone':
+            self.until(lambda: self.node.count_subscribers('/drone/imu') == 2)
+        if case == 'px4':
+            self.until(lambda: self.node.count_subscribers(f'{NAMESPACE}/imu') == 2)
+            if HAS_PX4:
+                self.until(lambda: self.node.count_publishers(f'{NAMESPACE}/imu') == 1)
+            else:
+                proc_output.assertWaitFor('px4_msgs is not installed', timeout=PATIENCE)
+
+
+def is_served(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(('127.0.0.1', port)) == 0
+
+
+@after_shutdown
+class TestShutdown(LaunchedTestCase):
+    def test_everything_ends_cleanly(self, case, proc_info):
+        self.assert_clean_end(proc_info, (0,) if case != 'px4' or HAS_PX4 else (0, 1))
