@@ -27,6 +27,7 @@ from aerarm_ros.identification.sample_columns import SampleColumns  # noqa: E402
 from aerarm_ros.identification.solvers import SOLVERS  # noqa: E402
 from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
 from aerarm_ros.nodes.identifier_bags import IdentifierBags  # noqa: E402
+from aerarm_ros.simulation.plant_parameters import PlantParameters  # noqa: E402
 
 TRAINING = 0.6
 
@@ -77,7 +78,7 @@ def compare(
     robot: Robot,
     config: ArmConfig | None,
     mapping: JointMapping,
-    solvers: tuple[str, ...] = (),
+    solvers: tuple[str, ...] = ('wls', 'entropic'),
 ) -> None:
     """Print a table of our solvers and the peers on one bag."""
     recording = (
@@ -118,7 +119,7 @@ def main() -> int:
 
     with tempfile.TemporaryDirectory() as folder:
         bag, robot, config = Path(folder) / 'bag', load_robot(), load_arm_config()
-        write_bag(bag, robot, config, 20.0)
+        write_bag(bag, robot, PlantParameters.nominal(config, robot), 20.0)
         compare('Simulated arm, 20 s', bag, robot, config, JointMapping({}), SOLVERS)
     if DATASETS is None:
         print('UR10, Panda: left out, set AERARM_DATASETS')
