@@ -28,10 +28,12 @@ from launch_ros.parameter_descriptions import ParameterValue
 from aerarm_ros.launch_parts import (
     IMU_REMAPPING,
     SHARE,
+    after,
     arguments_as_parameters,
     base_motion_argument,
     controller_argument,
     enable_argument,
+    end,
     node,
     switch_argument,
 )
@@ -82,10 +84,13 @@ FRAME_TOPICS = [('/tf', 'tf'), ('/tf_static', 'tf_static')]
 
 def generate_launch_description() -> LaunchDescription:
     """Return what `ros2 launch` starts."""
+    bridge = _bridge()
     nodes = GroupAction(
         [
             PushRosNamespace(LaunchConfiguration('namespace')),
-            _bridge(),
+            bridge,
+            # Without it nothing here can work: who waits for the arm would wait in vain.
+            after(bridge, 'bridge', end('the bridge has ended')),
             _enable(),
             _controller(),
             _view(),
@@ -105,7 +110,11 @@ def _discovery_profile() -> SetEnvironmentVariable:
 
 def _bridge() -> Node:
     executable = IfElseSubstitution(ON_SPI, 'hardware_bridge', 'fake_hardware')
-    return node(executable, {'config': LaunchConfiguration('config'), 'urdf': MOVING_ARM})
+    return node(
+        executable,
+        {'config': LaunchConfiguration('config'), 'urdf': MOVING_ARM},
+        remappings=[IMU_REMAPPING],  # that of an emulated drone
+    )
 
 
 def _enable() -> Node:

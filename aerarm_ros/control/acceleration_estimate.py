@@ -1,4 +1,4 @@
-"""Acceleration from measured velocity."""
+"""Acceleration from measured velocity, or any other rate from a measured vector."""
 
 import numpy as np
 import numpy.typing as npt

@@ -83,7 +83,8 @@ class BaseMotionEstimator:
         self._time_constant = 1.0 / (2.0 * np.pi * positive('cutoff', cutoff))
         self._latency = non_negative_number('latency', latency)
         self._spin = AccelerationEstimate(3, cutoff)
-        self._trend = AccelerationEstimate(6, _TREND_CUTOFF)
+        self._jerk = AccelerationEstimate(3, _TREND_CUTOFF)
+        self._force_slope = AccelerationEstimate(3, _TREND_CUTOFF)
         self._prediction = BaseMotionPrediction(self.configured, np.zeros(3))
         self._stamp = -np.inf
         self._received = -np.inf
@@ -166,25 +167,24 @@ class BaseMotionEstimator:
             gravity = rotation @ (rotation_matrix(sample.attitude).T @ _GRAVITY_IN_WORLD)
         if self.mode == ATTITUDE:
             return BaseMotionPrediction(BaseMotion.still(gravity), rate)
-        spin, jerk, surge = self._derivatives(rate, force, step)
+        spin, jerk = self._angular_acceleration(rate, step)
         # From the IMU to the origin of the base frame: rigid-body acceleration.
         lever = -self._mount.imu_position_in_base
         tangential: Array = np.cross(spin, lever)
         centripetal: Array = np.cross(rate, np.cross(rate, lever))
         motion = BaseMotion(gravity, force + tangential + centripetal, rate, spin)
-        return BaseMotionPrediction(motion, rate, surge, jerk)
+        if step is None:
+            self._force_slope.reset()
+        slope = self._force_slope.update(motion.specific_force, step or 0.0)
+        return BaseMotionPrediction(motion, rate, None if step is None else slope, jerk)
 
-    def _derivatives(
-        self, rate: Array, force: Array, step: float | None
-    ) -> tuple[Array, Array, Array]:
-        """Return angular acceleration, its rate, and the rate of the force in the world."""
+    def _angular_acceleration(self, rate: Array, step: float | None) -> tuple[Array, Array]:
+        """Return angular acceleration and its rate; zeros if there is no sample before."""
         if step is None:
             self._spin.reset()
-            self._trend.reset()
-            return self._spin.update(rate, 0.0), np.zeros(3), np.zeros(3)
+            self._jerk.reset()
+            return self._spin.update(rate, 0.0), np.zeros(3)
         spin = self._spin.update(rate, step)
-        trend = self._trend.update(np.concatenate([spin, force]), step)
-        jerk, slope = trend[:3], trend[3:]
+        jerk = self._jerk.update(spin, step)
         # The derivative is that of a while ago: half a step, and the low-pass.
-        lag = 0.5 * step + self._time_constant
-        return spin + lag * jerk, jerk, slope + np.cross(rate, force)
+        return spin + (0.5 * step + self._time_constant) * jerk, jerk

@@ -14,7 +14,7 @@ from aerarm_ros.hardware.command_intake import CommandIntake
 from aerarm_ros.hardware.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.homing import Homing
-from aerarm_ros.hardware.joint_command import JointCommand
+from aerarm_ros.hardware.joint_command import Array, JointCommand
 from aerarm_ros.hardware.motor_power import MotorPower
 from aerarm_ros.hardware.motor_references import MotorReferences
 from aerarm_ros.hardware.offered_command import OfferedCommand
@@ -236,15 +236,16 @@ class BridgeCycle:
         self._now = now
         self.cycles += 1
         self._transport.advance(now)
+        # Boards answer before they take a command: what they tell came of the one before.
+        gains, feed_forward = self._references.gains, self._references.feed_forward
         running = self._choose_references(now, dt)
         for link in self.links:
             enable = self._enabled and not (self.gate.stop and not link.may_be_damped(now))
             link.exchange(self._references, now, enable, running)
         self._aligned = all(link.is_aligned for link in self.links)
-        references = self._references
-        self.state.read(self.links, references.zero, references.gains, dt, self._current_lag)
+        self.state.read(self.links, self._references.zero, gains, dt, self._current_lag)
         self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
-        self._watch(now)
+        self._watch(now, feed_forward)
         self.mode = self._current_mode(now)
 
     def shutdown(self) -> None:
@@ -294,7 +295,7 @@ class BridgeCycle:
                 self.state.read(self.links, homing.zero, self._references.gains)
         return homing.command
 
-    def _watch(self, now: float) -> None:
+    def _watch(self, now: float, feed_forward: Array) -> None:
         """Look for faults of boards, encoders and joints."""
         for link in self.links:
             if link.monitor.mode is BoardMode.FAULT:
@@ -308,7 +309,7 @@ class BridgeCycle:
                 state.motor_current,
                 state.fresh,
                 now,
-                self._references.feed_forward,
+                feed_forward,
             )
             if text:
                 self.gate.trip(text)

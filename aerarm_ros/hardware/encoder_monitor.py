@@ -88,8 +88,8 @@ class EncoderMonitor:
         now
             Time [s].
         feed_forward
-            (n,) currents commanded as effort in this cycle [A]; none if not given. The boards
-            answer before they take a command: `current` shows it in the next cycle.
+            (n,) the part of the current that was commanded as effort [A]; none if not given.
+            Boards answer before they take a command: it is that of the cycle before.
         """
         first = ''
         given = [0.0] * len(self._encoders) if feed_forward is None else feed_forward.tolist()
@@ -102,11 +102,10 @@ class EncoderMonitor:
             strict=True,
         )
         for i, (encoder, angle, amperes, commanded, is_fresh) in enumerate(rows):
-            if is_fresh:
-                fault = encoder.update(angle, amperes, now, self._stall_time)
-            else:
-                encoder.plausible, fault = now, ''
-            encoder.commanded = commanded
+            if not is_fresh:
+                encoder.plausible = now
+                continue
+            fault = encoder.update(angle, amperes, commanded, now, self._stall_time)
             if fault:
                 self.trusted[i] = False
                 first = first or fault
@@ -117,7 +116,6 @@ class _Encoder:
     """What the monitor knows about one motor's encoder; motor side."""
 
     __slots__ = (
-        'commanded',
         'fastest',
         'held',
         'load',
@@ -136,13 +134,14 @@ class _Encoder:
         self.load = load  # [A] that a load may ask for
         self.position = nan  # [rad] NaN compares as no change, so no jump, after clear
         self.seen = 0.0
-        self.commanded = 0.0  # [A] as effort, in the cycle before
         self.moving_current = 0.0  # [A] when the angle last changed
         self.moving_feedback = 0.0  # [A] part of it that was not commanded as effort
         self.plausible = 0.0
 
-    def update(self, position: float, current: float, now: float, stall_time: float) -> str:
-        """Take an angle [rad] and a current [A]; return what is wrong, or ''."""
+    def update(
+        self, position: float, current: float, commanded: float, now: float, stall_time: float
+    ) -> str:
+        """Take an angle [rad] and currents [A]; return what is wrong, or ''."""
         change = abs(position - self.position)
         elapsed = now - self.seen
         jumped = change > self.fastest * elapsed + _JUMP_ALLOWANCE
@@ -152,7 +151,7 @@ class _Encoder:
                 f'the encoder of {self.name} jumped by {change:.2f} rad (motor side): '
                 'check its cable and mounting, then home the arm'
             )
-        feedback = current - self.commanded
+        feedback = current - commanded
         if change != 0.0:
             self.moving_current, self.moving_feedback = current, feedback
         held = self.held + _LOAD_SHARE * abs(current)

@@ -27,9 +27,9 @@ def solve_entropic(
     """Minimise torque error plus the entropic divergence of the links from the prior.
 
     Of a link with pseudo-inertia P, and P0 in the drawing, it is `tr(P P0^-1) - log det(P P0^-1)
-    - 4`, over the squared spread: the relative entropy of the two mass distributions as normal
-    ones. It doesn't depend on the frame or the unit of length, near the drawing it is half the
-    squared relative deviation, and it grows without bound towards bodies that cannot be, so the
+    - 4`, over the squared spread: twice the relative entropy of normal distributions with these
+    covariances. It doesn't depend on the frame or the unit of length, near the drawing it is half
+    the squared relative deviation, and it grows without bound towards bodies that cannot be, so the
     links come out solid. Joints have the normal prior of `solve_semidefinite`. Convex.
 
     Parameters

@@ -67,7 +67,8 @@ def solve_all(
     Raises
     ------
     IdentificationError
-        If a solver is unknown, or the semidefinite program has no solution.
+        If a solver is unknown, or one of `ALWAYS` has no solution; another one is left out,
+        and the recommended estimate's notes say why.
     """
     unknown = [name for name in names if name not in SOLVERS]
     if unknown:
@@ -76,17 +77,25 @@ def solve_all(
         )
     limits = physical_limits(fit, cad, bounds)
     solvers = _solvers(fit, limits, bags)
-    estimates = {}
+    estimates: dict[str, Estimate] = {}
+    failures: list[str] = []
     for name in SOLVERS:
         if name not in (*names, *ALWAYS):
             continue
         if progress is not None and name not in FAST:
             progress(name)
         begin = time.perf_counter()
-        theta, notes = solvers[name]()
+        try:
+            theta, notes = solvers[name]()
+        except IdentificationError as error:
+            if name in ALWAYS:
+                raise
+            failures.append(f'solver {name} left out: {error}')
+            continue
         seconds = time.perf_counter() - begin
         estimates[name] = Estimate(name, fit.model, theta, seconds=seconds, notes=notes)
-    estimates[RECOMMENDED] = _with_uncertainty(estimates[RECOMMENDED], fit)
+    recommended = _with_uncertainty(estimates[RECOMMENDED], fit)
+    estimates[RECOMMENDED] = replace(recommended, notes=(*recommended.notes, *failures))
     return estimates
 
 

@@ -106,7 +106,7 @@ def make_parser() -> argparse.ArgumentParser:
     """Return what reads the command line."""
     parser = argparse.ArgumentParser(prog=NAME, description=__doc__.splitlines()[0])
     common = argparse.ArgumentParser(add_help=False)
-    common.add_argument('--timeout', type=float, default=20.0, help='for each step [s]')
+    common.add_argument('--timeout', type=positive_number, default=20.0, help='for each step [s]')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
 
     def add(name: str, meaning: str, make_request: MakeRequest) -> argparse.ArgumentParser:
@@ -119,7 +119,7 @@ def make_parser() -> argparse.ArgumentParser:
     command = add('go', 'let the controller that runs move the arm to a posture', _go)
     command.add_argument('angle', type=finite_number, nargs='+', help='of each joint in turn [rad]')
     command.add_argument(
-        '--tolerance', type=finite_number, default=0.05, help='that is there [rad]'
+        '--tolerance', type=positive_number, default=0.05, help='that is there [rad]'
     )
     command = add('set', 'set a live parameter of a node', _set)
     command.add_argument('node', help='as in computed_torque')
@@ -150,6 +150,14 @@ def finite_number(text: str) -> float:
     """Return a number of the command line; ValueError if it is none, infinite or NaN."""
     value = float(text)
     if not isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+def positive_number(text: str) -> float:
+    """Return a number of the command line; ValueError unless it is above zero and finite."""
+    value = finite_number(text)
+    if value <= 0.0:
         raise ValueError(text)
     return value
 

@@ -37,7 +37,7 @@ _SETTINGS = {
     'effort_factor': ('', 'multiple of the effort limits at which the arm is stopped'),
     'position_error_max': ('rad', 'distance of a reference from the arm at which it is stopped'),
     'current_lag': ('s', "time constant of the boards' current loop, for the mean torque"),
-    'stall_time': ('s', 'time at the current limit without motion that is a fault'),
+    'stall_time': ('s', 'standstill under a torque that must move the joint that is a fault'),
 }
 
 BRIDGE_PARAMETERS = (

@@ -17,6 +17,11 @@ from aerarm_msgs_py.raw_reader import RawReader
 
 Array = NDArray[np.float64]
 
+# A command of other joints in another order is read by the cycle itself; what is longer than any
+# command would take it more time than it has.
+_LONGEST = 1024  # [bytes]
+_LONGEST_PER_JOINT = 128
+
 
 class BridgeStreams:
     """Publishes states and takes commands without building message objects.
@@ -74,6 +79,8 @@ class BridgeStreams:
         sample = self._cdr.unpack(payload)
         if sample is not None:
             return self._names, sample, number
+        if len(payload) > _LONGEST + _LONGEST_PER_JOINT * len(self._names):
+            raise ValueError(f'{len(payload)} bytes are no joint command of this arm')
         return (*decode_as_sent(payload), number)
 
     def destroy(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rclpy.client import Client
 from rclpy.node import Node
@@ -44,10 +44,9 @@ class EmergencyStop:
         if not found:
             names = ' or '.join(client.srv_name for client in self._clients.values())
             return False, f'no service {names}: is the bridge running in this ROS domain?'
-        answers = {name: self._call(client) for name, client in found.items()}
+        answers = self._call_all(found)
         # Who was found first is stopped first; others may have been discovered meanwhile.
-        late = {n: client for n, client in self._ready().items() if n not in found}
-        answers |= {name: self._call(client) for name, client in late.items()}
+        answers |= self._call_all({n: c for n, c in self._ready().items() if n not in found})
         text = '; '.join(f'{name}: {reply}' for name, (_, reply) in answers.items())
         return all(done for done, _ in answers.values()), text
 
@@ -62,12 +61,26 @@ class EmergencyStop:
     def _ready(self) -> dict[str, Client]:
         return {n: client for n, client in self._clients.items() if client.service_is_ready()}
 
-    def _call(self, client: Client) -> tuple[bool, str]:
-        answered = threading.Event()
-        future = client.call_async(Trigger.Request())
-        future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(self._timeout):
-            client.remove_pending_request(future)
-            return False, f'no answer within {self._timeout:g} s'
-        reply = future.result()
+    def _call_all(self, clients: Mapping[str, Client]) -> dict[str, tuple[bool, str]]:
+        """Ask all at once, so that a silent bridge delays no other's stop."""
+        waiting = {name: _Call(client) for name, client in clients.items()}
+        deadline = time.monotonic() + self._timeout
+        return {name: call.answer(deadline, self._timeout) for name, call in waiting.items()}
+
+
+class _Call:
+    """One request under way."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._answered = threading.Event()
+        self._future = client.call_async(Trigger.Request())
+        self._future.add_done_callback(lambda _: self._answered.set())
+
+    def answer(self, deadline: float, timeout: float) -> tuple[bool, str]:
+        """Return what the bridge says, waiting until `deadline` [s, monotonic]."""
+        if not self._answered.wait(max(0.0, deadline - time.monotonic())):
+            self._client.remove_pending_request(self._future)
+            return False, f'no answer within {timeout:g} s'
+        reply = self._future.result()
         return bool(reply.success), reply.message

@@ -96,6 +96,11 @@ class FakeHardware(HardwareBridge):
     ) -> EmulatedTransport:
         """Return emulated boards; writes the true parameters if asked to."""
         values = self.values
+        if len(values.initial_position) not in (0, config.n):
+            raise ValueError(
+                f'initial_position has {len(values.initial_position)} angles: give one for each of '
+                f'{", ".join(config.joint_names)}'
+            )
         seed = None if values.seed < 0 else values.seed
         self._boards = transport = make_emulated_transport(
             config,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import threading
 from collections.abc import Mapping, Sequence
@@ -230,7 +231,8 @@ class HardwareBridge(LifecycleNode):
             prepare_thread(self.values, self.get_logger())
             self._run_while_active()
         account = self._timing.account() if self._timing else 'no cycle ran'
-        print(f'{self.get_name()}: {account}', flush=True)
+        with contextlib.suppress(OSError):  # the terminal may be closed
+            print(f'{self.get_name()}: {account}', flush=True)
 
     def close(self) -> None:
         """Destroy the node."""

@@ -67,8 +67,10 @@ def _value(descriptor: ParameterDescriptor, text: str) -> Any:
         value = yaml.safe_load(text)
     except yaml.YAMLError:
         value = None
-    if isinstance(value, list) and any(isinstance(element, float) for element in value):
-        value = [float(x) if type(x) is int else x for x in value]
+    if descriptor.type == _Type.DOUBLE.value:
+        value = _number(value)
+    elif descriptor.type == _Type.DOUBLE_ARRAY.value and isinstance(value, list):
+        value = [_number(element) for element in value]
     try:
         _Type.from_parameter_value(value)
     except TypeError:
@@ -76,3 +78,13 @@ def _value(descriptor: ParameterDescriptor, text: str) -> Any:
     if value is None:
         raise ArmClientError(f'{text!r} is no value of a parameter: 0.5, true or [1.0, 2.0] are')
     return value
+
+
+def _number(value: Any) -> Any:
+    """Return a floating-point number where YAML reads another: 2, and 1e-3, a text to it."""
+    if isinstance(value, bool):
+        return value
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return value

@@ -176,13 +176,13 @@ class Recorder:
 
     def _report(self) -> None:
         """Tell how the recording goes on /diagnostics."""
-        losing = [name for name, (_, lost) in self._heard().items() if lost]
-        total = self._total_lost()
-        problem = f'{total} messages lost of {", ".join(losing)}: is the machine too busy?'
+        losing = {name: lost for name, (_, lost) in self._heard().items() if lost}
+        names = ', '.join(losing)
+        problem = f'{sum(losing.values())} messages lost of {names}: is the machine too busy?'
         values = {
             'bag': self._directory,
             'messages written': sum(self._writer.counts),
-            'messages lost': total,
+            'messages lost': self._total_lost(),
             'bytes written': os.fstat(self._writer.fileno()).st_size,
         }
         self._diagnostics.report(problem if losing else '', values)

@@ -28,19 +28,22 @@ def test_what_is_constant_in_the_world_turns_against_the_base(time: float) -> No
         np.testing.assert_allclose(now, then, atol=error + 1e-12)
 
 
-def test_a_force_that_grows_in_the_world_is_followed() -> None:
-    growth = np.array([3.0, -8.0, 5.0])
+def test_a_force_with_a_trend_follows_it_and_does_not_turn() -> None:
+    measured, slope = motion_at(0.0), np.array([3.0, -8.0, 5.0])
+    predicted = BaseMotionPrediction(measured, RATE, slope).after(0.01)
+    np.testing.assert_allclose(predicted.specific_force, measured.specific_force + 0.01 * slope)
+    np.testing.assert_allclose(predicted.gravity, motion_at(0.01).gravity, atol=1e-4)
 
-    def growing(time: float) -> BaseMotion:
-        to_base = (START * Rotation.from_rotvec(time * RATE)).inv()
-        return motion_at(time)._replace(
-            specific_force=to_base.apply(FORCE_IN_WORLD + time * growth)
-        )
 
-    predicted = BaseMotionPrediction(growing(0.0), RATE, surge=START.inv().apply(growth))
-    error = growing(0.01).specific_force - predicted.after(0.01).specific_force
-    without = growing(0.01).specific_force - motion_at(0.01).specific_force
-    assert np.linalg.norm(error) < 0.05 * np.linalg.norm(without)
+def test_trends_end_after_a_while() -> None:
+    slope, jerk = np.array([3.0, -8.0, 5.0]), np.array([10.0, 0.0, -20.0])
+    prediction = BaseMotionPrediction(motion_at(0.0), RATE, slope, jerk)
+    early, late = prediction.after(0.02), prediction.after(0.1)
+    np.testing.assert_array_equal(late.specific_force, early.specific_force)
+    np.testing.assert_array_equal(late.angular_acceleration, early.angular_acceleration)
+    np.testing.assert_allclose(
+        late.angular_velocity, early.angular_velocity + 0.08 * early.angular_acceleration
+    )
 
 
 def test_an_angular_acceleration_that_grows_is_followed() -> None:

@@ -6,7 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.fault_injection import FAULTS, FaultInjectionError, inject
+from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.model.gravity_load import largest_gravity_load
 
 MOVING = [0.8, 0.0, 0.8, 0.8]
 
@@ -186,3 +189,22 @@ def test_unknown_faults_and_places_are_refused(rig):
 def test_every_fault_says_what_it_means():
     assert {fault for fault, *_ in STOPPING} | {'stuck_encoder', 'power_cycle'} == set(FAULTS)
     assert all(fault.meaning for fault in FAULTS.values())
+
+
+@pytest.mark.parametrize('early', range(4))
+def test_effort_that_steps_at_the_last_count_is_not_taken_for_feedback(
+    make_rig, robot, early: int
+) -> None:
+    # Boards answer before they take a command, so a cycle's current is that of the one before.
+    rig = make_rig(position=[0.3, 1.2, 0.0, 0.2])
+    rig.bridge = BridgeCycle(rig.config, rig.boards, load_max=largest_gravity_load(robot))
+    rig.bring_up()
+    load = Dynamics(robot).gravity(rig.bridge.q)
+    rig.run(0.3, lambda now: (None, None, load))
+    rig.inject('stuck_encoder', board=0, motor=1)  # the joint rests, as friction may hold it
+    rig.run(0.053)
+    assert rig.bridge.mode == 'damping'
+    rig.inject('encoder_jump', board=0, motor=1, value=0.002)  # the last count
+    rig.run(1e-3 * early)
+    rig.run(0.2, lambda now: (None, None, load))
+    assert rig.bridge.mode == 'running', rig.bridge.faults

@@ -115,13 +115,3 @@ def test_feedback_that_moves_nothing_is_a_fault_under_any_load(flying, config):
     swing = 4.7 / config.column('torque_per_ampere') * [1.0, 1.0, 0.0, 0.0]
     text = stand(flying, lambda t: [0.0, 2.0 * t, 0.0, 0.0], lambda t: swing * np.sin(np.pi * t))
     assert 'joint2 does not move' in text
-
-
-def test_an_effort_that_steps_in_the_moment_of_the_last_count_is_no_feedback(flying):
-    # The current of a cycle is that of the command before.
-    commanded = [0.0] * 5 + [1.7, 3.0] + [3.0] * 300
-    for cycle, effort in enumerate(commanded[1:], start=1):
-        position = np.array([0.0, 0.002 if cycle >= 5 else 0.0, 0.0, 0.0])
-        current = np.array([0.0, commanded[cycle - 1], 0.0, 0.0])
-        given = np.array([0.0, effort, 0.0, 0.0])
-        assert flying.check(position, current, FRESH, cycle * 1e-3, given) == ''

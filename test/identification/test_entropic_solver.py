@@ -66,6 +66,23 @@ def test_of_all_physical_arms_it_is_the_best(factor, prior, limits, seed: int) -
         assert objective(system, prior, nearby) > best * (1.0 - 1e-7)
 
 
+def test_at_the_solution_the_objective_is_flat(make_arm: Callable, factor, prior, limits) -> None:
+    # A likely arm, so that no bound holds it: data and prior balance each other.
+    arm = make_arm()
+    true = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
+    system = TriangularSystem(10.0 * factor, 10.0 * factor @ true)
+    found = solve_entropic(system, prior, limits)
+    slopes, curvatures = [], []
+    for index in range(40):
+        step = np.zeros(len(found))
+        step[index] = 1e-3 * prior.std[index]
+        low, middle, high = (objective(system, prior, found + k * step) for k in (-1.0, 0.0, 1.0))
+        slopes.append((high - low) / 2.0)
+        curvatures.append(high - 2.0 * middle + low)
+    # How far each parameter is from its best value, in steps.
+    assert np.all(np.abs(slopes) < 0.2 * np.array(curvatures))
+
+
 def test_links_are_solid_where_the_normal_prior_leaves_them_flat(factor, prior, limits) -> None:
     random = np.random.default_rng(0)
     impossible = prior.mean + 3.0 * prior.std * random.standard_normal(len(prior.mean))

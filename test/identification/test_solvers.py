@@ -1,5 +1,7 @@
 """Every solver solves the same problem."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,17 @@ def test_slow_ones_run_if_asked_for_and_tell(result: IdentificationResult) -> No
     estimates = solve_all(result.fit, result.cad, result.identification, ['slsqp'], told.append)
     assert list(estimates) == ['cad', 'ols', 'slsqp', 'sdp']
     assert told == ['slsqp']
+
+
+def test_one_that_cannot_solve_is_left_out_and_named(result: IdentificationResult) -> None:
+    mean = result.fit.prior.mean.copy()
+    mean[21:30] = 0.0  # link 3 is a point: no drawing for an entropic prior
+    fit = replace(result.fit, prior=replace(result.fit.prior, mean=mean))
+    estimates = solve_all(fit, result.cad, result.identification, ['entropic'])
+    assert 'entropic' not in estimates
+    (note,) = estimates[RECOMMENDED].notes
+    assert 'solver entropic left out' in note
+    assert 'link 3' in note
 
 
 def test_an_unknown_solver_is_refused(result: IdentificationResult) -> None:

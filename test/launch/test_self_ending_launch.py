@@ -78,6 +78,20 @@ def test_a_node_that_fails_is_exit_status_1(
     assert f'Caught exception in launch (see debug for traceback): {node}: exit status 1' in output
 
 
+@pytest.mark.parametrize('file', ['bringup', 'identification', 'motor_bench'])
+def test_without_a_bridge_nobody_waits_for_the_arm(
+    file: str, tmp_path: Path, ros_domain: dict[str, str]
+) -> None:
+    parameters = tmp_path / 'parameters.yaml'
+    wrong = {'/**/fake_hardware': {'ros__parameters': {'initial_position': [0.0]}}}
+    parameters.write_text(yaml.safe_dump(wrong))
+    out = () if file == 'bringup' else (f'out:={tmp_path / "out"}',)
+    status, output = ros2_launch(file, f'params_file:={parameters}', *out)
+    assert status == 1, output[-3000:]
+    assert 'initial_position' in output
+    assert 'Caught exception in launch (see debug for traceback): bridge: exit status 1' in output
+
+
 @pytest.mark.parametrize(
     ('file', 'argument', 'choices'),
     [

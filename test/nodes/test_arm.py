@@ -87,12 +87,15 @@ def test_an_injected_fault_and_the_way_back(bridge: NodeProcess, tmp_path: Path)
 
 def test_goes_to_a_posture_and_says_when_it_does_not(bridge: NodeProcess, tmp_path: Path) -> None:
     log = tmp_path / 'arm.log'
-    status, text = ask(log, 'go', '0', '1.5', '0', '0', '--timeout', '1')
-    assert (status, 'no controller takes a set_point' in text) == (1, True)
-    with NodeProcess('gravity_compensation', log=tmp_path / 'controller.log'):
+    posture = ('0.3', '1.4', '-0.2', '0.4')
+    # The recorder listens to set_point as well, and moves nothing.
+    listening = NodeProcess('recorder', parameters={'bag': str(tmp_path / 'bag')})
+    with listening, NodeProcess('gravity_compensation', log=tmp_path / 'controller.log') as node:
+        status, text = ask(log, 'go', *posture)
+        assert (status, 'arm enable first' in text) == (1, True), text
         enable = ('enable', '--wait-before', 'idle', '--wait', 'ready', 'running')
         assert ask(log, *enable)[0] == 0
-        status, text = ask(log, 'go', '0.3', '1.4', '-0.2', '0.4')
+        status, text = ask(log, 'go', *posture)
         assert (status, text) == (0, 'the arm is there\n')
         status, text = ask(log, 'go', '0.3', '1.4')
         assert (status, 'give 4 angles [rad], of joint1, joint2' in text) == (1, True)
@@ -100,7 +103,11 @@ def test_goes_to_a_posture_and_says_when_it_does_not(bridge: NodeProcess, tmp_pa
         assert status == 1
         assert 'joint3 is still 9.' in text
         assert 'whether the controller rejected the set point' in text
+        assert node.stop() == 0
+        status, text = ask(log, 'go', *posture, '--timeout', '5')
+        assert (status, 'no controller takes a set_point' in text) == (1, True), text
     assert ask(log, 'go', '0', 'nan')[0] == 2
+    assert ask(log, 'go', '0', '--timeout', 'nan')[0] == 2
 
 
 def test_sets_live_parameters(ros_domain: dict[str, str], tmp_path: Path) -> None:
@@ -109,6 +116,8 @@ def test_sets_live_parameters(ros_domain: dict[str, str], tmp_path: Path) -> Non
         status, text = ask(log, 'set', node, 'kp', '[20, 25.5, 5, 2]')
         assert (status, text) == (0, f'{node}: kp = [20.0, 25.5, 5.0, 2.0]\n')
         assert ask(log, 'set', node, 'hand_guiding', 'true')[0] == 0
+        status, text = ask(log, 'set', node, 'kd', '[5e-1]')
+        assert (status, text) == (0, f'{node}: kd = [0.5]\n')
         for name, value, problem in (
             ('hand_guide', 'true', "has no parameter 'hand_guide': did you mean 'hand_guiding'?"),
             ('kp', '[-1]', 'refuses: parameter kp must be'),

@@ -39,12 +39,10 @@ def test_a_bridge_that_is_discovered_meanwhile_is_stopped_too(
     bridges: Bridges, ros_node: Node
 ) -> None:
     stop = EmergencyStop(ros_node, ['first', 'second'], LIMIT)
-    # Made after those of the stop, it is connected after them.
-    probe = ros_node.create_client(Trigger, 'second/e_stop')
 
     def appear() -> None:
         bridges.add('second')
-        assert probe.wait_for_service(LIMIT)
+        assert stop._clients['second'].wait_for_service(LIMIT)
 
     bridges.add('first', appear)
     with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):

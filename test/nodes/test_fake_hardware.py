@@ -105,11 +105,19 @@ def test_bad_commands_are_rejected_and_counted(
     assert client.diagnostics['arm']['commands accepted'] == '0'
 
 
-def test_a_command_that_is_no_message_is_rejected_and_the_arm_held(client: BridgeClient) -> None:
+@pytest.mark.parametrize('kind', ['cut off', 'longer than any command'])
+def test_a_command_that_is_none_is_rejected_and_the_arm_held(
+    client: BridgeClient, kind: str
+) -> None:
     client.make_ready()
 
     def answer(state: JointState) -> None:
-        client.commands.publish(serialize_message(velocity_command(state, [0.1] * 4))[:60])
+        command = velocity_command(state, [0.1] * 4)
+        if kind == 'cut off':
+            client.commands.publish(serialize_message(command)[:60])
+        else:
+            # To read it would take the cycle longer than the boards wait.
+            client.commands.publish(JointState(header=command.header, name=['joint'] * 20_000))
 
     client.answer = answer
     client.wait_for(
@@ -126,6 +134,13 @@ def test_e_stop_latches_until_cleared(client: BridgeClient) -> None:
     client.wait_for(lambda: 'emergency stop' in client.messages.get('arm', ''))
     assert client.call('clear_fault').success
     client.wait_for(lambda: client.modes[-1] in ('ready', 'idle'))
+
+
+def test_a_start_of_another_arm_is_refused(ros_domain: dict[str, str], tmp_path: Path) -> None:
+    log = tmp_path / 'bridge.log'
+    with NodeProcess('fake_hardware', parameters={'initial_position': [0.1]}, log=log) as process:
+        assert process.wait(30.0) == 1
+    assert 'initial_position has 1 angles: give one for each of joint1' in log.read_text()
 
 
 @pytest.mark.parametrize('sent', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -152,7 +167,7 @@ def test_a_closed_terminal_switches_the_motors_off(ros_node: Node) -> None:
             client.make_ready()
             os.close(master)
             client.wait_for_mode('inactive')  # the boards have been told
-            assert bridge.wait(20.0) >= 0  # it ended by itself, not by the signal
+            assert bridge.wait(20.0) == 0  # it ended by itself, not by the signal
         finally:
             bridge.kill()
 
