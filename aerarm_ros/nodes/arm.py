@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 
 import rclpy
+from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
 from aerarm_ros.hardware.bridge_cycle import MODES
@@ -20,10 +21,10 @@ from aerarm_ros.nodes.arm_client import BRIDGES, ArmClient, ArmClientError
 from aerarm_ros.nodes.bridge_services import ACTIONS
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter_request import set_parameter
-from aerarm_ros.nodes.set_point_request import go_to_posture
+from aerarm_ros.nodes.set_point_request import SetPointRequest
 
 NAME = 'arm'
-MakeRequest = Callable[[rclpy.node.Node, argparse.Namespace], Callable[[], None]]
+MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]
 _FAKE = 'fake_hardware'
 _MEANING = {
     'enable': 'motors on; they align first: THE ARM MOVES, then it is held',
@@ -63,7 +64,7 @@ class Arm:
         self._node.destroy_node()
 
 
-def _action(node: rclpy.node.Node, options: argparse.Namespace) -> Callable[[], None]:
+def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     """Return a call of the bridge's service, made ready: discovery takes its time."""
     bridges = options.bridge or ((_FAKE,) if options.command == 'put_back' else BRIDGES)
     client = ArmClient(node, bridges, [options.command])
@@ -81,15 +82,17 @@ def _action(node: rclpy.node.Node, options: argparse.Namespace) -> Callable[[], 
     return ask
 
 
-def _go(node: rclpy.node.Node, options: argparse.Namespace) -> Callable[[], None]:
+def _go(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    request = SetPointRequest(node)
+
     def ask() -> None:
-        go_to_posture(node, options.angle, options.tolerance, options.timeout)
+        request.go(options.angle, options.tolerance, options.timeout)
         print('the arm is there', flush=True)
 
     return ask
 
 
-def _set(node: rclpy.node.Node, options: argparse.Namespace) -> Callable[[], None]:
+def _set(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     def ask() -> None:
         value = set_parameter(node, options.node, options.name, options.value, options.timeout)
         print(f'{options.node}: {options.name} = {value}', flush=True)
@@ -97,14 +100,19 @@ def _set(node: rclpy.node.Node, options: argparse.Namespace) -> Callable[[], Non
     return ask
 
 
-def _fault(node: rclpy.node.Node, options: argparse.Namespace) -> Callable[[], None]:
+def _fault(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     options.node, options.name, options.value = options.bridge, 'fault', options.fault
     return _set(node, options)
 
 
 def make_parser() -> argparse.ArgumentParser:
     """Return what reads the command line."""
-    parser = argparse.ArgumentParser(prog=NAME, description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog=NAME,
+        description='Asks the bridge, or another node, for one thing, and says what came of it.',
+        epilog=f'{NAME} COMMAND --help tells more, as in: {NAME} enable --wait-before idle --wait '
+        f"ready; {NAME} go 0 1.57 0 0; {NAME} set computed_torque kp '[900.0]'",
+    )
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument('--timeout', type=positive_number, default=20.0, help='for each step [s]')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')

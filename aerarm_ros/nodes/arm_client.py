@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
 from aerarm_ros.nodes.bridge_services import ACTIONS, STOPS
-from aerarm_ros.nodes.spinning import spin_until
+from aerarm_ros.nodes.spinning import spin_until, this_domain
 
 BRIDGES = ('hardware_bridge', 'fake_hardware')
 _DISCOVERY_TIME = 0.5  # [s]
@@ -80,7 +80,7 @@ class ArmClient:
 
         if not spin_until(self._node, ready, timeout):
             names = ' or '.join(client.srv_name for client in clients)
-            raise ArmClientError(f'no service {names}: is a bridge running in this ROS domain?')
+            raise ArmClientError(f'no service {names}: is a bridge running in {this_domain()}?')
         found = ready()
         if len(found) > 1 and action not in STOPS:
             names = ' and '.join(client.srv_name for client in found)
@@ -104,7 +104,7 @@ class ArmClient:
             If it is not within `timeout` [s].
         """
         if not spin_until(self._node, lambda: self.mode in modes, timeout):
-            seen = 'there is no arm_mode: is a bridge running in this ROS domain?'
+            seen = f'there is no arm_mode: is a bridge running in {this_domain()}?'
             if self.mode:
                 seen = f"arm_mode is '{self.mode}': see the log of the bridge"
             raise ArmClientError(f'waited {timeout:g} s for {" or ".join(modes)}: {seen}')

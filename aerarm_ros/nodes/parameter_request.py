@@ -13,7 +13,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
 from aerarm_ros.nodes.arm_client import ArmClientError
-from aerarm_ros.nodes.spinning import spin_until
+from aerarm_ros.nodes.spinning import spin_until, this_domain
 
 _Type = Parameter.Type
 
@@ -39,7 +39,7 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
     """
     client = AsyncParameterClient(node, target)
     if not spin_until(node, client.services_are_ready, timeout):
-        raise ArmClientError(f'no node {target} with parameters: does it run in this ROS domain?')
+        raise ArmClientError(f'no node {target} with parameters: does it run in {this_domain()}?')
 
     def result(future: Future) -> Any:
         if not spin_until(node, future.done, timeout):
@@ -52,6 +52,10 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
         closest = next(iter(get_close_matches(name, known, n=1)), '')
         hint = f": did you mean '{closest}'?" if closest else ''
         raise ArmClientError(f"{target} has no parameter '{name}'{hint}")
+    if descriptors[0].read_only:
+        raise ArmClientError(
+            f'{target} reads {name} once: give it when the node starts, -p {name}:={text}'
+        )
     parameter = Parameter(name, value=_value(descriptors[0], text))
     answer = result(client.set_parameters([parameter])).results[0]
     if not answer.successful:
@@ -69,8 +73,9 @@ def _value(descriptor: ParameterDescriptor, text: str) -> Any:
         value = None
     if descriptor.type == _Type.DOUBLE.value:
         value = _number(value)
-    elif descriptor.type == _Type.DOUBLE_ARRAY.value and isinstance(value, list):
-        value = [_number(element) for element in value]
+    elif descriptor.type == _Type.DOUBLE_ARRAY.value and value is not None:
+        elements = value if isinstance(value, list) else [value]
+        value = [_number(element) for element in elements]
     try:
         _Type.from_parameter_value(value)
     except TypeError:

@@ -2,93 +2,130 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
+from aerarm_msgs_py.topic import Topic
 from aerarm_ros.nodes.arm_client import ArmClientError
 from aerarm_ros.nodes.endpoint_name import endpoint_name
-from aerarm_ros.nodes.spinning import spin_until
+from aerarm_ros.nodes.spinning import spin_until, this_domain
 
 _HELD = ('ready', 'running')
 _LISTENER = 'recorder'  # hears everything, and moves nothing
+_REPORT = 1.5  # [s] within which every controller has reported on /diagnostics
+_COUNT, _REASON = 'rejected inputs', 'last rejection'  # of a controller's status
 
 
-def go_to_posture(node: Node, posture: Sequence[float], tolerance: float, timeout: float) -> None:
-    """Publish a set point and wait until the arm is there.
+class SetPointRequest:
+    """Publishes a set point, and listens to what becomes of it.
 
     Parameters
     ----------
     node
-        Publishes and listens; no executor may hold it.
-    posture
-        Joint angles in the order of `joint_states` [rad].
-    tolerance
-        How near every joint must come [rad].
-    timeout
-        Longest time for a controller to be found, and again for the way [s].
-
-    Raises
-    ------
-    ArmClientError
-        If no arm or controller is there, the posture is of another arm, or it is not reached.
+        Owner of publisher and subscriptions; no executor may hold it.
     """
-    states: list[JointState] = []
-    modes: list[str] = []
 
-    def keep_state(message: JointState) -> None:
-        states[:] = [message]
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._state: JointState | None = None
+        self._mode = ''
+        self._rejections: dict[str, tuple[int, str]] = {}
+        topic = topics.SET_POINT
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+        self._listen(topics.JOINT_STATES, self._on_state)
+        self._listen(topics.ARM_MODE, self._on_mode)
+        self._listen(topics.DIAGNOSTICS, self._on_diagnostics)
 
-    def keep_mode(message: String) -> None:
-        modes[:] = [message.data]
+    def go(self, posture: Sequence[float], tolerance: float, timeout: float) -> None:
+        """Send the arm to a posture and wait until it is there.
 
-    topic = topics.SET_POINT
-    publisher = node.create_publisher(topic.type, topic.name, topic.qos)
-    topic = topics.JOINT_STATES
-    subscriptions = [node.create_subscription(topic.type, topic.name, keep_state, topic.qos)]
-    topic = topics.ARM_MODE
-    subscriptions.append(node.create_subscription(topic.type, topic.name, keep_mode, topic.qos))
-    try:
-        if not spin_until(node, lambda: states and modes and _is_heard(node, publisher), timeout):
-            there = states and modes
-            what = 'no controller takes a set_point' if there else 'there are no joint_states'
-            raise ArmClientError(
-                f'{what}: do a bridge and computed_torque or gravity_compensation run in this '
-                'ROS domain?'
-            )
-        if modes[0] not in _HELD:
-            raise ArmClientError(f'arm_mode is {modes[0]}: arm enable first')
-        names = list(states[0].name)
+        Parameters
+        ----------
+        posture
+            Joint angles in the order of `joint_states` [rad].
+        tolerance
+            How near every joint must come [rad].
+        timeout
+            Longest time for a controller to be found, and again for the way [s].
+
+        Raises
+        ------
+        ArmClientError
+            If no arm or controller is there, the posture is of another arm or rejected, or it is
+            not reached.
+        """
+        names = self._find_arm(timeout)
         if len(posture) != len(names):
             raise ArmClientError(f'give {len(names)} angles [rad], of {", ".join(names)}')
-        publisher.publish(JointState(name=names, position=list(posture)))
+        spin_until(self._node, lambda: self._rejections, _REPORT)
+        before = dict(self._rejections)
+        self._publisher.publish(JointState(name=names, position=list(posture)))
+
+        def rejection() -> str:
+            later = self._rejections.items()
+            return next((why for name, (n, why) in later if n > before.get(name, (n, ''))[0]), '')
 
         def distance() -> NDArray[np.float64]:
-            error: NDArray[np.float64] = np.abs(np.array(states[0].position) - posture)
+            assert self._state is not None
+            error: NDArray[np.float64] = np.abs(np.array(self._state.position) - posture)
             return error
 
-        if not spin_until(node, lambda: np.all(distance() <= tolerance), timeout):
+        def ended() -> bool:
+            return bool(np.all(distance() <= tolerance) or rejection())
+
+        in_time = spin_until(self._node, ended, timeout)
+        if rejection():
+            raise ArmClientError(f'rejected: {rejection()}')
+        if not in_time:
             far = np.argmax(distance())
             raise ArmClientError(
-                f'{names[far]} is still {distance()[far]:.3f} rad away after {timeout:g} s: see '
-                'arm_mode, and whether the controller rejected the set point'
+                f'{names[far]} is still {distance()[far]:.3f} rad away after {timeout:g} s; '
+                f'arm_mode is {self._mode}'
             )
-    finally:
-        for subscription in subscriptions:
-            node.destroy_subscription(subscription)
-        node.destroy_publisher(publisher)
 
+    def _find_arm(self, timeout: float) -> list[str]:
+        """Return the joints' names once arm and controller are there."""
 
-def _is_heard(node: Node, publisher: Publisher) -> bool:
-    """Tell whether a controller listens, and everybody who does is connected."""
-    listeners = node.get_subscriptions_info_by_topic(publisher.topic_name)
-    names = [endpoint_name(listener) for listener in listeners]
-    if not all(names) or all(name.rpartition('/')[2] == _LISTENER for name in names):
-        return False
-    return bool(publisher.get_subscription_count() >= len(listeners))
+        def is_there() -> bool:
+            return self._state is not None and bool(self._mode)
+
+        if not spin_until(self._node, lambda: is_there() and self._is_heard(), timeout):
+            what = 'no controller takes a set_point' if is_there() else 'there are no joint_states'
+            raise ArmClientError(
+                f'{what}: do a bridge and computed_torque or gravity_compensation run in '
+                f'{this_domain()}?'
+            )
+        if self._mode not in _HELD:
+            raise ArmClientError(f'arm_mode is {self._mode}: arm enable first')
+        assert self._state is not None
+        return list(self._state.name)
+
+    def _is_heard(self) -> bool:
+        """Tell whether a controller listens, and everybody who does is connected."""
+        listeners = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        names = [endpoint_name(listener) for listener in listeners]
+        if not all(names) or all(name.rpartition('/')[2] == _LISTENER for name in names):
+            return False
+        return bool(self._publisher.get_subscription_count() >= len(listeners))
+
+    def _listen(self, topic: Topic, callback: Callable[..., None]) -> None:
+        self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
+
+    def _on_state(self, message: JointState) -> None:
+        self._state = message
+
+    def _on_mode(self, message: String) -> None:
+        self._mode = message.data
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            if _COUNT in values:
+                self._rejections[status.name] = int(values[_COUNT]), values[_REASON]

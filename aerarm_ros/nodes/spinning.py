@@ -1,5 +1,6 @@
 """Waiting for what a node's own callbacks bring."""
 
+import os
 import time
 from collections.abc import Callable
 
@@ -17,3 +18,8 @@ def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> b
             return False
         rclpy.spin_once(node, timeout_sec=_SPIN)
     return True
+
+
+def this_domain() -> str:
+    """Return where a node looks for others, for messages about one that it did not find."""
+    return f'this ROS domain (ROS_DOMAIN_ID={os.environ.get("ROS_DOMAIN_ID", "0")})'

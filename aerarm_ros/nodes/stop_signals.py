@@ -9,18 +9,23 @@ loses its connection, would end the process on the spot.
 from __future__ import annotations
 
 import signal
+import time
 from collections.abc import Callable
 from types import FrameType
 
-# Asked for by a person or a supervisor: the second time they mean it.
+# Asked for by a person or a supervisor: when they ask again, they mean it.
 _ASKED = (signal.SIGINT, signal.SIGTERM)
+# A terminal and a supervisor may both pass on the same Ctrl-C [s]: what comes so soon is no second
+# thought, and the boards are being told to switch off.
+_SAME = 1.0
 
 
 class StopSignals:
     """Context in which the stop signals call a function.
 
-    A second SIGINT or SIGTERM ends the process. SIGHUP never does: a closing terminal sends
-    it more than once. Where it is ignored already, as under nohup, it stays so.
+    A second SIGINT or SIGTERM, a second or more after the first, ends the process. SIGHUP never
+    does: a closing terminal sends it more than once. Where it is ignored already, as under
+    nohup, it stays so.
 
     Parameters
     ----------
@@ -32,6 +37,7 @@ class StopSignals:
     def __init__(self, on_stop: Callable[[], None]) -> None:
         self._on_stop = on_stop
         self._is_stopping = False
+        self._asked: float | None = None
         self._previous: dict[signal.Signals, object] = {}
 
     def __enter__(self) -> StopSignals:
@@ -46,8 +52,12 @@ class StopSignals:
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if number in _ASKED:
-            for other in _ASKED:
-                signal.signal(other, signal.SIG_DFL)
+            now = time.monotonic()
+            if self._asked is None:
+                self._asked = now
+            elif now - self._asked > _SAME:
+                signal.signal(number, signal.SIG_DFL)
+                signal.raise_signal(number)
         if not self._is_stopping:
             self._is_stopping = True
             self._on_stop()

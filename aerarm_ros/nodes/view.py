@@ -6,6 +6,7 @@ Usage: ros2 run aerarm_ros view, then open the address it prints.
 from __future__ import annotations
 
 import logging
+import socket
 import sys
 import time
 from collections.abc import Sequence
@@ -110,6 +111,7 @@ class View:
             from aerarm_ros.nodes.view_scene import ViewScene
         except ImportError as error:
             raise ViewError(f"{error}: install it with pip install 'aerarm_ros[view]'") from None
+        _check_address(self._values.host)
         # A browser's spare connections are no errors, and the address is said below.
         logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
         with redirect_stdout(StringIO()):
@@ -160,6 +162,19 @@ class View:
             values = {item.key: item.value for item in status.values}
             level = int.from_bytes(status.level, 'little')
             self._diagnostics.add(status.name, ViewStatus(level, status.message, values, now))
+
+
+def _check_address(host: str) -> None:
+    """Raise ViewError if no page can be served there: the server would wait for ever."""
+    try:
+        family, kind, _, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind) as probe:
+            probe.bind(address)
+    except OSError as error:
+        raise ViewError(
+            f'no page can be served at host {host}: {error.strerror or error}; give 127.0.0.1, '
+            '0.0.0.0 or an address of this computer'
+        ) from None
 
 
 def main(args: Sequence[str] | None = None) -> int:

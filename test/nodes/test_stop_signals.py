@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -63,8 +64,19 @@ def test_each_of_them_asks_to_stop(stopped: Stopped, number: signal.Signals) -> 
 def test_the_second_ends_the_process(stopped: Stopped, number: signal.Signals) -> None:
     stopped.send(number)
     assert stopped.calls() == 1
-    stopped.send(signal.SIGTERM)
-    assert stopped.process.wait(10.0) == -signal.SIGTERM
+    begin = time.monotonic()
+    while stopped.process.poll() is None and time.monotonic() < begin + 10.0:
+        stopped.send(signal.SIGTERM)
+        time.sleep(0.1)
+    assert stopped.process.returncode == -signal.SIGTERM
+    assert time.monotonic() > begin + 0.5
+
+
+def test_the_same_ctrl_c_from_two_sides_asks_once(stopped: Stopped) -> None:
+    # As from a terminal and from a supervisor at the same time.
+    for _ in range(3):
+        stopped.send(signal.SIGINT)
+    assert stopped.calls() == 1
 
 
 def test_hanging_up_any_number_of_times_asks_once(stopped: Stopped) -> None:

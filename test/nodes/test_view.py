@@ -196,3 +196,13 @@ def test_a_wrong_frame_is_one_clear_line(
         assert node.wait(30.0) == 1
     assert "no frame 'gripper'" in log.read_text()
     assert 'Traceback' not in log.read_text()
+
+
+def test_an_address_of_another_computer_is_refused(
+    ros_domain: dict[str, str], port: int, tmp_path: Path
+) -> None:
+    log = tmp_path / 'view.log'
+    # One that is kept for documentation, so nobody's.
+    with NodeProcess('view', parameters={'port': port, 'host': '192.0.2.1'}, log=log) as node:
+        assert node.wait(30.0) == 1
+    assert 'no page can be served at host 192.0.2.1' in log.read_text()
