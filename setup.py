@@ -105,6 +105,6 @@ setup(
     },
     zip_safe=False,
     entry_points={
-        'console_scripts': [f'{name} = {PACKAGE}.nodes.{name}:main' for name in EXECUTABLES],
+        'console_scripts': [f'{name} = {PACKAGE}.executables:{name}' for name in EXECUTABLES],
     },
 )
