@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+_MISSED_MAX = 0.01  # share of the bridge's cycles; single long steps are filtered away
+
 
 @dataclass(frozen=True)
 class BagFacts:
@@ -30,3 +32,24 @@ class BagFacts:
         if self.missed_cycles is not None:
             parts.append(f'{self.missed_cycles} cycles missed')
         return ', '.join(parts)
+
+    def warnings(self, name: str, states: int) -> list[str]:
+        """Return what the user should know of how the bag was recorded.
+
+        Parameters
+        ----------
+        name : str
+            Of the bag.
+        states : int
+            Joint states in the bag, one for each cycle that was not missed.
+        """
+        missed = self.missed_cycles or 0
+        share = missed / max(states + (self.lost or 0) + missed, 1)
+        if share <= _MISSED_MAX:
+            return []
+        return [
+            f'{name}: {100.0 * share:.2g} % of the cycles were missed: torque and velocity then '
+            'belong to longer steps; give the bridge real-time priority '
+            '(config/parameters_fake.yaml, config/parameters_spi.yaml), or close what loads the '
+            'computer'
+        ]

@@ -70,7 +70,7 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
     if result.warnings:
         body.append(bullets(result.warnings, 'warnings'))
     body += [
-        section('Torque errors', paragraph(_METRIC, 'note'), error_table(result)),
+        section('Torque errors', paragraph(_metric(result), 'note'), error_table(result)),
         section('Torque errors joint by joint', joint_error_table(result)),
     ]
     if extras.truth_errors:
@@ -90,10 +90,14 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
             'Parameters',
             paragraph(_PARAMETERS, 'note'),
             paragraph(_only_prior(result), 'note'),
+            paragraph(_TRUE_PARAMETERS, 'note') if extras.truth else '',
             parameter_table(result, extras.truth),
         ),
         section(
-            'Base parameters', paragraph(_BASE, 'note'), base_parameter_table(result, extras.truth)
+            'Base parameters',
+            paragraph(_BASE, 'note'),
+            paragraph(_TRUE_BASE, 'note') if extras.truth else '',
+            base_parameter_table(result, extras.truth),
         ),
         section('Friction models', friction_tables(result)),
         section(
@@ -109,13 +113,23 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
 
 _METRIC = (
     'Thesis (5.3): 100 |τ − Φθ| / |τ| over all joints stacked, in percent. Filtered: measured '
-    'torque and prediction have passed the same zero-phase low-pass. Raw: torque as recorded. '
-    'cad: as drawn; ols: ordinary least squares on the base parameters; wls: weighted by each '
-    "joint's noise; sdp: semidefinite program, every link physically consistent, close to CAD "
-    'where the motion says nothing; huber: the same with outliers weighted down; slsqp and '
-    'annealing: the solvers of the thesis, (3.11) with (3.9), (3.12), (3.13), which do not ensure '
-    'bodies that can exist. sdp is the one written to estimate.yaml and identified.urdf.'
+    'torque and prediction have passed the same zero-phase low-pass. Raw: torque as recorded.'
 )
+_THESIS = (
+    'solver of the thesis, (3.11) with (3.9), (3.12), (3.13), which does not ensure bodies that '
+    'can exist'
+)
+_SOLVERS = {
+    'cad': 'as drawn',
+    'ols': 'ordinary least squares on the base parameters',
+    'wls': "the same weighted by each joint's noise",
+    'huber': 'as sdp, with outliers weighted down',
+    'slsqp': f'{_THESIS}, by sequential quadratic programming',
+    'annealing': f'{_THESIS}, by simulated annealing',
+    'entropic': 'as sdp, with an entropic prior, so that links stay solid',
+    'sdp': 'semidefinite program, every link physically consistent, close to CAD where the motion '
+    'says nothing',
+}
 _TRUTH = (
     'Torque that links and rotors need along each motion, against that of the true parameters '
     'of the simulated arm. Measured torque is current times the nominal torque constant; the '
@@ -137,11 +151,28 @@ _BASE = (
     'deviations by the data alone, with correlated residuals taken into account. Excitation: how '
     'many times less that is than what CAD leaves open; below about 3 the motion says little.'
 )
+_TRUE_PARAMETERS = (
+    'True: of the simulated arm itself. What the torque constants are off is part of what is '
+    'identified, so that even an estimate without any error differs by it.'
+)
+_TRUE_BASE = (
+    'True: of the simulated arm itself. As measured: what least squares with the same weights '
+    'would find along this motion in the true torque without noise, times what each torque '
+    "constant is off. What one joint alone feels is scaled by this joint's factor; what several "
+    'feel has no factor of its own. Standard deviations are those of noise: far beyond 3, the '
+    'model lacks something, for example friction where a joint turns round, or a delay between '
+    'angle and torque. A dash: the truth has no such parameter.'
+)
 _EXCITATION = (
     'How far each bag leaves the range of the identification motion, and how uncertain the '
     "predicted torque is because the parameters are: above the noise, the bag's motion asks for "
     'what the identification motion has not shown.'
 )
+
+
+def _metric(result: IdentificationResult) -> str:
+    solvers = '; '.join(f'{name}: {_SOLVERS[name]}' for name in result.solutions)
+    return f'{_METRIC} {solvers}. sdp is the one written to estimate.yaml and identified.urdf.'
 
 
 def _headline(result: IdentificationResult) -> str:

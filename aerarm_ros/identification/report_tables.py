@@ -79,7 +79,7 @@ def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
     headings = ['parameter', 'unit', 'CAD', 'ols', 'sdp', 'standard deviation', 'from data [%]']
     if truth:
         headings.append('true')
-        true = truth.vector(estimate.model)
+        true = np.where(truth.names(estimate.model), truth.vector(estimate.model), np.nan)
     std = estimate.std if estimate.std is not None else np.full(len(cad), np.nan)
     known = estimate.determined if estimate.determined is not None else np.full(len(cad), np.nan)
     at_bound = held_at_zero(estimate)
@@ -107,14 +107,16 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
     )
     headings = ['base parameter', 'CAD', 'ols', 'sdp', 'standard deviation', 'excitation']
     if truth:
-        headings += ['true', 'sdp - true, in standard deviations']
-        true = base.values(truth.vector(result.recommended.estimate.model))
+        headings += ['true', 'true, as measured', 'sdp - that, in standard deviations']
+        true = truth.base_values(result.fit, base)
+        shown = truth.measured_base_values(result.fit, base)
     rows = []
     for i, expression in enumerate(base.expressions()):
         row: list[object] = [expression, *(float(values[i]) for values in columns.values())]
         row += [float(std[i]), float(prior[i] / max(std[i], 1e-300))]
         if truth:
-            row += [float(true[i]), float((columns['sdp'][i] - true[i]) / max(std[i], 1e-300))]
+            off = (columns['sdp'][i] - shown[i]) / max(std[i], 1e-300)
+            row += [float(true[i]), float(shown[i]), float(off)]
         rows.append(row)
     return table(headings, rows)
 

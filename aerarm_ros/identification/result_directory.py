@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import tempfile
+from collections.abc import Collection
 from pathlib import Path
 from types import TracebackType
 
@@ -24,6 +25,14 @@ class ResultDirectory:
         May be missing, empty, or an earlier result, which is replaced.
     option : str
         How the user names the folder, for errors.
+    files : collection of str, optional
+        All that an earlier result may hold; anything else in the folder is not replaced. Only
+        the marker counts without it.
+
+    Attributes
+    ----------
+    replaced : bool
+        Whether an earlier result was there; known once the context is entered.
 
     Raises
     ------
@@ -31,9 +40,13 @@ class ResultDirectory:
         On entering, if the place can't be written or holds something else.
     """
 
-    def __init__(self, target: Path, option: str = '--out') -> None:
+    def __init__(
+        self, target: Path, option: str = '--out', files: Collection[str] | None = None
+    ) -> None:
         self.target = target.absolute()
+        self.replaced = False
         self._option = option
+        self._files = files
         self._collected: Path | None = None
         self._made: list[Path] = []
 
@@ -41,11 +54,8 @@ class ResultDirectory:
         parent = self.target.parent
         try:
             if self.target.is_dir() and any(self.target.iterdir()):
-                if not (self.target / MARKER).is_file():
-                    raise IdentificationError(
-                        f'{self.target}: holds other files, which are not replaced: name another '
-                        f'folder with {self._option}'
-                    )
+                self._check_earlier()
+                self.replaced = True
             elif self.target.exists() and not self.target.is_dir():
                 raise IdentificationError(
                     f'{self.target}: is a file: name a folder with {self._option}'
@@ -61,6 +71,15 @@ class ResultDirectory:
                 f'permissions, or name another folder with {self._option}'
             ) from None
         return self
+
+    def _check_earlier(self) -> None:
+        names = sorted(entry.name for entry in self.target.iterdir())
+        others = [] if self._files is None else [n for n in names if n not in self._files]
+        if others or not (self.target / MARKER).is_file():
+            raise IdentificationError(
+                f'{self.target}: holds other files ({(others or names)[0]}), which are not '
+                f'replaced: name another folder with {self._option}'
+            )
 
     def path(self, name: str) -> Path:
         """Return where a part of the result that others write is to be put."""

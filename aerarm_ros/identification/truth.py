@@ -10,10 +10,14 @@ import numpy.typing as npt
 import yaml
 
 from aerarm_ros.identification.assessment import torque_errors
+from aerarm_ros.identification.base_parameters import BaseParameters
 from aerarm_ros.identification.estimate import Estimate
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.joint_model import JointModel
 from aerarm_ros.identification.joint_term import TermKind
+from aerarm_ros.identification.least_squares_solver import solve_least_squares
+from aerarm_ros.identification.model_fit import ModelFit
+from aerarm_ros.identification.reduced_regression import ReducedRegression
 from aerarm_ros.identification.sample_columns import SampleColumns
 
 Array = npt.NDArray[np.float64]
@@ -50,6 +54,46 @@ class Truth:
             if term.kind is TermKind.LOAD:
                 theta[index] = self.load_friction[joint]
         return theta
+
+    def names(self, model: JointModel) -> npt.NDArray[np.bool_]:
+        """Return the (p,) mask of `model.columns` that the truth has a value of."""
+        loads = [term.kind is TermKind.LOAD for _, term in model.joint_columns]
+        known = [name in self.parameters for name in model.columns]
+        named: npt.NDArray[np.bool_] = np.array(known) | ([False] * (10 * model.n) + loads)
+        return named
+
+    def base_values(self, fit: ModelFit, base: BaseParameters) -> Array:
+        """Return the (r,) true base parameters, NaN where the truth lacks one that matters."""
+        return self._where_named(base.values(self.vector(fit.model)), fit, base)
+
+    def measured_base_values(self, fit: ModelFit, base: BaseParameters) -> Array:
+        """Return the (r,) base parameters that noise-free measured torque would give.
+
+        A base parameter that several joints feel has no factor of its own: what each joint's
+        torque is off by is projected onto the model, weighted as in the fit.
+
+        Parameters
+        ----------
+        fit : ModelFit
+            Motion and weights of the joints.
+        base : BaseParameters
+            Of the fit's columns.
+        """
+        theta = self.vector(fit.model)
+        factors = [
+            np.column_stack([factor[:, :-1], gain * (factor[:, :-1] @ theta)])
+            for factor, gain in zip(
+                fit.regression.factors, self.measured_per_true_torque, strict=True
+            )
+        ]
+        shown = ReducedRegression(fit.regression.columns, factors, fit.regression.rows)
+        found = solve_least_squares(shown, theta, fit.noise.weights)
+        return self._where_named(base.values(found), fit, base)
+
+    def _where_named(self, values: Array, fit: ModelFit, base: BaseParameters) -> Array:
+        named = self.names(fit.model)
+        complete = ((base.combination == 0.0) | named[base.dependent]).all(axis=1)
+        return np.where(named[base.independent] & complete, values, np.nan)
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,6 +108,7 @@ class IdentifierBags:
             lost_messages(states.sequence),
             contents.missed_cycles,
         )
+        self.messages += facts.warnings(name, len(states) + contents.left_out)
         desired = None if commands is None else self._velocities(commands, recording)
         return RecordedBag(recording, facts, desired)
 

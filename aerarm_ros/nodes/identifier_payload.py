@@ -10,7 +10,9 @@ from aerarm_ros.identification.estimate_reader import read_estimate
 from aerarm_ros.identification.identification_error import IdentificationError
 from aerarm_ros.identification.identify_payload import weigh_payload
 from aerarm_ros.identification.result_directory import MARKER, ResultDirectory
-from aerarm_ros.nodes.identifier_run import IdentifierRun
+from aerarm_ros.nodes.identifier_run import IdentifierRun, tell, tell_replaced
+
+_FILES = ('payload.yaml', MARKER)
 
 
 class PayloadRun(IdentifierRun):
@@ -30,7 +32,7 @@ class PayloadRun(IdentifierRun):
                 '--model fixes the arm: give the bags with the payload as --payload, and no --bag'
             )
         default = Path('output') / options.started.strftime('payload_%Y%m%d_%H%M%S')
-        with ResultDirectory(options.out or default) as directory:
+        with ResultDirectory(options.out or default, files=_FILES) as directory:
             estimate = read_estimate(options.model, self._robot)
             recordings = [self._recording(path) for path in options.payload]
             conditioning = ConditioningOptions(
@@ -46,6 +48,8 @@ class PayloadRun(IdentifierRun):
                 'payload': {'mass': payload.mass, 'mass_standard_deviation': float(payload.std[0])},
             }
             directory.write_json(MARKER, summary)
+            tell(self._bags.messages)
+        tell_replaced(directory)
         return (
             f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg\n'
             f'{directory.target / "payload.yaml"}'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,12 +28,14 @@ from aerarm_ros.identification.recording import (
     Recording,
 )
 from aerarm_ros.identification.report import ReportExtras, report_html
-from aerarm_ros.identification.result_directory import ResultDirectory
+from aerarm_ros.identification.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.identification.summary import summarise
 from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
 from aerarm_ros.nodes.identifier_bags import IdentifierBags, RecordedBag
 from aerarm_ros.nodes.identifier_table import terminal_table
+
+_FILES = ('estimate.yaml', 'identified.urdf', 'payload.yaml', 'report.html', MARKER)
 
 
 class IdentifierRun:
@@ -80,11 +82,12 @@ class IdentifierRun:
         """
         options = self._options
         default = Path('output') / options.started.strftime('identification_%Y%m%d_%H%M%S')
-        with ResultDirectory(options.out or default) as directory:
+        with ResultDirectory(options.out or default, files=_FILES) as directory:
             identification, validation = self._read()
             result = self._identify(identification, validation)
             payload = self._payload(result)
             self._write(result, payload, directory)
+        tell_replaced(directory)
         lines = [terminal_table(result, self._facts())]
         if payload is not None:
             lines.append(f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg')
@@ -153,16 +156,18 @@ class IdentifierRun:
             self._robot, self._config, identification, validation, chosen, self._stopwatch
         )
         result.warnings[:0] = self._bags.messages
-        for text in result.warnings:
-            print(f'identifier: {text}', file=sys.stderr)
+        tell(result.warnings)
         return result
 
     def _payload(self, result: IdentificationResult) -> Payload | None:
         if not self._options.payload:
             return None
         _progress('identifying the payload')
+        known = len(self._bags.messages)
         with self._stopwatch.stage('reading'):
             recordings = [self._recording(path) for path in self._options.payload]
+        tell(self._bags.messages[known:])
+        result.warnings.extend(self._bags.messages[known:])
         with self._stopwatch.stage('payload'):
             return identify_payload(result, recordings)
 
@@ -175,8 +180,7 @@ class IdentifierRun:
             viscous, coulomb = equivalent_friction(estimate, result.identification)
             directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
             urdf = identified_urdf(self._robot, estimate.inertial, viscous, coulomb)
-            for text in urdf.warnings:
-                print(f'identifier: {text}', file=sys.stderr)
+            tell(urdf.warnings)
             result.warnings.extend(urdf.warnings)
             directory.write('identified.urdf', urdf.text)
             if payload is not None:
@@ -186,7 +190,7 @@ class IdentifierRun:
         summary = summarise(
             result, self._stopwatch.seconds, extras.truth_errors, payload, extras.facts
         )
-        directory.write_json('summary.json', summary)
+        directory.write_json(MARKER, summary)
 
     def _extras(self, result: IdentificationResult) -> ReportExtras:
         bags = self._read_bags.items()
@@ -201,6 +205,18 @@ class IdentifierRun:
             [*result.identification, *result.validation],
         )
         return replace(extras, truth=truth, truth_errors=errors)
+
+
+def tell(texts: Iterable[str]) -> None:
+    """Print what the user should know, one line each."""
+    for text in texts:
+        print(f'identifier: {text}', file=sys.stderr)
+
+
+def tell_replaced(directory: ResultDirectory) -> None:
+    """Say so if the result took the place of an earlier one."""
+    if directory.replaced:
+        tell([f'{directory.target}: an earlier result was replaced'])
 
 
 def _bag_names(paths: Sequence[Path]) -> dict[Path, str]:

@@ -12,9 +12,15 @@ import pytest
 
 from aerarm_ros.identification.bag_facts import BagFacts
 from aerarm_ros.identification.desired_velocity import DesiredVelocity
+from aerarm_ros.identification.html_text import number
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.report import ReportExtras, report_html
-from aerarm_ros.identification.report_tables import parameter_table
+from aerarm_ros.identification.report_tables import (
+    base_deviations,
+    base_parameter_table,
+    parameter_table,
+)
+from aerarm_ros.identification.solvers import SOLVERS
 from aerarm_ros.identification.truth import Truth, inertial_torque_errors
 
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
@@ -106,9 +112,45 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
         assert expression in page.texts
 
 
+def test_only_solvers_that_ran_are_explained(result: IdentificationResult) -> None:
+    def explained(result: IdentificationResult) -> list[str]:
+        text = ' '.join(Page(report_html(result, ReportExtras())).texts)
+        (metric,) = re.findall(r'Thesis \(5\.3\).*?identified\.urdf\.', text)
+        return re.findall(r'(\w+): ', metric.partition('as recorded.')[2])
+
+    assert explained(result) == ['cad', 'ols', 'wls', 'sdp']
+    sdp = result.solutions['sdp']
+    every = {name: result.solutions.get(name, sdp) for name in SOLVERS}
+    assert explained(replace(result, solutions=every)) == list(SOLVERS)
+
+
+def test_base_parameters_are_compared_as_currents_show_them(
+    result: IdentificationResult, extras: ReportExtras
+) -> None:
+    base = result.used_base
+    truth = replace(extras.truth, measured_per_true_torque=np.full(4, 1.02))
+    sdp = base.values(result.recommended.estimate.theta)
+    off = (sdp - 1.02 * truth.base_values(result.fit, base)) / base_deviations(result)
+    rows = base_parameter_table(result, truth).split('<tr>')[2:]
+    for row, value in zip(rows, off, strict=True):
+        assert f'<td>{number(value)}</td></tr>' in row
+
+
+def test_what_the_truth_lacks_is_a_dash(result: IdentificationResult, extras: ReportExtras) -> None:
+    truth = replace(
+        extras.truth,
+        parameters={k: v for k, v in extras.truth.parameters.items() if k != 'fv_joint1'},
+    )
+    for table, dashes in ((parameter_table, 1), (base_parameter_table, 3)):
+        for given, expected in ((extras.truth, 0), (truth, dashes)):
+            (row,) = (r for r in table(result, given).split('<tr>') if '>fv_joint1<' in r)
+            assert row.count('–') == expected
+
+
 def test_it_can_do_without_extras(result: IdentificationResult) -> None:
     page = Page(report_html(result, ReportExtras()))
     assert 'Against the true parameters' not in page.headings
+    assert not any('True: of the simulated arm' in text for text in page.texts)
 
 
 def test_a_parameter_at_its_bound_is_not_said_to_be_measured(result: IdentificationResult) -> None:

@@ -56,6 +56,25 @@ def test_other_peoples_files_are_safe(tmp_path: Path) -> None:
     assert (tmp_path / 'thesis.tex').exists()
 
 
+@pytest.mark.parametrize('files', [(MARKER, 'estimate.yaml'), (MARKER, 'report.html', 'notes.md')])
+def test_a_result_with_anything_else_is_not_replaced(tmp_path: Path, files: tuple) -> None:
+    """Somebody's notes, or what another program wrote with a marker of the same name."""
+    for name in files:
+        (tmp_path / name).write_text('old')
+    directory = ResultDirectory(tmp_path, files=(MARKER, 'report.html'))
+    with pytest.raises(IdentificationError, match=rf'holds other files \({files[-1]}\)'), directory:
+        pytest.fail('nothing should be computed')
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(files)
+
+
+def test_it_knows_whether_it_replaces(tmp_path: Path) -> None:
+    for replaced in (False, True):
+        with ResultDirectory(tmp_path / 'result', files=(MARKER, 'x')) as directory:
+            directory.write(MARKER, '')
+            directory.write('x', '')
+        assert directory.replaced == replaced
+
+
 def test_impossible_places_are_noticed_at_once(tmp_path: Path) -> None:
     file = tmp_path / 'file'
     file.write_text('')

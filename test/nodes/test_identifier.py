@@ -128,6 +128,16 @@ def test_same_bags_same_bits(bags: Path, run: tuple[str, Path], tmp_path: Path) 
         assert (out / name).read_bytes() == (run[1] / name).read_bytes()
 
 
+def test_an_earlier_result_is_replaced_and_said_to_be(bags: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'out'
+    arguments = ('--bag', bags / 'identification', '--friction', 'coulomb', '--out', out)
+    for words in ((), (f'identifier: {out}: an earlier result was replaced',)):
+        done = identifier(*arguments)
+        assert done.returncode == 0, done.stderr
+        assert tuple(line for line in done.stderr.splitlines() if 'replaced' in line) == words
+    assert sorted(path.name for path in out.iterdir()) == FILES
+
+
 def test_truth_holdout_and_options(bags: Path, tmp_path: Path, robot: Robot) -> None:
     names = [f'{p}_{link}' for link in robot.link_names for p in ('m', 'mcx', 'mcy', 'mcz')]
     names += [

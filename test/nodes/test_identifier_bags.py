@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.serialization import serialize_message
 
 from aerarm_msgs_py.bag_error import BagError
 from aerarm_msgs_py.bag_writer import BagWriter
@@ -60,6 +62,32 @@ def test_states_and_desired_velocities(bag: Path) -> None:
     wanted = np.interp(desired.time, recording.time, recording.dq[:, 0])
     assert np.allclose(desired.dq[:, 0], 2.0 * wanted, atol=1e-3)
     assert not reader.messages
+
+
+@pytest.mark.parametrize(('missed', 'said'), [(20, ['4.8 %']), (4, [])])
+def test_many_missed_cycles_are_warned_of(tmp_path: Path, missed: int, said: list) -> None:
+    codec = JointStateCdr(JOINTS)
+    topics = [
+        RecordedTopic('/arm/joint_states', KIND),
+        RecordedTopic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray'),
+    ]
+    with BagWriter(tmp_path / 'bag', topics) as writer:
+        for k in range(COUNT):
+            stamp = 10**18 + k * 10**7
+            angle = np.array([np.sin(0.05 * k), np.cos(0.05 * k)])
+            state = codec.pack(stamp, angle, angle, 3.0 * angle)
+            writer.write(RecordedMessage(0, state, stamp, stamp, k + 1))
+            if k in (0, COUNT - 1):
+                value = KeyValue(key='missed cycles', value=str(7 + missed * bool(k)))
+                timing = DiagnosticStatus(name='bridge: timing', values=[value])
+                payload = serialize_message(DiagnosticArray(status=[timing]))
+                writer.write(RecordedMessage(1, payload, stamp, stamp, k + 1))
+    reader = bags()
+    assert reader.read(tmp_path / 'bag', 'name').facts.missed_cycles == missed
+    words = 'of the cycles were missed'
+    assert [text.split(f' {words}')[0] for text in reader.messages] == [
+        f'name: {share}' for share in said
+    ]
 
 
 def test_less_than_the_metadata_says_is_truncated(bag: Path) -> None:

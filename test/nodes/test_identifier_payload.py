@@ -1,6 +1,8 @@
 """A payload of 0.2 kg on the emulated arm: through the boards' frames, bags and command line."""
 
 import json
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -67,6 +69,29 @@ def test_from_one_motion_with_the_arm_as_it_was_identified(
     alone, both = check(out / 'payload.yaml'), check(run / 'payload.yaml')
     assert alone['mass'] == pytest.approx(both['mass'], rel=5e-3)
     assert json.loads((out / 'summary.json').read_text())['payload']['mass'] == alone['mass']
+
+
+@pytest.mark.parametrize('model', [True, False])
+def test_what_is_wrong_with_its_bag_is_told(
+    model: bool, run: Path, bags: Path, tmp_path: Path
+) -> None:
+    bag = Path(shutil.copytree(bags / 'with', tmp_path / 'with'))
+    metadata = bag / 'metadata.yaml'
+    metadata.write_text(re.sub(r'message_count: \d+', 'message_count: 9', metadata.read_text()))
+    arm = ('--model', run / 'estimate.yaml') if model else ('--bag', bags / 'without')
+    out = tmp_path / 'out'
+    done = identifier(*arm, '--payload', bag, '--out', out)
+    assert done.returncode == 0, done.stderr
+    words = 'where its metadata.yaml lists 9'
+    assert done.stderr.count(words) == 1
+    assert model or words in (out / 'report.html').read_text()
+
+
+def test_the_model_is_not_replaced_by_the_payload(run: Path, bags: Path) -> None:
+    done = identifier('--model', run / 'estimate.yaml', '--payload', bags / 'with', '--out', run)
+    assert done.returncode == 2
+    assert 'holds other files (estimate.yaml)' in done.stderr
+    assert (run / 'estimate.yaml').exists()
 
 
 @pytest.mark.parametrize(

@@ -146,6 +146,16 @@ def test_places_that_cannot_be_written(bags: Path, tmp_path: Path) -> None:
     assert file.read_text() == ''
 
 
+def test_a_result_that_holds_something_else_too_is_kept(bags: Path, tmp_path: Path) -> None:
+    for name in ('summary.json', 'report.html', 'notes.md'):
+        (tmp_path / name).write_text('old')
+    done = identifier('--bag', bags / 'identification', '--out', tmp_path)
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert 'holds other files (notes.md), which are not replaced' in line
+    assert [path.read_text() for path in tmp_path.iterdir()] == ['old'] * 3
+
+
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_runs_leave_nothing(bags: Path, tmp_path: Path, number: signal.Signals) -> None:
     command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier']
