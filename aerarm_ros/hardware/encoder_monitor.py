@@ -30,7 +30,8 @@ class EncoderMonitor:
     On a drone the load changes too, and a controller that knows the base's motion holds it
     without moving by a count. So what was commanded as effort is believed, up to the torque
     that a load can ask for; what the boards' feedback adds is not, for it acts only where
-    reference and angle differ.
+    reference and angle differ. Nor does it matter which of the two carries a load that was
+    carried before.
 
     Parameters
     ----------
@@ -155,11 +156,10 @@ class _Encoder:
         if change != 0.0:
             self.moving_current, self.moving_feedback = current, feedback
         held = self.held + _LOAD_SHARE * abs(current)
+        unexplained = abs(current - self.moving_current)
         if abs(current) <= self.load:
-            unexplained = feedback - self.moving_feedback
-        else:
-            unexplained = current - self.moving_current
-        if abs(unexplained) <= held or elapsed > _PAUSE:
+            unexplained = min(unexplained, abs(feedback - self.moving_feedback))
+        if unexplained <= held or elapsed > _PAUSE:
             self.plausible = now
         elif now - self.plausible > stall_time:
             return (

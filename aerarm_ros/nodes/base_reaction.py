@@ -38,6 +38,8 @@ PARAMETERS = state_node_parameters(
 class BaseReactionNode(StateNode):
     """Joint states in, `BaseReaction` out, at a rate of its own."""
 
+    answers_every_state = False
+
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 

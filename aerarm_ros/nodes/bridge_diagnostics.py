@@ -14,6 +14,7 @@ from aerarm_ros.hardware.command_publishers import CommandPublishers
 from aerarm_ros.nodes.bridge_timing import BridgeTiming
 from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.nodes.publisher_watch import PublisherWatch
+from aerarm_ros.nodes.rival_watch import RivalWatch
 
 _END = object()
 _POWER_SOURCES = {
@@ -31,6 +32,7 @@ class Watched:
     timing: BridgeTiming
     publishers: CommandPublishers
     watch: PublisherWatch
+    rivals: RivalWatch
 
 
 class BridgeDiagnostics:
@@ -101,7 +103,8 @@ class BridgeDiagnostics:
 
 def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     cycle, publishers = watched.cycle, watched.publishers
-    texts = [*cycle.faults, *filter(None, [publishers.warning]), *watched.watch.problems]
+    warnings = filter(None, [watched.rivals.problem, publishers.warning])
+    texts = [*cycle.faults, *warnings, *watched.watch.problems]
     level = DiagnosticStatus.WARN if texts else DiagnosticStatus.OK
     if cycle.mode in ('fault', 'disconnected'):
         level = DiagnosticStatus.ERROR

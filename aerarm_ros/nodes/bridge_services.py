@@ -52,7 +52,9 @@ class BridgeServices:
             except (RuntimeError, ValueError) as error:
                 answer = Answer(False, str(error))
             except TimeoutError:
-                answer = Answer(False, 'the cycle did not answer: see /diagnostics')
+                answer = Answer(
+                    False, 'the cycle did not answer: see the console of the bridge, or view'
+                )
             response.success, response.message = answer.accepted, answer.message
             log = self._node.get_logger()
             # rclpy ties a severity to the line that logs.

@@ -8,11 +8,6 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from aerarm_msgs_py.topic import Topic
 
 
-def endpoint_name(endpoint: TopicEndpointInfo) -> str:
-    """Return the full name of an endpoint's node."""
-    return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
-
-
 def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:
     """Return why a publisher's messages never come, '' if they do.
 

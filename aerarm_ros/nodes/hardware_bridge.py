@@ -43,6 +43,8 @@ from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameters import ParameterTable
 from aerarm_ros.nodes.publisher_watch import PublisherWatch
 from aerarm_ros.nodes.real_time_parameters import prepare_thread
+from aerarm_ros.nodes.rejection_log import RejectionLog
+from aerarm_ros.nodes.rival_watch import RivalWatch
 from aerarm_ros.nodes.robot_description import RobotDescription
 from aerarm_ros.nodes.stop_signals import StopSignals
 from aerarm_ros.realtime.cycle_slack import CycleSlack
@@ -92,10 +94,12 @@ class HardwareBridge(LifecycleNode):
             String, topics.ARM_MODE.name, topics.ARM_MODE.qos
         )
         self._mode_log = ModeLog(self)
+        self._rejection_log = RejectionLog(self, lambda: self._command_publishers.warning)
         BridgeServices(self, self.requests.ask, self.actions())
         self._diagnostics = BridgeDiagnostics(self)
         self._work = threading.Event()
         self._stopping = False
+        self._starting = False  # by itself: what goes wrong ends the process
         self.status = 0  # exit status for run_node
         self._mode = ''
         self._problem = ''
@@ -153,12 +157,14 @@ class HardwareBridge(LifecycleNode):
             self._cycle.check_gains(*self._gains())
         except (ValueError, OSError) as error:
             self._problem = f'not configured: {error}'
-            self.get_logger().error(self._problem)
+            if not self._starting:
+                self.get_logger().error(self._problem)
             return FAILURE
         self._try_wires(profile)
         self._command_publishers = CommandPublishers(self.values.allowed_publishers)
         self._streams = BridgeStreams(self, config.joint_names)
         self._watch = PublisherWatch(self, topics.JOINT_COMMAND, self._command_publishers.look)
+        self._rivals = RivalWatch(self, topics.JOINT_STATES)
         self._description = RobotDescription(self, robot.urdf_text)
         return SUCCESS
 
@@ -175,6 +181,7 @@ class HardwareBridge(LifecycleNode):
                 self._timing,
                 self._command_publishers,
                 self._watch,
+                self._rivals,
             )
         )
         self.requests.open()
@@ -193,6 +200,7 @@ class HardwareBridge(LifecycleNode):
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Close the buses."""
         self._watch.destroy()
+        self._rivals.destroy()
         self._streams.destroy()
         self._description.destroy()
         self._transport.close()
@@ -239,7 +247,10 @@ class HardwareBridge(LifecycleNode):
         self.destroy_node()
 
     def _start(self) -> bool:
-        return bool(self.trigger_configure() == SUCCESS and self.trigger_activate() == SUCCESS)
+        self._starting = True
+        started = self.trigger_configure() == SUCCESS and self.trigger_activate() == SUCCESS
+        self._starting = False
+        return bool(started)
 
     def _run_while_active(self) -> None:
         while not self._stopping:
@@ -279,8 +290,10 @@ class HardwareBridge(LifecycleNode):
         )
         if cycle.mode != self._mode:
             self._publish_mode(cycle.mode)
+        self._rejection_log.update(cycle.intake, cycle.mode, now)
         self.use_slack(now)
         self._watch.poll()
+        self._rivals.poll()
         self._diagnostics.step(now)
         self._slack.begin()
 

@@ -144,7 +144,8 @@ class MotionPlayback:
     ) -> None:
         if self._conditions.mode not in PLAYABLE:
             raise ExcitationError(
-                f"arm_mode became '{self._conditions.mode}' in the {player.stage}: see /diagnostics"
+                f"arm_mode became '{self._conditions.mode}' in the {player.stage}: see the console "
+                'of the bridge, or view'
             )
         command = bytes(self._codec.pack(stamp_ns, *player.update(stamp_ns, state.q)))
         self._commands.publish(command)

@@ -7,10 +7,12 @@ from collections.abc import Callable, Sequence
 from rclpy.node import Node
 
 from aerarm_msgs_py.topic import Topic
-from aerarm_ros.nodes.endpoint_problem import endpoint_name, endpoint_problem
+from aerarm_ros.nodes.endpoint_name import endpoint_name
+from aerarm_ros.nodes.endpoint_problem import endpoint_problem
 
 _CYCLES = 100  # between two polls for a reason to look
-_UNKNOWN = '_NODE_NAME_UNKNOWN_'  # a publisher found before its node
+UNNAMED = 'a new node'
+"""In place of the name of a publisher that was found before its node."""
 
 
 class PublisherWatch:
@@ -29,6 +31,10 @@ class PublisherWatch:
         The topic.
     report
         Takes the names of those that reach a subscription.
+    cycles
+        Calls of `poll` between two polls for a reason to look.
+    known
+        Number of publishers that are no reason to look.
 
     Attributes
     ----------
@@ -36,13 +42,21 @@ class PublisherWatch:
         One text for each publisher that does not reach it, with the reason.
     """
 
-    def __init__(self, node: Node, topic: Topic, report: Callable[[Sequence[str]], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        topic: Topic,
+        report: Callable[[Sequence[str]], None],
+        cycles: int = _CYCLES,
+        known: int = 0,
+    ) -> None:
         self.problems: tuple[str, ...] = ()
         self._node = node
         self._topic = topic
         self._name = node.resolve_topic_name(topic.name)
         self._report = report
-        self._count = 0
+        self._cycles = cycles
+        self._count = known
         self._cycle = 0
         self._wanted = False
         self._reason = node.create_guard_condition(self._look)
@@ -50,7 +64,7 @@ class PublisherWatch:
     def poll(self) -> None:
         """Notice a change; to be called in every cycle, costs a microsecond."""
         self._cycle += 1
-        if self._cycle % _CYCLES:
+        if self._cycle % self._cycles:
             return
         count = self._node.count_publishers(self._name)
         if count != self._count or self._wanted:
@@ -67,10 +81,11 @@ class PublisherWatch:
 
     def _look(self) -> None:
         endpoints = self._node.get_publishers_info_by_topic(self._name)
-        self._wanted = any(endpoint.node_name == _UNKNOWN for endpoint in endpoints)
+        self._wanted = not all(map(endpoint_name, endpoints))
         names, problems = [], []
         for endpoint in endpoints:
-            name, problem = endpoint_name(endpoint), endpoint_problem(endpoint, self._topic)
+            name = endpoint_name(endpoint) or UNNAMED
+            problem = endpoint_problem(endpoint, self._topic)
             if problem:
                 problems.append(f'{self._name} of {name} is not heard: {problem}')
             else:

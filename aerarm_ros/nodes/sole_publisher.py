@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rclpy.node import Node
 
 from aerarm_msgs_py.topic import Topic
 from aerarm_ros.nodes.endpoint_name import endpoint_name
+from aerarm_ros.nodes.publisher_watch import UNNAMED
+
+
+def several_publishers(topic: str, names: Sequence[str]) -> str:
+    """Return who publishes a topic beside whom and what to do, '' if nobody does."""
+    if len(names) < 2:
+        return ''
+    return (
+        f'{topic} has {len(names)} publishers, {" and ".join(sorted(names))}: stop all but one, '
+        'or give each arm a namespace or ROS_DOMAIN_ID of its own'
+    )
 
 
 class SolePublisher:
@@ -32,11 +45,8 @@ class SolePublisher:
         if self._node.count_publishers(self._topic) < 2:
             return ''
         publishers = self._node.get_publishers_info_by_topic(self._topic)
-        names = sorted(endpoint_name(publisher) or 'a new node' for publisher in publishers)
-        return (
-            f'{self._topic} has {len(names)} publishers, {" and ".join(names)}: stop all but one, '
-            'or give each arm a namespace or ROS_DOMAIN_ID of its own'
-        )
+        names = [endpoint_name(publisher) or UNNAMED for publisher in publishers]
+        return several_publishers(self._topic, names)
 
     def news(self) -> str:
         """Return the problem if it is another one than the last time, else ''."""

@@ -12,10 +12,12 @@ from aerarm_msgs_py import topics
 from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.nodes.sole_publisher import SolePublisher
 from aerarm_ros.nodes.state_stream import StateStream
+from aerarm_ros.nodes.waiting_notice import WaitingNotice
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
 
 # A rejection is a warning for this long [s].
 _REMEMBERED = 5.0
+_SILENCE = 'no joint states: is the bridge running?'
 
 
 class StateDiagnostics:
@@ -31,6 +33,10 @@ class StateDiagnostics:
         Returns what the node itself has to say, by name.
     arm
         The arm's name.
+    notice
+        When to log that no states come; never if not given, for a node that does so itself.
+    every_state
+        Whether each state should be answered: if not, nobody counts those that aren't.
 
     Attributes
     ----------
@@ -46,8 +52,12 @@ class StateDiagnostics:
         warning: Callable[[], str],
         values: Callable[[], Mapping[str, object]],
         arm: str = '',
+        notice: WaitingNotice | None = None,
+        every_state: bool = True,
     ) -> None:
         self._node = node
+        self._notice = notice
+        self._every_state = every_state
         self._warning = warning
         self._values = values
         self._stream: StateStream | None = None
@@ -72,11 +82,16 @@ class StateDiagnostics:
 
     def account(self) -> str:
         """Return one line for the log's end."""
-        latency = self.latency.summary()
+        latency, skipped = self.latency.summary(), self._skipped()
+        rejected = f'{self.rejections} inputs rejected'
+        if not latency.count:
+            received = self._stream.received if self._stream else 0
+            came = f'{received} states came, none was answered' if received else 'no states came'
+            return f'{came}, {rejected}'
+        unanswered = '' if skipped is None else f'{skipped} not answered, '
         return (
-            f'{latency.count} states answered, {self._skipped()} not answered, '
-            f'{self.rejections} inputs rejected; answer p50 {latency.p50 * 1e6:.0f} us, '
-            f'p99 {latency.p99 * 1e6:.0f} us after the stamp'
+            f'{latency.count} states answered, {unanswered}{rejected}; '
+            f'answer p50 {latency.p50 * 1e6:.0f} us, p99 {latency.p99 * 1e6:.0f} us after the stamp'
         )
 
     def publish(self) -> None:
@@ -90,16 +105,22 @@ class StateDiagnostics:
         received = self._stream.received if self._stream else 0
         is_silent, self._received = received == self._received, received
         if is_silent:
-            return 'no joint states: is the bridge running?'
+            self._say_waiting()
+            return _SILENCE
         if time.monotonic() - self._rejected_at < _REMEMBERED:
             return f'rejected: {self.last_rejection}'
         return self._sources.problem() or self._warning()
 
+    def _say_waiting(self) -> None:
+        text = self._notice.update([_SILENCE], time.monotonic()) if self._notice else ''
+        if text:
+            self._node.get_logger().info(text)
+
     def _all_values(self) -> dict[str, object]:
-        latency = self.latency.summary()
+        latency, skipped = self.latency.summary(), self._skipped()
         return {
             'states answered': latency.count,
-            'states not answered': self._skipped(),
+            'states not answered': 'not counted' if skipped is None else skipped,
             'rejected inputs': self.rejections,
             'last rejection': self.last_rejection,
             'answer p50 [us]': round(latency.p50 * 1e6),
@@ -108,7 +129,6 @@ class StateDiagnostics:
             **self._values(),
         }
 
-    def _skipped(self) -> object:
+    def _skipped(self) -> int | None:
         # Nearly always one that a newer state replaced before the loop came to it.
-        lost = None if self._stream is None else self._stream.lost
-        return 'not counted' if lost is None else lost
+        return self._stream.lost if self._stream and self._every_state else None

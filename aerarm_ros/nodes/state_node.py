@@ -28,6 +28,7 @@ from aerarm_ros.nodes.real_time_parameters import prepare_thread
 from aerarm_ros.nodes.state_diagnostics import StateDiagnostics
 from aerarm_ros.nodes.state_stream import StateStream
 from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.nodes.waiting_notice import WaitingNotice
 
 
 def state_node_parameters(*parameters: Parameter) -> ParameterTable:
@@ -64,6 +65,8 @@ class StateNode:
         If a parameter or a file can't be used.
     """
 
+    answers_every_state = True  # a derived node may have a rate of its own
+
     def __init__(self, name: str, parameters: ParameterTable) -> None:
         self.status = 0
         self.state: ArmState | None = None
@@ -75,7 +78,12 @@ class StateNode:
         self.base = self.arm.base(self.values)
         self.build()
         self.diagnostics = StateDiagnostics(
-            self.node, self.warning, self.describe, self.arm.config.name
+            self.node,
+            self.warning,
+            self.describe,
+            self.arm.config.name,
+            WaitingNotice(time.monotonic()),
+            self.answers_every_state,
         )
         self._stream = StateStream(self.node, self.arm.config.joint_names, self.reject)
         self.diagnostics.watch(self._stream)

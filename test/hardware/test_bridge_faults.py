@@ -208,3 +208,13 @@ def test_effort_that_steps_at_the_last_count_is_not_taken_for_feedback(
     rig.run(1e-3 * early)
     rig.run(0.2, lambda now: (None, None, load))
     assert rig.bridge.mode == 'running', rig.bridge.faults
+
+
+def test_taking_over_a_resting_arm_is_not_taken_for_a_stuck_encoder(make_rig, robot) -> None:
+    rig = make_rig(position=[0.3, 1.0, 0.0, 0.2])
+    rig.bridge = BridgeCycle(rig.config, rig.boards, load_max=largest_gravity_load(robot))
+    rig.bring_up()  # held by the boards
+    load = Dynamics(robot).gravity(rig.bridge.q)
+    rig.inject('stuck_encoder', board=0, motor=1)  # the joint rests, as friction may hold it
+    rig.run(0.3, lambda now: (None, None, load))
+    assert rig.bridge.mode == 'running', rig.bridge.faults

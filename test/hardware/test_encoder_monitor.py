@@ -115,3 +115,12 @@ def test_feedback_that_moves_nothing_is_a_fault_under_any_load(flying, config):
     swing = 4.7 / config.column('torque_per_ampere') * [1.0, 1.0, 0.0, 0.0]
     text = stand(flying, lambda t: [0.0, 2.0 * t, 0.0, 0.0], lambda t: swing * np.sin(np.pi * t))
     assert 'joint2 does not move' in text
+
+
+def test_a_load_handed_from_the_feedback_to_a_controller_is_no_fault(flying) -> None:
+    # The arm was held by the boards where it came to rest; a good controller moves no count.
+    load = np.array([0.0, 4.0, 0.0, 0.0])
+    for cycle in range(1, 300):
+        position = np.full(4, 0.002 * min(cycle, 20))
+        commanded = NONE if cycle < 100 else load
+        assert flying.check(position, load, FRESH, cycle * 1e-3, commanded) == ''

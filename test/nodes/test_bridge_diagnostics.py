@@ -17,6 +17,7 @@ from aerarm_ros.hardware.emulation import make_emulated_transport
 from aerarm_ros.nodes.bridge_diagnostics import BridgeDiagnostics, Watched
 from aerarm_ros.nodes.bridge_timing import BridgeTiming
 from aerarm_ros.nodes.publisher_watch import PublisherWatch
+from aerarm_ros.nodes.rival_watch import RivalWatch
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 
 PERIOD = 1e-3
@@ -38,7 +39,10 @@ class Listener:
         publishers = CommandPublishers()
         self.watch = PublisherWatch(node, topics.JOINT_COMMAND, publishers.look)
         timing = BridgeTiming(PeriodicLoop(PERIOD))
-        self.watched = Watched(config.joint_names, self.cycle, timing, publishers, self.watch)
+        self.rivals = RivalWatch(node, topics.JOINT_STATES)
+        self.watched = Watched(
+            config.joint_names, self.cycle, timing, publishers, self.watch, self.rivals
+        )
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
         end = time.monotonic() + 20.0
@@ -106,4 +110,14 @@ def test_a_publisher_that_is_not_heard_is_reported(listener: Listener) -> None:
     listener.diagnostics.watch(listener.watched)
     listener.step(100.1, PIECES)
     listener.wait_for(lambda: any('not heard' in m.status[0].message for m in listener.messages))
+    assert listener.arm().level == DiagnosticStatus.WARN
+
+
+def test_another_publisher_of_joint_states_is_reported(listener: Listener) -> None:
+    listener.rivals.problem = 'joint_states has 2 publishers'
+    for now in range(20):
+        listener.cycle.update(100.0 + now * PERIOD)
+    listener.diagnostics.watch(listener.watched)
+    listener.step(100.1, PIECES)
+    listener.wait_for(lambda: any('2 pub' in m.status[0].message for m in listener.messages))
     assert listener.arm().level == DiagnosticStatus.WARN

@@ -94,6 +94,13 @@ def test_what_is_wrong_when_configuring_is_reported(
     assert process.wait(20.0) == 0
 
 
+def test_what_ends_the_process_is_said_once(start_bridge: StartBridge) -> None:
+    process = start_bridge(config='/nowhere/arm.yaml')
+    assert process.wait(20.0) == 1
+    assert process.tail().count('/nowhere/arm.yaml') == 1
+    assert 'fake_hardware: not configured: ' in process.tail()
+
+
 def test_invalid_transitions_are_refused_and_change_nothing(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:

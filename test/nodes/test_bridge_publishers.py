@@ -1,6 +1,7 @@
 """Who may command a running bridge."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import rclpy
@@ -9,6 +10,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from aerarm_msgs_py.topics import JOINT_COMMAND
+from aerarm_ros.nodes.node_process import NodeProcess
 
 FIRST = [0.2, 0.0, 0.0, 0.0]
 SECOND = [-0.4, 0.0, 0.0, 0.0]
@@ -25,8 +27,23 @@ def count(client: BridgeClient, reason: str) -> int:
     return int(client.diagnostics['arm'].get(f'rejected {reason}', 0))
 
 
+def test_two_bridges_warn_of_each_other(
+    client: BridgeClient, bridge: NodeProcess, tmp_path: Path
+) -> None:
+    client.wait_for_mode('idle')
+    assert 'publishers' not in bridge.tail()
+    text = '/joint_states has 2 publishers, /fake_hardware and /other: stop all but one'
+    rename = ('--ros-args', '-r', '__node:=other')
+    with NodeProcess('fake_hardware', rename, {}, log=tmp_path / 'other') as other:
+        client.wait_for(lambda: text in bridge.tail() and text in other.tail())
+        client.wait_for(lambda: text in client.messages['arm'])
+    # Several looks later, the second one is gone.
+    client.wait_for(lambda: client.messages['arm'] == 'idle')
+    assert bridge.tail(50).count('joint_states has') == 1
+
+
 def test_a_second_publisher_is_told_apart_rejected_and_named(
-    client: BridgeClient, intruder: Publisher
+    client: BridgeClient, bridge: NodeProcess, intruder: Publisher
 ) -> None:
     client.make_ready()
     client.answer = lambda state: velocity_command(state, FIRST)
@@ -48,6 +65,8 @@ def test_a_second_publisher_is_told_apart_rejected_and_named(
     client.wait_for(lambda: count(client, 'source') > 100)
     assert 'joint_command has 2 publishers (/intruder, /test)' in client.messages['arm']
     assert client.diagnostics['arm']['publishers of joint_command'] == '/intruder, /test'
+    said = 'a command was rejected: joint_command has 2 publishers (/intruder, /test)'
+    client.wait_for(lambda: said in bridge.tail(50))
     # The first one is followed on.
     client.wait_for(lambda: client.states[-1].velocity[0] > 0.1)
     assert client.modes[-1] == 'running'

@@ -1,5 +1,6 @@
 """The controllers as processes on the emulated arm, over real DDS."""
 
+import re
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -132,6 +133,27 @@ def test_base_reaction_knows_the_weight_and_follows_the_imu(bench: ControllerBen
             'a rejection',
         )
         bench.wait(lambda: np.abs(force() - [0.0, 0.0, -weight]).max() < 0.3, 'the fall-back')
+
+
+def test_base_reaction_counts_no_states_that_it_need_not_answer(bench: ControllerBench) -> None:
+    bench.keep(topics.BASE_WRENCH)
+    with bench.controller('base_reaction') as process:
+        bench.wait(lambda: topics.BASE_WRENCH.name in bench.heard, 'the wrench')
+        process.stop()
+    assert re.search(r'reaction: \d+ states answered, 0 inputs rejected; answer', process.tail())
+
+
+@pytest.mark.parametrize('name', ['gravity_compensation', 'base_reaction'])
+def test_without_a_bridge_says_what_it_waits_for(
+    tmp_path: Path, ros_domain: dict[str, str], name: str
+) -> None:
+    with NodeProcess(name, log=tmp_path / 'log') as process:
+        end = time.monotonic() + LIMIT
+        while 'waiting: no joint states: is the bridge running?' not in process.tail():
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        process.stop()
+    assert process.tail().splitlines()[-1] == f'{name}: no states came, 0 inputs rejected'
 
 
 def test_an_arm_that_is_off_gets_no_commands(bench: ControllerBench) -> None:

@@ -171,7 +171,10 @@ def test_sigint_stops_smoothly_and_exits(tmp_path: Path, environment) -> None:
     [
         ('--stuck-after', 'off its reference'),
         ('--silent-after', 'is the computer overloaded? state_timeout lengthens the wait'),
-        ('--fault-after', "arm_mode became 'fault'"),
+        (
+            '--fault-after',
+            "arm_mode became 'fault' in the excitation: see the console of the bridge, or view",
+        ),
     ],
 )
 def test_trouble_ends_the_motion(tmp_path: Path, environment, fault: str, message: str) -> None:
