@@ -23,22 +23,13 @@ def ask(log: Path, *arguments: str) -> tuple[int, str]:
     return status, log.read_text()
 
 
-def test_enables_stops_and_clears(bridge: NodeProcess, tmp_path: Path) -> None:
-    log = tmp_path / 'arm.log'
-    assert ask(log, 'enable', '--wait-before', 'idle', '--wait', 'ready')[0] == 0
-    status, text = ask(log, 'e_stop', '--wait', 'fault')
-    assert status == 0
-    assert 'arm_mode fault' in text
-    assert ask(log, 'clear_fault', '--wait', 'idle', 'ready')[0] == 0
-    assert bridge.returncode is None
-
-
 def test_a_refusal_is_an_error_and_the_bridge_goes_on(bridge: NodeProcess, tmp_path: Path) -> None:
     log = tmp_path / 'arm.log'
     assert ask(log, 'enable', '--wait-before', 'idle', '--wait', 'ready')[0] == 0
     status, text = ask(log, 'enable', '--wait-before', 'idle', '--wait', 'ready')
     assert (status, 'already enabled' in text) == (0, True)
-    assert ask(log, 'e_stop', '--wait', 'fault')[0] == 0
+    status, text = ask(log, 'e_stop', '--wait', 'fault')
+    assert (status, 'arm_mode fault' in text) == (0, True)
     status, text = ask(log, 'enable')
     assert status == 1
     assert 'refused' in text
@@ -101,10 +92,8 @@ def test_goes_to_a_posture_and_says_when_it_does_not(bridge: NodeProcess, tmp_pa
         assert (status, 'give 4 angles [rad], of joint1, joint2' in text) == (1, True)
         status, text = ask(log, 'go', '0', '1.4', '9', '0')
         assert (status, 'rejected: set point: joint3 at 9 rad is outside' in text) == (1, True)
-        # What was rejected before says nothing of what is sent now.
-        assert ask(log, 'go', *posture)[0] == 0
         assert node.stop() == 0
-        status, text = ask(log, 'go', *posture, '--timeout', '5')
+        status, text = ask(log, 'go', *posture, '--timeout', '3')
         assert (status, 'no controller takes a set_point' in text) == (1, True), text
     assert ask(log, 'go', '0', 'nan')[0] == 2
     assert ask(log, 'go', '0', '--timeout', 'nan')[0] == 2
