@@ -5,10 +5,9 @@ end too. So the commands come through here, where nothing is imported beforehand
 """
 
 import importlib
+import signal
 from collections.abc import Callable
 from functools import partial
-
-_INTERRUPTED = 130  # as shells say it; also in nodes.exit_status, which would import too much
 
 
 def __getattr__(name: str) -> Callable[[], int]:
@@ -19,9 +18,12 @@ def __getattr__(name: str) -> Callable[[], int]:
 
 
 def _run(name: str) -> int:
-    try:
-        main = importlib.import_module(f'aerarm_ros.nodes.{name}').main
-    except KeyboardInterrupt:
-        return _INTERRUPTED
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler:
+        # Extension modules make an ImportError of a KeyboardInterrupt. There is nothing to leave
+        # in order yet: the signal may end the process, which shells call status 130.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    main = importlib.import_module(f'aerarm_ros.nodes.{name}').main
+    signal.signal(signal.SIGINT, before)
     status: int = main()
     return status

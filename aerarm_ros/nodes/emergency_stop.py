@@ -10,6 +10,8 @@ from rclpy.client import Client
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from aerarm_ros.nodes.spinning import this_domain
+
 _POLL = 0.02  # [s]
 
 
@@ -43,7 +45,7 @@ class EmergencyStop:
         found = self._find()
         if not found:
             names = ' or '.join(client.srv_name for client in self._clients.values())
-            return False, f'no service {names}: is the bridge running in this ROS domain?'
+            return False, f'no service {names}: is the bridge running in {this_domain()}?'
         answers = self._call_all(found)
         # Who was found first is stopped first; others may have been discovered meanwhile.
         answers |= self._call_all({n: c for n, c in self._ready().items() if n not in found})
