@@ -9,8 +9,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 MESSAGE_MODULES = {
     *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'lifecycle_msgs', 'nav_msgs'),
-    *('px4_msgs', 'rcl_interfaces', 'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs'),
-    *('tf2_msgs', 'visualization_msgs'),
+    *('px4_msgs', 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs'),
+    *('tf2_msgs', 'trajectory_msgs', 'visualization_msgs'),
 }
 ROS_MODULES = MESSAGE_MODULES | {'ament_index_python', 'launch', 'launch_ros', 'rclpy'}
 # What each room may import from the suite besides itself; imports point one way.
