@@ -28,11 +28,11 @@ import numpy as np  # noqa: E402
 import yaml  # noqa: E402
 from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
-from aerarm_msgs_py.bag_writer import BagWriter  # noqa: E402
-from aerarm_msgs_py.float64_array_cdr import Float64ArrayCdr  # noqa: E402
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr  # noqa: E402
-from aerarm_msgs_py.recorded_message import RecordedMessage  # noqa: E402
-from aerarm_msgs_py.recorded_topic import RecordedTopic  # noqa: E402
+from aerarm_msgs_py.bags.bag_writer import BagWriter  # noqa: E402
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage  # noqa: E402
+from aerarm_msgs_py.bags.recorded_topic import RecordedTopic  # noqa: E402
+from aerarm_msgs_py.codecs.float64_array_cdr import Float64ArrayCdr  # noqa: E402
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr  # noqa: E402
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
 from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
 from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402

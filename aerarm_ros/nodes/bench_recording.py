@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from aerarm_msgs_py.bag_writer import BagWriter
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.recorded_message import RecordedMessage
-from aerarm_msgs_py.recorded_topic import RecordedTopic
+from aerarm_msgs_py.bags.bag_writer import BagWriter
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage
+from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.excitation.bench_motion import Measurement, split
 from aerarm_ros.identification.motor_run import MotorRun

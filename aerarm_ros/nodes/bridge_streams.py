@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.float64_array_cdr import Float64ArrayCdr
-from aerarm_msgs_py.joint_sample import JointSample
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.joint_state_conversion import decode_as_sent
-from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_msgs_py.codecs.float64_array_cdr import Float64ArrayCdr
+from aerarm_msgs_py.codecs.joint_sample import JointSample
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.codecs.joint_state_conversion import decode_as_sent
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
 
 Array = NDArray[np.float64]
 # Joint names, content and sequence number of a joint command.

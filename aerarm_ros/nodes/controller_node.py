@@ -8,8 +8,8 @@ from typing import Any
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.rejected_input_error import RejectedInputError

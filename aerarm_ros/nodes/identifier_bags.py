@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from aerarm_msgs_py.bag_contents import BagContents, lost_messages, read_contents
-from aerarm_msgs_py.bag_error import BagError, BagWarning
-from aerarm_msgs_py.joint_state_series import JointStateSeries
+from aerarm_msgs_py.bags.bag_contents import BagContents, lost_messages, read_contents
+from aerarm_msgs_py.bags.bag_error import BagError, BagWarning
+from aerarm_msgs_py.bags.joint_state_series import JointStateSeries
 from aerarm_ros.identification.bag_facts import BagFacts
 from aerarm_ros.identification.desired_velocity import DesiredVelocity
 from aerarm_ros.identification.identification_error import IdentificationError

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_player import ExcitationPlayer

@@ -7,8 +7,8 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from aerarm_msgs_py.recorded_topic import RecordedTopic
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
+from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_msgs_py.topics import CLOCK, RECORDED_UNTIL, RECORDER_STATUS, TOPICS
 from aerarm_ros.nodes.parameters import ParameterError
 

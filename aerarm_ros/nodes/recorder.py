@@ -14,12 +14,12 @@ import rclpy
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from aerarm_msgs_py.bag_error import BagError
-from aerarm_msgs_py.bag_writer import BagWriter
-from aerarm_msgs_py.cdr_prefix import ENCAPSULATION_SIZE
-from aerarm_msgs_py.mcap_writer import COMPRESSIONS
-from aerarm_msgs_py.raw_reader import RawReader
-from aerarm_msgs_py.recorded_message import RecordedMessage
+from aerarm_msgs_py.bags.bag_error import BagError
+from aerarm_msgs_py.bags.bag_writer import BagWriter
+from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage
+from aerarm_msgs_py.codecs.cdr_prefix import ENCAPSULATION_SIZE
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, RECORDED_UNTIL, RECORDER_STATUS
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher

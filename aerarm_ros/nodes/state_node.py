@@ -10,7 +10,7 @@ from typing import Any
 
 import rclpy
 
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion_estimator import NONE
 from aerarm_ros.control.imu_sample import ImuSample

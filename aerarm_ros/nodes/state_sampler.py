@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.joint_state_decoder import JointStateDecoder
-from aerarm_msgs_py.payloads import Payloads
-from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_msgs_py.codecs.joint_state_decoder import JointStateDecoder
+from aerarm_msgs_py.codecs.payloads import Payloads
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
 
 _COUNT_PERIOD = 1.0  # [s]
 

@@ -11,10 +11,10 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.joint_sample import JointSample
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.joint_state_conversion import decode_joint_state, in_order
-from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_msgs_py.codecs.joint_sample import JointSample
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state, in_order
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.imu_sample import ImuSample
 from aerarm_ros.control.rejected_input_error import RejectedInputError
