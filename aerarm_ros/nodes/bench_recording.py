@@ -13,7 +13,7 @@ from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.excitation.bench_motion import Measurement, split
-from aerarm_ros.identification.motor_run import MotorRun
+from aerarm_ros.identification.motor_bench.motor_run import MotorRun
 
 _TYPE = 'sensor_msgs/msg/JointState'
 _STATES, _COMMANDS = 0, 1

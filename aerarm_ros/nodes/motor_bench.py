@@ -24,12 +24,12 @@ from aerarm_ros.excitation.excitation_config import load_excitation_config
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_player import ExcitationPlayer
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.identification.identification_error import IdentificationError
-from aerarm_ros.identification.motor_bench import KnownMass, MotorBench
-from aerarm_ros.identification.motor_files import bench_yaml, config_yaml, load_earlier
-from aerarm_ros.identification.motor_report import bench_html, bench_table
-from aerarm_ros.identification.motor_result import MotorResult
-from aerarm_ros.identification.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.motor_bench.motor_bench import KnownMass, MotorBench
+from aerarm_ros.identification.motor_bench.motor_files import bench_yaml, config_yaml, load_earlier
+from aerarm_ros.identification.motor_bench.motor_report import bench_html, bench_table
+from aerarm_ros.identification.motor_bench.motor_result import MotorResult
+from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.bench_recording import BenchRecording

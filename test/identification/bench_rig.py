@@ -9,7 +9,7 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, split
 from aerarm_ros.excitation.motion_limits import MotionLimits
-from aerarm_ros.identification.motor_run import MotorRun
+from aerarm_ros.identification.motor_bench.motor_run import MotorRun
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 

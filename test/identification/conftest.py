@@ -9,12 +9,16 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
-from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.prior import Prior
-from aerarm_ros.identification.recording import JointMapping, Recording, recording_from_states
-from aerarm_ros.identification.semidefinite_solver import PhysicalLimits
+from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
+from aerarm_ros.identification.recording.recording import (
+    JointMapping,
+    Recording,
+    recording_from_states,
+)
+from aerarm_ros.identification.regression.prior import Prior
+from aerarm_ros.identification.solvers.semidefinite_solver import PhysicalLimits
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
 from aerarm_ros.model.regressor import Regressor

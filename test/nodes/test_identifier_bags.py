@@ -13,8 +13,8 @@ from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.bags.recorded_message import RecordedMessage
 from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.identification.identification_error import IdentificationError
-from aerarm_ros.identification.recording import JointMapping
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.recording.recording import JointMapping
 from aerarm_ros.nodes.identifier_bags import IdentifierBags
 
 JOINTS = ('a', 'b')
