@@ -1,12 +1,10 @@
 """The rooms' import rules, read from the syntax trees."""
 
-import ast
 import xml.etree.ElementTree as ElementTree
-from pathlib import Path
 
 import pytest
+from source_files import ROOT, imported_modules, python_files
 
-ROOT = Path(__file__).resolve().parents[2]
 MESSAGE_MODULES = {
     *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'lifecycle_msgs', 'nav_msgs'),
     *('px4_msgs', 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs'),
@@ -24,22 +22,6 @@ ALLOWED = {
     'hardware': {'simulation', 'model', 'description'},
     'realtime': set(),
 }
-
-
-def imported_modules(path: Path) -> set[str]:
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names.add(node.module)
-    return names
-
-
-def python_files(folder: str) -> list[Path]:
-    files = sorted((ROOT / folder).rglob('*.py'))
-    assert files, f'{folder} is empty'
-    return files
 
 
 @pytest.mark.parametrize('room', sorted(ALLOWED))
