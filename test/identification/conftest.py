@@ -18,7 +18,7 @@ from aerarm_ros.identification.recording.recording import (
     recording_from_states,
 )
 from aerarm_ros.identification.regression.prior import Prior
-from aerarm_ros.identification.solvers.semidefinite_solver import PhysicalLimits
+from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
 from aerarm_ros.model.regressor import Regressor

@@ -10,7 +10,7 @@ from aerarm_ros.identification.parameters.joint_term import TermKind
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.identification.solvers.semidefinite_solver import MASS_FACTOR
+from aerarm_ros.identification.solvers.physical_limits import MASS_FACTOR
 
 Array = npt.NDArray[np.float64]
 

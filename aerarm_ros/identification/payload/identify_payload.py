@@ -28,7 +28,8 @@ from aerarm_ros.identification.regression.regularised_regression import (
 )
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.identification.solvers.semidefinite_solver import PhysicalLimits, solve_semidefinite
+from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
+from aerarm_ros.identification.solvers.semidefinite_solver import solve_semidefinite
 from aerarm_ros.model.inertia import from_pseudo_inertia
 from aerarm_ros.model.regressor import Regressor
 

@@ -7,12 +7,8 @@ from aerarm_ros.identification.recording.identification_error import Identificat
 from aerarm_ros.identification.regression.prior import LINK_SPREAD, Prior
 from aerarm_ros.identification.regression.reduced_regression import TriangularSystem
 from aerarm_ros.identification.solvers.cone_program import ConeProgram, triangle
-from aerarm_ros.identification.solvers.semidefinite_solver import (
-    PhysicalLimits,
-    checked,
-    constrain,
-    scaled_pseudo_inertia,
-)
+from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
+from aerarm_ros.identification.solvers.physical_program import PhysicalProgram
 
 Array = npt.NDArray[np.float64]
 
@@ -52,16 +48,15 @@ def solve_entropic(
         If a link of the drawing has no extent, or the solver finds no solution.
     """
     count, links = len(prior.mean), len(limits.mass)
-    # Unknowns: x and r as in `solve_semidefinite`, then for each link a lower triangle L and
-    # t <= log diag(L). With [S L; L' diag(L)] >= 0 the sum of t is at most log det S.
+    # Own unknowns: for each link a lower triangle L and t <= log diag(L). With
+    # [S L; L' diag(L)] >= 0 the sum of t is at most log det S.
     first, own = 2 * count, len(_ROWS) + 4
-    program = ConeProgram(first + own * links)
-    constrain(program, system, prior, limits)
+    program = PhysicalProgram(system, prior, limits, own * links)
     quadratic = np.zeros(first + own * links)
     quadratic[10 * links : first] = 1.0
     linear = np.zeros_like(quadratic)
     for link in range(links):
-        columns, constant = scaled_pseudo_inertia(link, prior, limits)
+        columns, constant = program.scaled_pseudo_inertia(link)
         if np.linalg.eigvalsh(constant)[0] < _FLAT:
             raise IdentificationError(
                 f'the entropic prior needs solid links, but the inertia of link {link + 1} in the '
@@ -73,8 +68,7 @@ def solve_entropic(
         logarithms = slice(lower + len(_ROWS), lower + own)
         linear[logarithms] = -1.0 / spread**2
         _add_determinant(program, columns, constant, 10 * link, lower)
-    x = program.minimise(quadratic, linear)[:count]
-    return checked(prior.mean + prior.std * x, limits)
+    return program.parameters(quadratic, linear)
 
 
 def _add_determinant(

@@ -10,8 +10,8 @@ from aerarm_ros.identification.regression.reduced_regression import TriangularSy
 from aerarm_ros.identification.regression.regression_bank import RegressionBank
 from aerarm_ros.identification.regression.regularised_regression import solve_regularised
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
+from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
 from aerarm_ros.identification.solvers.relaxation import solve_relaxed
-from aerarm_ros.identification.solvers.semidefinite_solver import PhysicalLimits
 
 Array = npt.NDArray[np.float64]
 

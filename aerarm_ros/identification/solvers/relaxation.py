@@ -10,7 +10,8 @@ from aerarm_ros.identification.parameters.link_bounds import LinkBounds
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.regression.prior import Prior
 from aerarm_ros.identification.regression.reduced_regression import TriangularSystem
-from aerarm_ros.identification.solvers.semidefinite_solver import PhysicalLimits, solve_semidefinite
+from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
+from aerarm_ros.identification.solvers.semidefinite_solver import solve_semidefinite
 from aerarm_ros.identification.solvers.solver_error import SolverError
 
 Array = npt.NDArray[np.float64]
@@ -74,9 +75,7 @@ def _relaxations(limits: PhysicalLimits) -> Iterator[LinkBounds]:
 
 def _total_within_masses(limits: PhysicalLimits) -> bool:
     """Return whether the links' own bounds leave room for the total: no solver is needed."""
-    lightest, heaviest = limits.mass.sum() * np.array(
-        [1.0 / limits.mass_factor, limits.mass_factor]
-    )
+    lightest, heaviest = limits.total_of_links
     return bool(limits.total_mass[0] <= heaviest and limits.total_mass[1] >= lightest)
 
 

@@ -19,8 +19,8 @@ from aerarm_ros.identification.solvers.entropic_solver import solve_entropic
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.huber_solver import solve_huber
 from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
+from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
 from aerarm_ros.identification.solvers.relaxation import solve_relaxed
-from aerarm_ros.identification.solvers.semidefinite_solver import PhysicalLimits
 from aerarm_ros.identification.solvers.slsqp_solver import solve_slsqp
 from aerarm_ros.identification.solvers.thesis_problem import ThesisProblem
 

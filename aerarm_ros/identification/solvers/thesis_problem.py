@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.identification.regression.reduced_regression import TriangularSystem
-from aerarm_ros.identification.solvers.semidefinite_solver import PhysicalLimits
+from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
 from aerarm_ros.model.inertia import barycentric_inertia, from_pseudo_inertia, pseudo_inertia
 
 Array = npt.NDArray[np.float64]

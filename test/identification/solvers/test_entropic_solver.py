@@ -10,7 +10,8 @@ from aerarm_ros.identification.recording.identification_error import Identificat
 from aerarm_ros.identification.regression.prior import Prior
 from aerarm_ros.identification.regression.reduced_regression import TriangularSystem
 from aerarm_ros.identification.solvers.entropic_solver import solve_entropic
-from aerarm_ros.identification.solvers.semidefinite_solver import PhysicalLimits, solve_semidefinite
+from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
+from aerarm_ros.identification.solvers.semidefinite_solver import solve_semidefinite
 from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
 
 SPREAD = 0.3
