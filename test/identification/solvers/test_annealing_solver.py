@@ -1,17 +1,10 @@
 """Annealing stays within the thesis's constraints and approaches the best fit."""
 
 import numpy as np
-import pytest
 
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.solvers.annealing_solver import solve_annealing
-from aerarm_ros.identification.solvers.solvers import physical_limits, thesis_problem
 from aerarm_ros.identification.solvers.thesis_problem import ThesisProblem
-
-
-@pytest.fixture(scope='module')
-def problem(result: IdentificationResult) -> ThesisProblem:
-    return thesis_problem(result.fit, physical_limits(result.fit, result.cad))
 
 
 def test_it_obeys_the_constraints_and_fits(

@@ -1,6 +1,5 @@
 """The entropic prior: solid links, whatever the frame, and the best of them."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +9,8 @@ from aerarm_ros.identification.recording.identification_error import Identificat
 from aerarm_ros.identification.regression.prior import Prior
 from aerarm_ros.identification.regression.reduced_regression import TriangularSystem
 from aerarm_ros.identification.solvers.entropic_solver import solve_entropic
-from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
 from aerarm_ros.identification.solvers.semidefinite_solver import solve_semidefinite
-from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
+from aerarm_ros.model.inertia import pseudo_inertia
 
 SPREAD = 0.3
 
@@ -35,11 +33,8 @@ def objective(system: TriangularSystem, prior: Prior, theta: np.ndarray) -> floa
     return float(data + joints + divergence(theta, prior) / SPREAD**2)
 
 
-def test_a_physical_arm_is_recovered(make_arm: Callable, factor, prior, limits) -> None:
-    arm = make_arm()
-    true = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
-    system = TriangularSystem(1e4 * factor, 1e4 * factor @ true)
-    found = solve_entropic(system, prior, limits)
+def test_a_physical_arm_is_recovered(true, system_of, factor, prior, limits) -> None:
+    found = solve_entropic(system_of(true, 1e4), prior, limits)
     assert np.linalg.norm(factor @ (found - true)) < 1e-3 * np.linalg.norm(factor @ true)
 
 
@@ -52,26 +47,21 @@ def test_without_data_cad_is_left(prior, limits) -> None:
 
 
 @pytest.mark.parametrize('seed', range(4))
-def test_of_all_physical_arms_it_is_the_best(factor, prior, limits, seed: int) -> None:
+def test_of_all_physical_arms_it_is_the_best(
+    system_of, impossible, possible, prior, limits, seed: int
+) -> None:
     random = np.random.default_rng(seed)
-    impossible = prior.mean + 3.0 * prior.std * random.standard_normal(len(prior.mean))
-    system = TriangularSystem(1e2 * factor, 1e2 * factor @ impossible)
+    system = system_of(impossible(random), 1e2)
     found = solve_entropic(system, prior, limits)
     best = objective(system, prior, found)
     for _ in range(50):
-        roots = random.standard_normal((4, 4, 4))
-        matter = roots @ roots.transpose(0, 2, 1)
-        matter *= (limits.mass * random.uniform(0.6, 1.9, 4) / matter[:, 3, 3])[:, None, None]
-        other = np.concatenate([from_pseudo_inertia(matter).ravel(), random.uniform(0, 1, 12)])
-        nearby = found + 1e-3 * (other - found)
+        nearby = found + 1e-3 * (possible(random) - found)
         assert objective(system, prior, nearby) > best * (1.0 - 1e-7)
 
 
-def test_at_the_solution_the_objective_is_flat(make_arm: Callable, factor, prior, limits) -> None:
+def test_at_the_solution_the_objective_is_flat(true, system_of, prior, limits) -> None:
     # A likely arm, so that no bound holds it: data and prior balance each other.
-    arm = make_arm()
-    true = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
-    system = TriangularSystem(10.0 * factor, 10.0 * factor @ true)
+    system = system_of(true, 10.0)
     found = solve_entropic(system, prior, limits)
     slopes, curvatures = [], []
     for index in range(40):
@@ -84,10 +74,10 @@ def test_at_the_solution_the_objective_is_flat(make_arm: Callable, factor, prior
     assert np.all(np.abs(slopes) < 0.2 * np.array(curvatures))
 
 
-def test_links_are_solid_where_the_normal_prior_leaves_them_flat(factor, prior, limits) -> None:
-    random = np.random.default_rng(0)
-    impossible = prior.mean + 3.0 * prior.std * random.standard_normal(len(prior.mean))
-    system = TriangularSystem(1e2 * factor, 1e2 * factor @ impossible)
+def test_links_are_solid_where_the_normal_prior_leaves_them_flat(
+    system_of, impossible, prior, limits
+) -> None:
+    system = system_of(impossible(np.random.default_rng(0)), 1e2)
     solid, flat = (
         np.linalg.eigvalsh(links(solve(system, prior, limits))).min()
         for solve in (solve_entropic, solve_semidefinite)
@@ -95,22 +85,21 @@ def test_links_are_solid_where_the_normal_prior_leaves_them_flat(factor, prior, 
     assert solid > 100.0 * flat > 0.0
 
 
-def test_the_unit_of_length_does_not_matter(factor, prior, limits) -> None:
-    system = TriangularSystem(factor, factor @ (1.3 * prior.mean))
+def test_the_unit_of_length_does_not_matter(system_of, factor, prior, limits) -> None:
+    system = system_of(1.3 * prior.mean)
     other = replace(limits, size=3.0 * limits.size)
     first, second = (solve_entropic(system, prior, each) for each in (limits, other))
     assert np.linalg.norm(factor @ (first - second)) < 1e-4 * np.linalg.norm(factor @ first)
 
 
-def test_same_input_same_bits(factor, prior, limits) -> None:
-    system = TriangularSystem(factor, factor @ (1.3 * prior.mean))
+def test_same_input_same_bits(system_of, prior, limits) -> None:
+    system = system_of(1.3 * prior.mean)
     first, second = (solve_entropic(system, prior, limits) for _ in range(2))
     assert np.array_equal(first, second)
 
 
-def test_a_drawing_without_extent_is_refused(factor, prior, limits: PhysicalLimits) -> None:
+def test_a_drawing_without_extent_is_refused(system_of, prior, limits) -> None:
     mean = prior.mean.copy()
     mean[21:30] = 0.0  # link 3 is a point
-    system = TriangularSystem(factor, factor @ mean)
     with pytest.raises(IdentificationError, match='link 3 in the URDF'):
-        solve_entropic(system, replace(prior, mean=mean), limits)
+        solve_entropic(system_of(mean), replace(prior, mean=mean), limits)

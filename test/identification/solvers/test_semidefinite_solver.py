@@ -1,6 +1,5 @@
 """The semidefinite program finds physical arms, and the best one of them."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +9,8 @@ from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.regression.prior import Prior
 from aerarm_ros.identification.regression.reduced_regression import TriangularSystem
-from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
 from aerarm_ros.identification.solvers.semidefinite_solver import solve_semidefinite
-from aerarm_ros.model.inertia import from_pseudo_inertia, minimum_eigenvalue, pseudo_inertia
+from aerarm_ros.model.inertia import minimum_eigenvalue, pseudo_inertia
 
 
 def objective(system: TriangularSystem, prior: Prior, theta: np.ndarray) -> float:
@@ -20,39 +18,29 @@ def objective(system: TriangularSystem, prior: Prior, theta: np.ndarray) -> floa
     return float(data + np.sum(((theta - prior.mean) / prior.std) ** 2))
 
 
-def test_a_physical_arm_is_recovered(make_arm: Callable, factor, prior, limits) -> None:
-    arm = make_arm()
-    true = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
-    system = TriangularSystem(1e4 * factor, 1e4 * factor @ true)
-    found = solve_semidefinite(system, prior, limits)
+def test_a_physical_arm_is_recovered(true, system_of, factor, prior, limits) -> None:
+    found = solve_semidefinite(system_of(true, 1e4), prior, limits)
     assert np.linalg.norm(factor @ (found - true)) < 1e-3 * np.linalg.norm(factor @ true)
 
 
 @pytest.mark.parametrize('seed', range(4))
 def test_an_impossible_arm_is_approached_from_the_possible_side(
-    factor, prior, limits, seed: int
+    system_of, impossible, possible, prior, limits, seed: int
 ) -> None:
     random = np.random.default_rng(seed)
-    impossible = prior.mean + 3.0 * prior.std * random.standard_normal(len(prior.mean))
-    system = TriangularSystem(1e2 * factor, 1e2 * factor @ impossible)
+    wanted = impossible(random)
+    system = system_of(wanted, 1e2)
     found = solve_semidefinite(system, prior, limits)
     inertial = found[:40].reshape(4, 10)
-    assert minimum_eigenvalue(impossible[:40].reshape(4, 10)) < 0.0 < minimum_eigenvalue(inertial)
+    assert minimum_eigenvalue(wanted[:40].reshape(4, 10)) < 0.0 < minimum_eigenvalue(inertial)
     assert np.all(found[40:] >= 0.0)
     ratio = inertial[:, 0] / limits.mass
     assert np.all((ratio > 0.5 - 1e-6) & (ratio < 2.0 + 1e-6))
     # Convex: no step towards any other physical arm makes it better.
     best = objective(system, prior, found)
     for _ in range(50):
-        other = np.concatenate([_physical(random, limits).ravel(), random.uniform(0, 1, 12)])
-        assert objective(system, prior, found + 1e-3 * (other - found)) > best * (1.0 - 1e-7)
-
-
-def _physical(random: np.random.Generator, limits: PhysicalLimits) -> np.ndarray:
-    roots = random.standard_normal((4, 4, 4))
-    matter = roots @ roots.transpose(0, 2, 1)
-    matter *= (limits.mass * random.uniform(0.6, 1.9, 4) / matter[:, 3, 3])[:, None, None]
-    return from_pseudo_inertia(matter)
+        nearby = found + 1e-3 * (possible(random) - found)
+        assert objective(system, prior, nearby) > best * (1.0 - 1e-7)
 
 
 def test_without_data_cad_is_left(prior, limits) -> None:
@@ -62,17 +50,17 @@ def test_without_data_cad_is_left(prior, limits) -> None:
     assert np.allclose(found, prior.mean, atol=1e-6 * prior.std.max())
 
 
-def test_signs_are_free_where_they_may_be(factor, prior, limits) -> None:
+def test_signs_are_free_where_they_may_be(system_of, prior, limits) -> None:
     free = replace(limits, nonnegative=np.zeros(12, dtype=bool))
-    true = prior.mean.copy()
-    true[45] = -0.4
-    system = TriangularSystem(1e3 * factor, 1e3 * factor @ true)
+    wanted = prior.mean.copy()
+    wanted[45] = -0.4
+    system = system_of(wanted, 1e3)
     assert solve_semidefinite(system, prior, free)[45] == pytest.approx(-0.4, abs=1e-3)
     assert solve_semidefinite(system, prior, limits)[45] >= 0.0
 
 
-def test_same_input_same_bits(factor, prior, limits) -> None:
-    system = TriangularSystem(factor, factor @ (1.3 * prior.mean))
+def test_same_input_same_bits(system_of, prior, limits) -> None:
+    system = system_of(1.3 * prior.mean)
     first, second = (solve_semidefinite(system, prior, limits) for _ in range(2))
     assert np.array_equal(first, second)
 

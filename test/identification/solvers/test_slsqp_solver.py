@@ -1,17 +1,10 @@
 """SLSQP solves the thesis's problem, and comes close to the semidefinite program."""
 
 import numpy as np
-import pytest
 
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.solvers.slsqp_solver import solve_slsqp
-from aerarm_ros.identification.solvers.solvers import physical_limits, thesis_problem
 from aerarm_ros.identification.solvers.thesis_problem import ThesisProblem
-
-
-@pytest.fixture(scope='module')
-def problem(result: IdentificationResult) -> ThesisProblem:
-    return thesis_problem(result.fit, physical_limits(result.fit, result.cad))
 
 
 def test_it_obeys_the_constraints_and_fits(

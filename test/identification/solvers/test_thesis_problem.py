@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.solvers.solvers import physical_limits, thesis_problem
 from aerarm_ros.identification.solvers.thesis_problem import ThesisProblem
 from aerarm_ros.model.inertia import barycentric_inertia
-
-
-@pytest.fixture(scope='module')
-def problem(result: IdentificationResult) -> ThesisProblem:
-    return thesis_problem(result.fit, physical_limits(result.fit, result.cad))
 
 
 def inertial(problem: ThesisProblem, theta: np.ndarray) -> np.ndarray:
