@@ -9,7 +9,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=['topics'],
+    submodules=['topics', 'codecs', 'live_topics', 'bags'],
     submod_attrs={
         'codecs.float64_array_cdr': ['Float64ArrayCdr'],
         'codecs.joint_sample': ['JointSample'],

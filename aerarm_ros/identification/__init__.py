@@ -11,7 +11,20 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=['identify'],
+    submodules=[
+        'identify',
+        'recording',
+        'conditioning',
+        'parameters',
+        'regression',
+        'solvers',
+        'model_choice',
+        'assessment',
+        'payload',
+        'files',
+        'report',
+        'motor_bench',
+    ],
     submod_attrs={
         'identify': ['IdentificationOptions'],
         'stopwatch': ['Stopwatch'],
