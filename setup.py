@@ -100,6 +100,7 @@ setup(
             'hypothesis>=6,<7',
             'mypy>=1.8,<3',
             'pytest>=7.4,<10',
+            'pytest-xdist>=3.5,<4',
             'ruff>=0.4,<1',
             'types-PyYAML>=6,<7',
         ],

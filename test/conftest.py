@@ -1,6 +1,7 @@
 """Fixtures used by the tests of several rooms."""
 
 import csv
+import os
 import random
 import socket
 from collections.abc import Callable, Iterator
@@ -47,8 +48,11 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
 
     Returns the variables, for processes that are started with an environment of their own.
     """
-    # Domains above 101 use ports that the system hands out to others.
-    domains = random.sample(range(1, 102), 101)
+    # Domains above 101 use ports that the system hands out to others. Each of the processes that
+    # share the tests has domains of its own.
+    workers = int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
+    own = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+    domains = random.sample(range(1 + own, 102, workers), 101 // workers)
     variables = {
         'ROS_DOMAIN_ID': str(next(domain for domain in domains if _is_free(domain))),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',

@@ -56,7 +56,7 @@ class WorldLoop(PeriodicLoop):
         self.slipped_ns = 0
         self._hold = hold
         self._wait_first = wait_first
-        self._hurried_ns = 0
+        self._host_ns = 0
         self._start_ns = start_ns
 
     @property
@@ -82,6 +82,7 @@ class WorldLoop(PeriodicLoop):
                 return
             now = clock()
             self.interval.add(now - previous)
+            self._host_ns += now - previous
             previous = now
             self.cycles += 1
             function(self.world_ns, self.cycles - 1)
@@ -98,7 +99,6 @@ class WorldLoop(PeriodicLoop):
         elif self._hold():
             now = clock()
             if now < due:
-                self._hurried_ns += due - now
                 return now
         else:
             sleep_until(due)
@@ -112,9 +112,7 @@ class WorldLoop(PeriodicLoop):
     @property
     def share_of_real_time(self) -> float:
         """World time over the host's, since the start; above one for a world that runs ahead."""
-        world = self.cycles * self.period_ns
-        host = world + self.slipped_ns - self._hurried_ns
-        return world / host if host > 0 else 1.0
+        return self.cycles * self.period_ns / self._host_ns if self._host_ns else 1.0
 
     def assess(self, interval: TimingSummary, execution: TimingSummary) -> tuple[int, str]:
         """Return a level of `timing_assessment` and one line: a slow world is no fault."""
