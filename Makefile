@@ -8,10 +8,14 @@ ifeq ($(ROS_DISTRO),jazzy)
 VENV       ?= .venv-jazzy
 VENV_FLAGS := --system-site-packages
 EXTRAS     := dev
+PYTHONS    := 3.12
+WHY        := , that of the sourced ROS 2 Jazzy
 else
 VENV       ?= .venv
 VENV_FLAGS :=
 EXTRAS     := ros,dev
+PYTHONS    := 3.11 3.12 3.13 3.14
+WHY        :=
 endif
 BIN := $(VENV)/bin
 
@@ -32,7 +36,7 @@ help:
 setup: $(VENV)/.ready
 
 $(VENV)/.ready: setup.py pyproject.toml setup.cfg
-	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v in ((3, 11), (3, 12)) else "Python 3.11 or 3.12 is needed, this is %d.%d: set PYTHON, as in make PYTHON=python3.12 ..." % v)'
+	@$(PYTHON) -c 'import sys; v = "%d.%d" % sys.version_info[:2]; sys.exit(0 if v in "$(PYTHONS)".split() else "$(PYTHON) is Python " + v + ", needed is one of $(PYTHONS)$(WHY): set PYTHON, as in make PYTHON=python3.12 ...")'
 	$(PYTHON) -m venv $(VENV_FLAGS) $(VENV)
 	$(BIN)/python -m pip install --quiet --editable '.[$(EXTRAS)]'
 	@$(BIN)/python -c 'import pinocchio' || { echo 'Pinocchio is missing: with the ROS of apt it comes from there, sudo apt install ros-jazzy-pinocchio'; exit 1; }

@@ -74,7 +74,7 @@ setup(
     author='aerarm_ros developers',
     maintainer='aerarm_ros developers',
     maintainer_email='aerarm@users.noreply.github.com',
-    python_requires='>=3.11,<3.13',
+    python_requires='>=3.11,<3.15',
     packages=find_packages(
         include=['aerarm_ros', 'aerarm_ros.*', 'aerarm_msgs_py', 'aerarm_msgs_py.*']
     ),

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -9,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -71,6 +73,19 @@ def test_package_xml_is_format_3_ament_python_of_the_same_version() -> None:
 
 def test_scripts_go_where_ros2_run_looks() -> None:
     assert '$base/lib/aerarm_ros' in (ROOT / 'setup.cfg').read_text()
+
+
+def test_makefile_setup_ci_and_hosts_name_the_same_pythons() -> None:
+    beside_ros, of_wheels = re.findall(r'^PYTHONS +:= (.+)$', (ROOT / 'Makefile').read_text(), re.M)
+    assert beside_ros == '3.12'
+    pythons = of_wheels.split()
+    oldest, newest = pythons[0], pythons[-1]
+    after = f'3.{int(newest.removeprefix("3.")) + 1}'
+    assert f"python_requires='>={oldest},<{after}'" in (ROOT / 'setup.py').read_text()
+    workflow = yaml.safe_load((ROOT / '.github' / 'workflows' / 'ci.yml').read_text())
+    assert workflow['jobs']['wheels']['strategy']['matrix']['python'] == pythons
+    for page in ('README.md', 'docs/reference/hosts.md', 'docs/tutorial.md'):
+        assert f'{oldest} to {newest}' in (ROOT / page).read_text()
 
 
 def requirements(distribution: str) -> list[str]:
