@@ -96,7 +96,7 @@ def test_a_probable_slip_that_may_be_meant_for_another_node_is_a_warning(
 def executables() -> list[str]:
     """Return what is installed of this package."""
     scripts = entry_points(group='console_scripts')
-    return sorted({s.name for s in scripts if s.value.startswith('aerarm_ros.nodes.')})
+    return sorted({s.name for s in scripts if s.value.startswith('aerarm_ros.executables:')})
 
 
 @pytest.mark.parametrize('name', executables())

@@ -21,7 +21,7 @@ UNBOUNDED: dict[str, str] = {}
 def nodes() -> list[str]:
     """Return the executables that have parameters."""
     scripts = entry_points(group='console_scripts')
-    names = {s.name for s in scripts if s.value.startswith('aerarm_ros.nodes.')}
+    names = {s.name for s in scripts if s.value.startswith('aerarm_ros.executables:')}
     return sorted(names - PROGRAMS)
 
 
