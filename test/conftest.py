@@ -3,6 +3,7 @@
 import csv
 import os
 import random
+import signal
 import socket
 from collections.abc import Callable, Iterator
 from importlib.metadata import files
@@ -19,6 +20,10 @@ from aerarm_ros.nodes.node_process import ros_environment
 # The same examples each time, and no limit on their time: other work may share the machine.
 settings.register_profile('suite', deadline=None, derandomize=True)
 settings.load_profile('suite')
+
+# A shell script's background job ignores Ctrl-C, and so would every process that a test starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope='session')
