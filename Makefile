@@ -36,7 +36,7 @@ help:
 setup: $(VENV)/.ready
 
 $(VENV)/.ready: setup.py pyproject.toml setup.cfg
-	@$(PYTHON) -c 'import sys; v = "%d.%d" % sys.version_info[:2]; sys.exit(0 if v in "$(PYTHONS)".split() else "$(PYTHON) is Python " + v + ", needed is one of $(PYTHONS)$(WHY): set PYTHON, as in make PYTHON=python3.12 ...")'
+	@$(PYTHON) -c 'import sys; v = "%d.%d" % sys.version_info[:2]; sys.exit(0 if v in "$(PYTHONS)".split() else "$(PYTHON) is Python " + v + ", make takes $(PYTHONS)$(WHY): set PYTHON, as in make PYTHON=python3.12 ...")'
 	$(PYTHON) -m venv $(VENV_FLAGS) $(VENV)
 	$(BIN)/python -m pip install --quiet --editable '.[$(EXTRAS)]'
 	@$(BIN)/python -c 'import pinocchio' || { echo 'Pinocchio is missing: with the ROS of apt it comes from there, sudo apt install ros-jazzy-pinocchio'; exit 1; }
