@@ -22,7 +22,8 @@ REJECTIONS: dict[str, str] = {
     'nan': 'it leaves a joint without any reference (NaN everywhere): check the controller',
     'unsupported': 'the frame profile has no feed-forward current, so no effort can be commanded',
     'stale': 'it answers a state that is too old: check the load of the controller and the clocks',
-    'future': 'its stamp lies in the future: check the clocks',
+    'future': 'its stamp lies in the future: check the clocks; an emulated arm has a time of its '
+    'own, on /clock',
 }
 
 _CLOCK_TOLERANCE = 0.005  # [s]

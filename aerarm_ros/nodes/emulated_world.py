@@ -131,6 +131,7 @@ class EmulatedWorld:
         if mode != self._mode:
             self._mode, self._mode_since_ns = mode, self.loop.world_ns
         self._clock.tell(self.now_ns())
+        self._clock.poll()
 
     def destroy(self) -> None:
         """Destroy publisher and subscription."""

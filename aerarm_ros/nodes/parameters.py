@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter as RosParameter
 from aerarm_ros.nodes.parameter import Parameter
 
 _SIM_TIME = 'use_sim_time'
-_IGNORED = f'{_SIM_TIME} is ignored: boards and loops run in real time, on the system clock'
+_IGNORED = f'{_SIM_TIME} is ignored: this node takes the time from the stamps of the states'
 
 LiveCallback = Callable[[str, Any], None]
 Check = Callable[[dict[str, Any]], str]

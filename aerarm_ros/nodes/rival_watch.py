@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from rclpy.node import Node
 
@@ -22,6 +22,8 @@ class RivalWatch:
         Publishes the topic; its executor's thread looks.
     topic
         The topic that only this node should publish.
+    describe
+        Returns what is wrong where this topic is published by these nodes, '' if nothing is.
 
     Attributes
     ----------
@@ -29,8 +31,14 @@ class RivalWatch:
         Who publishes beside whom and what to do, '' if nobody does.
     """
 
-    def __init__(self, node: Node, topic: Topic) -> None:
+    def __init__(
+        self,
+        node: Node,
+        topic: Topic,
+        describe: Callable[[str, Sequence[str]], str] = several_publishers,
+    ) -> None:
         self.problem = ''
+        self._describe = describe
         self._topic = node.resolve_topic_name(topic.name)
         self._logger = node.get_logger()
         self._watch = PublisherWatch(node, topic, self._judge, _CYCLES, known=1)
@@ -46,7 +54,7 @@ class RivalWatch:
     def _judge(self, names: Sequence[str]) -> None:
         if UNNAMED in names:
             return  # the watch looks again
-        problem = several_publishers(self._topic, names)
+        problem = self._describe(self._topic, names)
         if problem and problem != self.problem:
             self._logger.warning(problem)
         self.problem = problem
