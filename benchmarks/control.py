@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
 from aerarm_ros.control.base_reaction import BaseReaction
@@ -23,15 +22,16 @@ from aerarm_ros.control.gravity_compensation import GravityCompensation
 from aerarm_ros.control.imu_sample import ImuSample
 from aerarm_ros.control.joint_limits import JointLimits
 from aerarm_ros.control.joint_motion_control import JointMotionControl
-from aerarm_ros.control.joint_reference import JointReference
 from aerarm_ros.control.momentum_observer import MomentumObserver
 from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.task_reference import TaskReference
 from aerarm_ros.control.trajectory_follower import TrajectoryFollower
 from aerarm_ros.control.velocity_resolution import VelocityResolution
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.task_reference import TaskReference
 
 UPDATES = 5000
 CYCLE = 1e-3

@@ -113,9 +113,7 @@ class EmulatedRun:
         rows = []
         while not player.done:
             command = player.update(round(now * 1e9), bridge.q)
-            bridge.command(
-                OfferedCommand(names, None, command.velocity, None, CYCLE, 'benchmark'), now
-            )
+            bridge.command(OfferedCommand(names, None, command.dq, None, CYCLE, 'benchmark'), now)
             now += CYCLE
             bridge.update(now)
             rows.append(np.concatenate([[now], bridge.q, bridge.dq, bridge.tau]))
@@ -232,10 +230,10 @@ def is_safe(trajectory: FourierTrajectory, setup: ExcitationSetup, other: Mujoco
     motion = RampedExcitation(trajectory, 1, config.ramp_time)
     states = motion.evaluate(np.arange(0.0, motion.duration, 5e-3))
     if (
-        (states.position < limits.position_min).any()
-        or (states.position > limits.position_max).any()
-        or (np.abs(states.velocity) > limits.velocity).any()
-        or (np.abs(states.acceleration) > limits.acceleration).any()
+        (states.q < limits.position_min).any()
+        or (states.q > limits.position_max).any()
+        or (np.abs(states.dq) > limits.velocity).any()
+        or (np.abs(states.ddq) > limits.acceleration).any()
     ):
         return False
     for q, dq, ddq in zip(*states, strict=True):

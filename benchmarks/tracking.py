@@ -140,7 +140,7 @@ def track(
     node = rclpy.create_node('tracking')
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         client = start_arm(stack, node, Path(folder), feedback, base, awareness)
-        go_to(node, names, motion.evaluate(0.0).position)
+        go_to(node, names, motion.evaluate(0.0).q)
         topic = topics.JOINT_TRAJECTORY
         publisher = node.create_publisher(topic.type, topic.name, topic.qos)
         while not publisher.get_subscription_count():
@@ -158,7 +158,7 @@ def track(
     when = np.array([(sample.stamp_ns - begin) * 1e-9 for sample in samples])
     moving = (when > motion.ramp_time) & (when < motion.duration - motion.ramp_time)
     q = np.array([sample.position for sample in samples])
-    error = 1e3 * (q - motion.evaluate(when).position)[moving]
+    error = 1e3 * (q - motion.evaluate(when).q)[moving]
     share = moving.sum() / (1e3 * motion.periodic_duration)
     return np.sqrt((error**2).mean(axis=0)), np.abs(error).max(axis=0), float(share)
 

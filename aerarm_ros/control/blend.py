@@ -4,8 +4,8 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.joint_limits import JointLimits
-from aerarm_ros.control.joint_reference import JointReference
-from aerarm_ros.control.polynomial_path import PolynomialPath
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.polynomial_path import PolynomialPath
 
 Array = npt.NDArray[np.float64]
 

@@ -3,14 +3,14 @@
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.friction_compensation import FrictionCompensation
 from aerarm_ros.control.gains import finite, non_negative, non_negative_number, positive
-from aerarm_ros.control.joint_command import JointCommand
 from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.task_reference import TaskReference
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.motion.task_reference import TaskReference
 
 Array = npt.NDArray[np.float64]
 
@@ -105,4 +105,4 @@ class CartesianImpedance:
         u = bias + tool + posture
         if self._friction is not None:
             u += self._friction.torque(dq, bias)
-        return JointCommand(effort=u)
+        return JointCommand(tau=u)

@@ -3,12 +3,12 @@
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.gains import non_negative
-from aerarm_ros.control.joint_command import JointCommand
-from aerarm_ros.control.task_reference import TaskReference
 from aerarm_ros.control.velocity_resolution import VelocityResolution
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.motion.task_reference import TaskReference
 
 Array = npt.NDArray[np.float64]
 
@@ -45,4 +45,4 @@ class CartesianMotionControl:
         """Return the velocity (n,) [rad/s]; `dt` and `base` aren't used."""
         error = reference.p - self._resolution.kinematics.position(state.q)
         velocity = reference.dp + self._gain * error
-        return JointCommand(velocity=self._resolution.resolve(state.q, velocity))
+        return JointCommand(dq=self._resolution.resolve(state.q, velocity))

@@ -3,14 +3,14 @@
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.error_integral import ErrorIntegral
 from aerarm_ros.control.friction_compensation import FrictionCompensation
 from aerarm_ros.control.gains import non_negative
-from aerarm_ros.control.joint_command import JointCommand
-from aerarm_ros.control.joint_reference import JointReference
 from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.motion.joint_reference import JointReference
 
 Array = npt.NDArray[np.float64]
 
@@ -81,4 +81,4 @@ class ComputedTorque:
         if self._friction is not None:
             load = u - self._dynamics.fixed.rotor_inertia * a
             u = u + self._friction.torque(reference.dq, load)
-        return JointCommand(effort=u)
+        return JointCommand(tau=u)

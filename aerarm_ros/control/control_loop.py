@@ -5,13 +5,13 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
 from aerarm_ros.control.gains import non_negative
-from aerarm_ros.control.joint_command import JointCommand
 from aerarm_ros.control.joint_limits import JointLimits
 from aerarm_ros.control.momentum_observer import MomentumObserver
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
 
 Array = npt.NDArray[np.float64]
 Reference = TypeVar('Reference')
@@ -171,14 +171,14 @@ class ControlLoop(Generic[Reference]):
     def _finish(self, command: JointCommand, dt: float) -> JointCommand:
         """Compensate the disturbance and cut the effort at its limits."""
         observer = self.observer
-        effort: Any = command.effort
+        effort: Any = command.tau
         if effort is None:
             return command
         if observer is not None and self._fade(dt) > 0.0:
             largest = self._share * self._compensation_max
             effort = effort - np.minimum(np.maximum(observer.residual, -largest), largest)
         largest = self.limits.effort_max
-        return command._replace(effort=np.minimum(np.maximum(effort, -largest), largest))
+        return command._replace(tau=np.minimum(np.maximum(effort, -largest), largest))
 
     def _fade(self, dt: float) -> float:
         change = dt / _COMPENSATION_FADE

@@ -3,13 +3,13 @@
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.friction_compensation import FrictionCompensation
 from aerarm_ros.control.gains import non_negative, positive
-from aerarm_ros.control.joint_command import JointCommand
-from aerarm_ros.control.joint_reference import JointReference
 from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.motion.joint_reference import JointReference
 
 Array = npt.NDArray[np.float64]
 
@@ -96,7 +96,7 @@ class GravityCompensation:
             u += stiffness * self._friction.torque(reference.dq, load)
         if self._hand_friction is not None and stiffness < 1.0:
             u += (1.0 - stiffness) * self._hand_friction.torque(dq, load)
-        return JointCommand(effort=u)
+        return JointCommand(tau=u)
 
     def _fade(self, dt: float) -> float:
         change = self._fade_rate * dt

@@ -3,12 +3,12 @@
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.gains import non_negative, positive
-from aerarm_ros.control.joint_command import JointCommand
-from aerarm_ros.control.task_reference import TaskReference
 from aerarm_ros.control.velocity_resolution import VelocityResolution
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.motion.task_reference import TaskReference
 
 Array = npt.NDArray[np.float64]
 
@@ -64,4 +64,4 @@ class JointMotionControl:
         dqd = self._resolution.resolve(self.qd, reference.dp + self._drift_gain * error)
         dq = dqd + self._gain * (self.qd - state.q)
         self.qd = self.qd + dt * dqd
-        return JointCommand(velocity=dq)
+        return JointCommand(dq=dq)

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.joint_limits import JointLimits
-from aerarm_ros.control.polynomial_path import PolynomialPath
 from aerarm_ros.control.rejected_input_error import RejectedInputError
+from aerarm_ros.motion.polynomial_path import PolynomialPath
 
 Array = npt.NDArray[np.float64]
 Rows = Sequence[Sequence[float]]

@@ -3,11 +3,11 @@
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.friction_compensation import FrictionCompensation
 from aerarm_ros.control.gains import non_negative
 from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.motion.arm_state import ArmState
 
 Array = npt.NDArray[np.float64]
 

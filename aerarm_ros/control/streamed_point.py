@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.joint_reference import JointReference
+from aerarm_ros.motion.joint_reference import JointReference
 
 Array = npt.NDArray[np.float64]
 

@@ -5,8 +5,8 @@ import numpy.typing as npt
 
 from aerarm_ros.control.gains import positive
 from aerarm_ros.control.rejected_input_error import RejectedInputError
-from aerarm_ros.control.task_reference import TaskReference
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.task_reference import TaskReference
 
 Array = npt.NDArray[np.float64]
 

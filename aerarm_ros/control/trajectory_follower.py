@@ -8,17 +8,14 @@ import numpy.typing as npt
 from aerarm_ros.control.blend import Blend
 from aerarm_ros.control.follower_tolerances import FollowerTolerances
 from aerarm_ros.control.joint_limits import JointLimits
-from aerarm_ros.control.joint_reference import JointReference
 from aerarm_ros.control.joint_trajectory import JointTrajectory
-from aerarm_ros.control.polynomial_path import PolynomialPath
 from aerarm_ros.control.rejected_input_error import RejectedInputError
 from aerarm_ros.control.streamed_point import StreamedPoint
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.smooth_step import rest_to_rest_duration
 
 Array = npt.NDArray[np.float64]
-
-# Peak slope and curvature of a rest-to-rest quintic over unit distance and time.
-_PEAK_SLOPE = 1.875
-_PEAK_CURVATURE = 10.0 / np.sqrt(3.0)
 
 
 class _Motion(Protocol):
@@ -116,10 +113,9 @@ class TrajectoryFollower:
         """
         limits = self._limits
         limits.check_position('set point', q)
-        travel = np.abs(q - self.reference.q)
-        by_velocity = _PEAK_SLOPE * travel / (0.5 * limits.velocity_max)
-        by_acceleration = np.sqrt(_PEAK_CURVATURE * travel / (0.5 * limits.acceleration_max))
-        duration = max(0.1, float(by_velocity.max()), float(by_acceleration.max()))
+        duration = rest_to_rest_duration(
+            q - self.reference.q, 0.5 * limits.velocity_max, 0.5 * limits.acceleration_max, 0.1
+        )
         path = PolynomialPath.rest_to_rest(self.reference.q, q, duration)
         self._replace(path, now, 'moving')
 

@@ -8,8 +8,8 @@ import plotly.graph_objects as go
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.clearance_checker import ClearanceChecker
-from aerarm_ros.excitation.joint_reference import FloatArray
 from aerarm_ros.excitation.shape_mesh import TriangleMesh, mesh_of_shape
+from aerarm_ros.motion.float_array import FloatArray
 
 _COLOURS = ('#444b54', '#d9722e', '#8a8f98', '#d9a62e', '#5b8fb9', '#7fb069', '#b5838d', '#6d597a')
 

@@ -10,12 +10,14 @@ import numpy as np
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
-from aerarm_ros.excitation.joint_reference import FloatArray
 from aerarm_ros.excitation.motion_limits import MotionLimits
 from aerarm_ros.excitation.motion_sequence import MotionSequence, Stage
-from aerarm_ros.excitation.quintic_segment import QuinticSegment, at_rest, rest_to_rest_duration
 from aerarm_ros.excitation.steady_stroke import SteadyStroke
 from aerarm_ros.excitation.stop_checker import StopChecker
+from aerarm_ros.excitation.transfer import transfer
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_motion import JointMotion
+from aerarm_ros.motion.smooth_step import rest_to_rest_duration
 
 _TRANSFER_SHARE = 0.2  # of the limits of velocity and acceleration between the measurements
 _SHORTEST_TRANSFER = 0.5  # [s]
@@ -179,8 +181,7 @@ class BenchMotion:
             plan.acceleration_share * limits.acceleration,
             minimum=0.1,
         )
-        segment = QuinticSegment(at_rest(self._at), at_rest(end), duration)
-        self._add(f'{name} acceleration', segment)
+        self._add(f'{name} acceleration', transfer(self._at, end, duration))
 
     def _move(self, end: FloatArray) -> None:
         """Go to a posture without measuring."""
@@ -190,16 +191,16 @@ class BenchMotion:
             _TRANSFER_SHARE * self._limits.acceleration,
             _SHORTEST_TRANSFER,
         )
-        self._add('transfer', QuinticSegment(at_rest(self._at), at_rest(end), duration))
+        self._add('transfer', transfer(self._at, end, duration))
 
     def _rest(self, name: str) -> None:
-        self._add(name, QuinticSegment(at_rest(self._at), at_rest(self._at), _REST))
+        self._add(name, transfer(self._at, self._at, _REST))
 
-    def _add(self, name: str, motion: QuinticSegment | SteadyStroke) -> None:
+    def _add(self, name: str, motion: JointMotion) -> None:
         self._stages.append(Stage(name, motion))
         self._time += motion.duration
         # Rounding must not add up from stroke to stroke.
-        self._at = np.array(motion.evaluate(motion.duration).position)
+        self._at = np.array(motion.evaluate(motion.duration).q)
 
 
 def bench_checker(setup: ExcitationSetup, mounted: bool) -> FeasibilityChecker:

@@ -21,7 +21,7 @@ from aerarm_ros.excitation.collision_geometry import (
 )
 from aerarm_ros.excitation.collision_pairs import select_pairs
 from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 _distance = attrgetter('min_distance')
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 GROUND = 'ground'
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.collision_geometry import GROUND, link_of, touches_ground
 from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 _SAMPLES = 500
 _CONSTANT = 1e-5  # [m]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerarm_ros.excitation.design_criterion import DesignCriterion
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 
 class CombinedCriterion:

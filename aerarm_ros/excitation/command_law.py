@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from aerarm_ros.excitation.effort_model import EffortModel
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
-
-
-class JointCommand(NamedTuple):
-    """Position [rad], velocity [rad/s] and torque [Nm], each (n,) or None if unused."""
-
-    position: FloatArray | None
-    velocity: FloatArray | None
-    effort: FloatArray | None
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.motion.joint_reference import JointReference
 
 
 class CommandLaw(Protocol):
@@ -45,10 +39,10 @@ class VelocityLaw:
 
     def command(self, reference: JointReference, position: FloatArray) -> JointCommand:
         """Return the velocity command for the measured `position` (n,) [rad]."""
-        correction = self._gain * (reference.position - position)
+        correction = self._gain * (reference.q - position)
         # In the 1 kHz loop, where np.clip would take longer than all the rest.
-        velocity = np.minimum(reference.velocity + correction, self._limit)
-        return JointCommand(None, np.maximum(velocity, -self._limit), None)
+        velocity = np.minimum(reference.dq + correction, self._limit)
+        return JointCommand(dq=np.maximum(velocity, -self._limit))
 
 
 class FeedForwardLaw:
@@ -65,4 +59,4 @@ class FeedForwardLaw:
     def command(self, reference: JointReference, position: FloatArray) -> JointCommand:
         """Return reference and feed-forward torque; the boards close the loop themselves."""
         effort = self._effort_model.effort(*(np.atleast_2d(part) for part in reference))[0]
-        return JointCommand(reference.position, reference.velocity, effort)
+        return JointCommand(reference.q, reference.dq, effort)

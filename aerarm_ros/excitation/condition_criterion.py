@@ -7,7 +7,7 @@ from scipy.special import logsumexp, softmax
 
 from aerarm_ros.excitation.design_criterion import information, information_gradient
 from aerarm_ros.excitation.identifiable_space import IdentifiableSpace
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 
 class ConditionCriterion:

@@ -6,8 +6,9 @@ import numpy as np
 from scipy.special import logsumexp, softmax
 
 from aerarm_ros.excitation.clearance_checker import ClearanceChecker
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
 from aerarm_ros.excitation.motion_limits import MotionLimits
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
 
 
 class DesignConstraints:
@@ -60,7 +61,7 @@ class DesignConstraints:
         """
         parts = [1.0 - self._join(ratio**2) for ratio in self._ratios(states, effort)]
         if self._clearance is not None:
-            shortfall = self._shortfall(states.position[:period])
+            shortfall = self._shortfall(states.q[:period])
             parts.append(-np.atleast_1d(self._join(shortfall)))
         return np.concatenate(parts)
 
@@ -81,12 +82,12 @@ class DesignConstraints:
         ]
         if self._clearance is None:
             return joint, None
-        clearance = np.zeros_like(states.position)
-        clearance[:period] = self._clearance_gradient(states.position[:period])
+        clearance = np.zeros_like(states.q)
+        clearance[:period] = self._clearance_gradient(states.q[:period])
         return joint, clearance
 
     def _ratios(self, states: JointReference, effort: FloatArray) -> list[FloatArray]:
-        quantities = (states.position - self._centre, states.velocity, states.acceleration, effort)
+        quantities = (states.q - self._centre, states.dq, states.ddq, effort)
         return [values / scale for values, scale in zip(quantities, self._scales, strict=True)]
 
     def _join(self, values: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 
 class DesignCriterion(Protocol):

@@ -8,9 +8,10 @@ import numpy as np
 
 from aerarm_ros.excitation.design_constraints import DesignConstraints
 from aerarm_ros.excitation.design_criterion import DesignCriterion
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
 from aerarm_ros.excitation.smooth_regressor import SmoothRegressor
 from aerarm_ros.excitation.state_basis import StateBasis
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
 
 
 @dataclass
@@ -99,7 +100,7 @@ class DesignProblem:
 
         The regressor's derivative itself, (3 n, M, n, p), is never held as a whole.
         """
-        samples, n = point.states.position.shape
+        samples, n = point.states.q.shape
         period = self.basis.period_samples
         by_state = np.empty((3, period, n))
         effort_by_state = np.empty((3, samples, n, n))
@@ -118,7 +119,7 @@ class DesignProblem:
         n = self.basis.n
         for kind in range(3):
             for j in range(n):
-                parts = np.zeros((kind + 1, *point.states.position.shape))
+                parts = np.zeros((kind + 1, *point.states.q.shape))
                 parts[kind, :, j] = joint[kind][:, j]
                 rows.append(self.basis.pull_back(*parts).ravel())
         for j in range(n):

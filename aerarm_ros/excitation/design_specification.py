@@ -14,7 +14,7 @@ from aerarm_ros.excitation.design_criterion import DesignCriterion
 from aerarm_ros.excitation.excitation_error import ExcitationError, InfeasibleError
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.information_criterion import InformationCriterion
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 THESIS, SCALED, INFORMATION, BOTH = 'thesis', 'condition', 'd_optimal', 'both'
 OBJECTIVES = {

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.joint_reference import FloatArray
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.friction import viscous_coulomb
+from aerarm_ros.motion.float_array import FloatArray
 
 
 class EffortModel:

@@ -11,7 +11,7 @@ from aerarm_ros.description.config_error import ConfigError, check_range
 from aerarm_ros.description.config_reader import build, read_yaml
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

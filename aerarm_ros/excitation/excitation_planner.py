@@ -10,15 +10,11 @@ import numpy as np
 from aerarm_ros.excitation.excitation_error import InfeasibleError
 from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.joint_reference import FloatArray
 from aerarm_ros.excitation.motion_sequence import MotionSequence, Stage
-from aerarm_ros.excitation.quintic_segment import (
-    QuinticSegment,
-    at_rest,
-    rest_to_rest_duration,
-    standstill,
-)
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.transfer import standstill, transfer
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.smooth_step import rest_to_rest_duration
 
 APPROACH, EXCITATION, RETURN = 'approach', 'excitation', 'return'
 
@@ -79,8 +75,8 @@ class ExcitationPlanner:
         )
         self._transfer_checker.check(standstill(start)).require('the start posture')
         excitation = RampedExcitation(trajectory, periods, self._ramp_time)
-        first = excitation.evaluate(0.0).position
-        last = excitation.evaluate(excitation.duration).position
+        first = excitation.evaluate(0.0).q
+        last = excitation.evaluate(excitation.duration).q
         stages = self._transfer(APPROACH, start, first, trajectory.q0)
         stages.append(Stage(EXCITATION, excitation))
         if go_back:
@@ -108,8 +104,8 @@ class ExcitationPlanner:
             duration = rest_to_rest_duration(
                 b - a, self._velocity, self._acceleration, self.SHORTEST_TRANSFER
             )
-            segment = QuinticSegment(at_rest(a), at_rest(b), duration)
-            stages.append(Stage(name if leg == 0 else f'{name} {leg + 1}', segment))
+            way_there = transfer(a, b, duration)
+            stages.append(Stage(name if leg == 0 else f'{name} {leg + 1}', way_there))
         return stages
 
 

@@ -6,11 +6,13 @@ from enum import Enum
 
 import numpy as np
 
-from aerarm_ros.excitation.command_law import CommandLaw, JointCommand
+from aerarm_ros.excitation.command_law import CommandLaw
 from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
 from aerarm_ros.excitation.motion_sequence import MotionSequence
-from aerarm_ros.excitation.path_clock import PathClock
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.path_clock import PathClock
 
 
 class PlayState(Enum):
@@ -113,7 +115,7 @@ class ExcitationPlayer:
         if self.state is PlayState.STOPPING:
             self._clock.stop(now)
         reference = self._reference(now)
-        self._check_tracking(reference.position - position)
+        self._check_tracking(reference.q - position)
         if self._clock.stopped(now):
             self.state = PlayState.STOPPED
         elif self.path_time >= self.motion.duration:
@@ -121,7 +123,7 @@ class ExcitationPlayer:
         return self._law.command(reference, position)
 
     def _require_start(self, position: FloatArray) -> None:
-        moved = np.abs(self.motion.evaluate(0.0).position - position)
+        moved = np.abs(self.motion.evaluate(0.0).q - position)
         worst = int(moved.argmax())
         if moved[worst] > self.START_TOLERANCE:
             raise ExcitationError(
@@ -148,9 +150,9 @@ class ExcitationPlayer:
         if not self._clock.stopping:
             return along
         return JointReference(
-            along.position,
-            path.rate * along.velocity,
-            path.rate**2 * along.acceleration + path.rate_change * along.velocity,
+            along.q,
+            path.rate * along.dq,
+            path.rate**2 * along.ddq + path.rate_change * along.dq,
         )
 
     def _check_tracking(self, error: FloatArray) -> None:

@@ -19,11 +19,11 @@ from aerarm_ros.excitation.excitation_config import ExcitationConfig
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.excitation_planner import ExcitationPlanner
 from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
-from aerarm_ros.excitation.joint_reference import FloatArray
 from aerarm_ros.excitation.motion_limits import MotionLimits, one_a_joint
-from aerarm_ros.excitation.quintic_segment import standstill
 from aerarm_ros.excitation.random_trajectory import RandomTrajectory
 from aerarm_ros.excitation.stop_checker import StopChecker
+from aerarm_ros.excitation.transfer import standstill
+from aerarm_ros.motion.float_array import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

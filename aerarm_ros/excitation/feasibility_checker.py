@@ -13,10 +13,12 @@ from aerarm_ros.excitation.feasibility_report import (
     peak_margins,
 )
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference, Motion
 from aerarm_ros.excitation.motion_limits import MotionLimits
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation
 from aerarm_ros.excitation.stop_checker import StopChecker
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_motion import JointMotion
+from aerarm_ros.motion.joint_reference import JointReference
 
 
 class FeasibilityChecker:
@@ -84,7 +86,7 @@ class FeasibilityChecker:
         report = self.check(RampedExcitation(trajectory, 1, ramp_time), stop_early)
         return FeasibilityReport([harmonic, *report.margins], report.notes)
 
-    def check(self, motion: Motion, stop_early: bool = False) -> FeasibilityReport:
+    def check(self, motion: JointMotion, stop_early: bool = False) -> FeasibilityReport:
         """Return the margins of `motion` to every limit.
 
         Parameters
@@ -102,7 +104,7 @@ class FeasibilityChecker:
         states = motion.evaluate(times)
         near: list[LimitMargin] = []
         if self.clearance is not None:
-            found = self.clearance.sweep(states.position, stop_below=stop_early)
+            found = self.clearance.sweep(states.q, stop_below=stop_early)
             near = [_clearance_margin(kind, c, times) for kind, c in found.items()]
         if stop_early and not FeasibilityReport(near).feasible:
             return FeasibilityReport(near)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerarm_ros.excitation.excitation_error import InfeasibleError
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 
 @dataclass(frozen=True)

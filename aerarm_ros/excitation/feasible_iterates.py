@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 
 class FeasibleIterates:

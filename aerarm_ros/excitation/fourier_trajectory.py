@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,15 +99,3 @@ class FourierTrajectory:
         terms = basis @ self._coefficients
         n = self.n
         return JointReference(self.q0 + terms[..., :n], terms[..., n : 2 * n], terms[..., 2 * n :])
-
-    def position(self, time: ArrayLike) -> FloatArray:
-        """Joint positions [rad], (n,) for a scalar time [s], (M, n) for (M,)."""
-        return self.evaluate(time).position
-
-    def velocity(self, time: ArrayLike) -> FloatArray:
-        """Joint velocities [rad/s], (n,) for a scalar time [s], (M, n) for (M,)."""
-        return self.evaluate(time).velocity
-
-    def acceleration(self, time: ArrayLike) -> FloatArray:
-        """Joint accelerations [rad/s^2], (n,) for a scalar time [s], (M, n) for (M,)."""
-        return self.evaluate(time).acceleration

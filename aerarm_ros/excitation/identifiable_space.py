@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
 from aerarm_ros.excitation.smooth_regressor import SmoothRegressor
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
 
 
 @dataclass(frozen=True, eq=False)

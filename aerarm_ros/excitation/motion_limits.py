@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 
 def one_a_joint(name: str, values: ArrayLike, n: int) -> FloatArray:

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference, Motion
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_motion import JointMotion
+from aerarm_ros.motion.joint_reference import JointReference
 
 
 @dataclass(frozen=True)
@@ -16,7 +18,7 @@ class Stage:
     """A named part of a sequence."""
 
     name: str
-    motion: Motion
+    motion: JointMotion
 
 
 class MotionSequence:
@@ -76,7 +78,7 @@ class MotionSequence:
             stage.motion.evaluate(time[index == i] - self.boundaries[i])
             for i, stage in enumerate(self.stages)
         ]
-        n = parts[0].position.shape[1]
+        n = parts[0].q.shape[1]
         result = JointReference(*(np.empty((time.size, n)) for _ in range(3)))
         for i, part in enumerate(parts):
             for whole, values in zip(result, part, strict=True):

@@ -12,10 +12,10 @@ from plotly.subplots import make_subplots
 from aerarm_ros.excitation.arm_animation import ArmAnimation, scene
 from aerarm_ros.excitation.design_result import DesignResult
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.joint_reference import FloatArray
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation
 from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
 from aerarm_ros.excitation.whole_file import write_whole
+from aerarm_ros.motion.float_array import FloatArray
 
 _STEP = 0.02
 _COLOURS = ('#1f77b4', '#d9722e', '#2ca02c', '#9467bd', '#8c564b', '#e377c2', '#17becf')
@@ -70,7 +70,7 @@ class Preview:
              'the part of each parameter that can be identified, after one period at 1 kHz with '
              'white torque noise. Smaller is better; a parameter without a bar cannot be seen by '
              'any motion of this arm.'),
-            ('Animation', self._animation.figure(self._times, self._states.position),
+            ('Animation', self._animation.figure(self._times, self._states.q),
              'Collision shapes in the postures of the trajectory.'),
         ]  # fmt: skip
         body = [self._summary()]
@@ -115,9 +115,9 @@ class Preview:
         limits, names = self._setup.usable_limits, self._setup.limits.joint_names
         effort = self._setup.effort_model.effort(*self._states)
         panels = (
-            ('q [rad]', self._states.position, None),
-            ('dq [rad/s]', self._states.velocity, limits.velocity),
-            ('ddq [rad/s²]', self._states.acceleration, limits.acceleration),
+            ('q [rad]', self._states.q, None),
+            ('dq [rad/s]', self._states.dq, limits.velocity),
+            ('ddq [rad/s²]', self._states.ddq, limits.acceleration),
             ('tau [Nm]', effort, limits.effort),
         )
         figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.03)
@@ -146,7 +146,7 @@ class Preview:
         return figure
 
     def _workspace(self) -> go.Figure:
-        path = self._animation.tool_path(self._states.position)
+        path = self._animation.tool_path(self._states.q)
         limits, names = self._setup.limits, list(self._setup.limits.joint_names)
         figure = make_subplots(
             rows=1, cols=2, column_widths=[0.62, 0.38], specs=[[{'type': 'scene'}, {'type': 'xy'}]]
@@ -156,7 +156,7 @@ class Preview:
             line={'width': 4, 'color': self._times, 'colorscale': 'Viridis', 'showscale': True,
                   'colorbar': {'title': 't [s]', 'x': 0.53, 'len': 0.7}}, row=1, col=1,
         )  # fmt: skip
-        position = self._states.position
+        position = self._states.q
         span = np.minimum(limits.position_max - limits.position_min, 2.0 * np.pi)
         covered = 100.0 * np.ptp(position, axis=0) / span
         figure.add_bar(x=np.round(covered, 1), y=names, orientation='h', showlegend=False,

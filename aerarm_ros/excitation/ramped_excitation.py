@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.joint_reference import JointReference
-from aerarm_ros.excitation.smooth_step import smooth_step
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.smooth_step import smooth_step
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +70,4 @@ class RampedExcitation:
         )
         rate = (up.value - down.value)[..., np.newaxis]
         rate_change = ((up.slope - down.slope) / ramp)[..., np.newaxis]
-        path = self.trajectory.evaluate(phase)
-        return JointReference(
-            path.position,
-            rate * path.velocity,
-            rate**2 * path.acceleration + rate_change * path.velocity,
-        )
+        return self.trajectory.evaluate(phase).paced(rate, rate_change)

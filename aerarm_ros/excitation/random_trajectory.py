@@ -16,7 +16,7 @@ from aerarm_ros.excitation.excitation_error import (
 from aerarm_ros.excitation.feasibility_checker import FeasibilityChecker
 from aerarm_ros.excitation.feasibility_report import FeasibilityReport, LimitMargin
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

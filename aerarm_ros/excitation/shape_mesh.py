@@ -9,7 +9,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 _SEGMENTS = 16
 

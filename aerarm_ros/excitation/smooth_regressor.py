@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
 from aerarm_ros.model.regressor import Regressor
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
 
 
 class SmoothRegressor:
@@ -43,11 +44,11 @@ class SmoothRegressor:
     def stack(self, states: JointReference) -> FloatArray:
         """Return the regressor (M, n, p) of (M, n) states."""
         n, joint = self._n, np.arange(self._n)
-        stacked = np.zeros((len(states.position), n, 13 * n))
+        stacked = np.zeros((len(states.q), n, 13 * n))
         stacked[:, :, : 10 * n] = self._regressor.stack_rigid(*states)
-        stacked[:, joint, 10 * n + joint] = states.velocity
-        stacked[:, joint, 11 * n + joint] = np.tanh(states.velocity / self._width)
-        stacked[:, joint, 12 * n + joint] = states.acceleration
+        stacked[:, joint, 10 * n + joint] = states.dq
+        stacked[:, joint, 11 * n + joint] = np.tanh(states.dq / self._width)
+        stacked[:, joint, 12 * n + joint] = states.ddq
         return stacked
 
     def derivatives(

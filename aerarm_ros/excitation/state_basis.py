@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
 from aerarm_ros.excitation.ramped_excitation import RampedExcitation
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
 
 
 class StateBasis:

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
-from aerarm_ros.excitation.smooth_step import PEAK_SLOPE, smooth_step
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.smooth_step import PEAK_SLOPE, smooth_step
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,11 @@ import numpy as np
 from aerarm_ros.excitation.effort_model import EffortModel
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.feasibility_report import LimitMargin, peak_margins
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference, Motion
 from aerarm_ros.excitation.motion_limits import MotionLimits
-from aerarm_ros.excitation.path_clock import PathClock
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_motion import JointMotion
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.path_clock import PathClock
 
 
 class StopChecker:
@@ -48,7 +50,7 @@ class StopChecker:
         instants = [clock.at(t) for t in np.linspace(0.0, stop_time, self._INSTANTS)]
         self._advance, self._rate, self._rate_change = np.array(instants).T
 
-    def margins(self, motion: Motion) -> list[LimitMargin]:
+    def margins(self, motion: JointMotion) -> list[LimitMargin]:
         """Return the margins of all stops on `motion`; their time is when the stop begins."""
         beginnings = np.arange(0.0, motion.duration + self._BEGINNINGS, self._BEGINNINGS)
         beginnings = np.minimum(beginnings, motion.duration)
@@ -56,7 +58,7 @@ class StopChecker:
         times = np.repeat(beginnings, self._INSTANTS)
         names, limits = self._limits.joint_names, self._limits
         margins = peak_margins(
-            'stop acceleration', 'rad/s^2', names, times, states.acceleration, limits.acceleration
+            'stop acceleration', 'rad/s^2', names, times, states.ddq, limits.acceleration
         )
         if self._effort_model is not None:
             effort = self._effort_model.effort(*states)
@@ -65,13 +67,9 @@ class StopChecker:
             margins += peak_margins('stop current', 'A', names, times, current, limits.current)
         return margins
 
-    def _states(self, motion: Motion, beginnings: FloatArray) -> JointReference:
+    def _states(self, motion: JointMotion, beginnings: FloatArray) -> JointReference:
         """Return the states of all stops, one stop after the other."""
         along = motion.evaluate(np.add.outer(beginnings, self._advance).ravel())
         rate = np.tile(self._rate, len(beginnings))[:, np.newaxis]
         rate_change = np.tile(self._rate_change, len(beginnings))[:, np.newaxis]
-        return JointReference(
-            along.position,
-            rate * along.velocity,
-            rate**2 * along.acceleration + rate_change * along.velocity,
-        )
+        return along.paced(rate, rate_change)

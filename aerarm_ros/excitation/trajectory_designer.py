@@ -20,9 +20,10 @@ from aerarm_ros.excitation.feasible_iterates import FeasibleIterates
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
 from aerarm_ros.excitation.identifiable_space import IdentifiableSpace
 from aerarm_ros.excitation.information_criterion import InformationCriterion
-from aerarm_ros.excitation.joint_reference import FloatArray, JointReference
 from aerarm_ros.excitation.smooth_regressor import SmoothRegressor
 from aerarm_ros.excitation.state_basis import StateBasis
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
 
 # SLSQP's exit modes.
 _CONVERGED, _OUT_OF_ITERATIONS = 0, 9

@@ -11,9 +11,9 @@ from aerarm_msgs_py.bag_writer import BagWriter
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.recorded_message import RecordedMessage
 from aerarm_msgs_py.recorded_topic import RecordedTopic
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.excitation.bench_motion import Measurement, split
 from aerarm_ros.identification.motor_run import MotorRun
+from aerarm_ros.motion.arm_state import ArmState
 
 _TYPE = 'sensor_msgs/msg/JointState'
 _STATES, _COMMANDS = 0, 1

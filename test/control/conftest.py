@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.control.joint_command import JointCommand
 from aerarm_ros.control.joint_limits import JointLimits
 from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
 from aerarm_ros.simulation.arm_plant import ArmPlant
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
@@ -50,7 +50,7 @@ class Bench:
         rows = []
         for cycle in range(round(seconds / CYCLE)):
             state = self.state()
-            effort = controller(state, cycle * CYCLE).effort
+            effort = controller(state, cycle * CYCLE).tau
             assert effort is not None
             rows.append(np.concatenate([[cycle * CYCLE], state.q, state.dq, effort]))
             self.plant.apply_effort(effort + disturbance)

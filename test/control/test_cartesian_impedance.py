@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.cartesian_impedance import CartesianImpedance
-from aerarm_ros.control.task_reference import TaskReference
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.task_reference import TaskReference
 
 CYCLE = 1e-3
 START = np.array([0.3, 1.1, 0.4, 0.9])
@@ -93,7 +93,7 @@ def test_the_posture_does_not_push_the_tool(dynamics, kinematics) -> None:
     state = ArmState(START, np.zeros(4), np.zeros(4))
     reference = still(kinematics.position(START))
     difference = (
-        stiff.update(state, reference, CYCLE).effort - free.update(state, reference, CYCLE).effort
+        stiff.update(state, reference, CYCLE).tau - free.update(state, reference, CYCLE).tau
     )
     ddq = np.linalg.solve(dynamics.fixed.inertia_matrix(START), difference)
     assert np.abs(ddq).max() > 1.0
@@ -106,7 +106,7 @@ def test_torques_stay_bounded_at_the_singular_wrist(robot, dynamics, postures) -
     for q in postures:
         state = ArmState(q, np.zeros(4), np.zeros(4))
         reference = still(1.05 * kinematics.position(q))
-        effort = law.update(state, reference, CYCLE).effort
+        effort = law.update(state, reference, CYCLE).tau
         assert np.abs(effort - dynamics.fixed.gravity(q)).max() < 30.0
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.computed_torque import ComputedTorque
 from aerarm_ros.control.error_integral import ErrorIntegral
 from aerarm_ros.control.friction_compensation import FrictionCompensation
-from aerarm_ros.control.joint_reference import JointReference
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
 
 CYCLE = 1e-3
 KP, KD = 100.0, 20.0
@@ -69,10 +69,10 @@ def test_taking_over_forgets_the_integral(dynamics) -> None:
     law = ComputedTorque(dynamics, KP, KD, ErrorIntegral(np.full(4, 400.0), np.full(4, 100.0)))
     state = ArmState(UPRIGHT, np.zeros(4), np.zeros(4))
     away = JointReference.at_rest(UPRIGHT + 0.1)
-    first = law.update(state, away, CYCLE).effort
-    assert not np.allclose(law.update(state, away, CYCLE).effort, first)
+    first = law.update(state, away, CYCLE).tau
+    assert not np.allclose(law.update(state, away, CYCLE).tau, first)
     law.take_over(UPRIGHT)
-    np.testing.assert_allclose(law.update(state, away, CYCLE).effort, first)
+    np.testing.assert_allclose(law.update(state, away, CYCLE).tau, first)
 
 
 def test_gains_must_be_one_a_joint(dynamics) -> None:

@@ -5,11 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.friction_compensation import FrictionCompensation
 from aerarm_ros.control.gravity_compensation import GravityCompensation
-from aerarm_ros.control.joint_reference import JointReference
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
 
 CYCLE = 1e-3
 KP = np.array([60.0, 60.0, 40.0, 40.0])
@@ -49,7 +49,7 @@ def test_the_first_torque_is_gravity_alone(dynamics, postures) -> None:
     law = GravityCompensation(dynamics, KP, KD)
     for q in postures:
         state = ArmState(q, np.zeros(4), np.zeros(4))
-        effort = law.update(state, JointReference.at_rest(q), CYCLE).effort
+        effort = law.update(state, JointReference.at_rest(q), CYCLE).tau
         np.testing.assert_allclose(effort, dynamics.fixed.gravity(q), atol=1e-12)
 
 
@@ -95,7 +95,7 @@ def test_switching_hand_guiding_never_steps_the_torque(dynamics) -> None:
     efforts = []
     for cycle in range(2000):
         law.hand_guiding = 500 <= cycle < 1200
-        efforts.append(law.update(state, reference, CYCLE).effort)
+        efforts.append(law.update(state, reference, CYCLE).tau)
         if cycle in (499, 1999):
             assert law.stiffness == 1.0
     full = np.abs(efforts[0] - dynamics.fixed.gravity(state[0])).max()

@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.cartesian_motion_control import CartesianMotionControl
 from aerarm_ros.control.damped_inverse import DampedInverse
 from aerarm_ros.control.joint_motion_control import JointMotionControl
-from aerarm_ros.control.task_reference import TaskReference
 from aerarm_ros.control.velocity_resolution import VelocityResolution
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.task_reference import TaskReference
 
 CYCLE = 1e-3
 REST = np.array([0.0, 1.5708, 0.0, 0.0])
@@ -35,8 +35,8 @@ def integrate(law, reference, start, seconds):
     for cycle in range(round(seconds / CYCLE)):
         state = ArmState(rows[-1], np.zeros(4), np.zeros(4))
         command = law.update(state, reference(cycle * CYCLE), CYCLE)
-        assert command.effort is None
-        rows.append(rows[-1] + CYCLE * command.velocity)
+        assert command.tau is None
+        rows.append(rows[-1] + CYCLE * command.dq)
     return np.array(rows)
 
 
@@ -74,7 +74,7 @@ def test_joint_error_decays_exponentially(make_resolution) -> None:
     offset = np.array([0.1, -0.1, 0.05, 0.1])
     q, errors = START - offset, []
     for _ in range(500):
-        velocity = law.update(ArmState(q, q, q), still(goal)(0.0), CYCLE).velocity
+        velocity = law.update(ArmState(q, q, q), still(goal)(0.0), CYCLE).dq
         errors.append(law.qd - q)
         q = q + CYCLE * velocity
     predicted = np.outer(np.exp(-8.0 * CYCLE * np.arange(500)), offset)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.arm_state import ArmState
 from aerarm_ros.control.base_motion import BaseMotion
 from aerarm_ros.control.computed_torque import ComputedTorque
-from aerarm_ros.control.joint_reference import JointReference
 from aerarm_ros.control.momentum_observer import MomentumObserver
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
 
 CYCLE = 1e-3
 GAIN = 40.0

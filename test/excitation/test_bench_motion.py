@@ -27,10 +27,10 @@ def test_every_speed_is_measured_both_ways_at_constant_velocity() -> None:
     for measurement in bench.measurements:
         time = np.linspace(measurement.start, measurement.end, 50)
         states = bench.sequence.evaluate(time)
-        still = np.delete(states.velocity, measurement.joint, axis=1)
+        still = np.delete(states.dq, measurement.joint, axis=1)
         np.testing.assert_allclose(still, 0.0, atol=1e-12)
         if measurement.speed is not None:
-            moving = states.velocity[:, measurement.joint]
+            moving = states.dq[:, measurement.joint]
             np.testing.assert_allclose(moving, measurement.speed, atol=1e-12)
 
 
@@ -38,16 +38,16 @@ def test_it_keeps_the_limits_and_ends_where_it_began() -> None:
     bench = motion()
     bench.require_feasible(FeasibilityChecker(LIMITS))
     end = bench.sequence.evaluate(bench.sequence.duration)
-    np.testing.assert_allclose(end.position, REST, atol=1e-9)
-    np.testing.assert_allclose(end.velocity, 0.0, atol=1e-9)
+    np.testing.assert_allclose(end.q, REST, atol=1e-9)
+    np.testing.assert_allclose(end.dq, 0.0, atol=1e-9)
 
 
 def test_acceleration_runs_use_their_share_of_the_limits() -> None:
     bench = motion(joints=[3])
     (run,) = [m for m in bench.measurements if m.speed is None]
     states = bench.sequence.evaluate(np.arange(run.start, run.end, 1e-3))
-    velocity = np.abs(states.velocity[:, 3]).max() / LIMITS.velocity[3]
-    acceleration = np.abs(states.acceleration[:, 3]).max() / LIMITS.acceleration[3]
+    velocity = np.abs(states.dq[:, 3]).max() / LIMITS.velocity[3]
+    acceleration = np.abs(states.ddq[:, 3]).max() / LIMITS.acceleration[3]
     assert velocity <= 0.6 + 1e-9
     assert acceleration <= 0.5 + 1e-9
     assert max(velocity / 0.6, acceleration / 0.5) == pytest.approx(1.0, rel=1e-3)

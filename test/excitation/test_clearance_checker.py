@@ -48,7 +48,7 @@ def test_neighbours_are_not_pairs(clearance: ClearanceChecker) -> None:
 def test_the_certificate_encloses_a_dense_sweep(
     clearance: ClearanceChecker, trajectory: FourierTrajectory
 ) -> None:
-    positions = trajectory.position(np.arange(0.0, trajectory.period, 1e-3))
+    positions = trajectory.evaluate(np.arange(0.0, trajectory.period, 1e-3)).q
     found = clearance.sweep(positions)
     dense = np.array([clearance.distances(q) for q in positions[::2]])
     for kind, rows in clearance._kinds.items():

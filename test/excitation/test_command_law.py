@@ -4,35 +4,35 @@ import numpy as np
 
 from aerarm_ros.excitation.command_law import FeedForwardLaw, VelocityLaw
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.joint_reference import JointReference
+from aerarm_ros.motion.joint_reference import JointReference
 
 REFERENCE = JointReference(*np.random.default_rng(0).normal(size=(3, 4)))
-MEASURED = REFERENCE.position + 0.01
+MEASURED = REFERENCE.q + 0.01
 
 
 def test_velocity_law_corrects_the_position_error() -> None:
     command = VelocityLaw(2.0).command(REFERENCE, MEASURED)
-    np.testing.assert_allclose(command.velocity, REFERENCE.velocity - 0.02)
-    assert command.position is None
-    assert command.effort is None
+    np.testing.assert_allclose(command.dq, REFERENCE.dq - 0.02)
+    assert command.q is None
+    assert command.tau is None
 
 
 def test_without_gain_it_is_the_thesis_pure_velocity_command() -> None:
     command = VelocityLaw(0.0).command(REFERENCE, MEASURED)
-    np.testing.assert_array_equal(command.velocity, REFERENCE.velocity)
+    np.testing.assert_array_equal(command.dq, REFERENCE.dq)
 
 
 def test_the_correction_never_asks_for_more_than_the_velocity_limit() -> None:
     limit = np.full(4, 2.5)
-    far = REFERENCE.position - np.array([3.0, -3.0, 3.0, 0.0])
+    far = REFERENCE.q - np.array([3.0, -3.0, 3.0, 0.0])
     command = VelocityLaw(20.0, limit).command(REFERENCE, far)
-    np.testing.assert_array_equal(command.velocity[:3], [2.5, -2.5, 2.5])
-    assert command.velocity[3] == REFERENCE.velocity[3]
+    np.testing.assert_array_equal(command.dq[:3], [2.5, -2.5, 2.5])
+    assert command.dq[3] == REFERENCE.dq[3]
 
 
 def test_feed_forward_is_the_torque_of_the_reference(setup: ExcitationSetup) -> None:
     command = FeedForwardLaw(setup.effort_model).command(REFERENCE, MEASURED)
-    np.testing.assert_array_equal(command.position, REFERENCE.position)
-    np.testing.assert_array_equal(command.velocity, REFERENCE.velocity)
+    np.testing.assert_array_equal(command.q, REFERENCE.q)
+    np.testing.assert_array_equal(command.dq, REFERENCE.dq)
     rows = (part[np.newaxis] for part in REFERENCE)
-    np.testing.assert_allclose(command.effort, setup.effort_model.effort(*rows)[0])
+    np.testing.assert_allclose(command.tau, setup.effort_model.effort(*rows)[0])

@@ -46,10 +46,10 @@ def test_what_the_constraints_allow_keeps_the_limits(
             continue
         allowed += 1
         states = problem.basis.states(coefficients)
-        assert (np.abs(states.velocity) <= limits.velocity).all()
-        assert (np.abs(states.acceleration) <= limits.acceleration).all()
-        assert (states.position >= limits.position_min).all()
-        assert (states.position <= limits.position_max).all()
+        assert (np.abs(states.dq) <= limits.velocity).all()
+        assert (np.abs(states.ddq) <= limits.acceleration).all()
+        assert (states.q >= limits.position_min).all()
+        assert (states.q <= limits.position_max).all()
     assert 3 < allowed < 40
 
 

@@ -27,10 +27,8 @@ def test_a_period_only_dissipates(
     time = np.arange(0.0, trajectory.period, 1e-3)
     reference = trajectory.evaluate(time)
     effort = setup.effort_model.effort(*reference)
-    work = (effort * reference.velocity).sum() * 1e-3
-    friction = (
-        robot.viscous * reference.velocity**2 + robot.coulomb * np.abs(reference.velocity)
-    ).sum() * 1e-3
+    work = (effort * reference.dq).sum() * 1e-3
+    friction = (robot.viscous * reference.dq**2 + robot.coulomb * np.abs(reference.dq)).sum() * 1e-3
     assert work == pytest.approx(friction, rel=1e-3)
 
 

@@ -32,16 +32,16 @@ def plan(planner: ExcitationPlanner, trajectory: FourierTrajectory) -> MotionSeq
 def test_starts_and_ends_at_rest_where_the_arm_is(plan: MotionSequence) -> None:
     for time in (0.0, plan.duration):
         reference = plan.evaluate(time)
-        np.testing.assert_allclose(reference.position, [0.5, 1.0, -0.5, 0.3], atol=1e-12)
-        np.testing.assert_allclose(reference.velocity, 0.0, atol=1e-12)
+        np.testing.assert_allclose(reference.q, [0.5, 1.0, -0.5, 0.3], atol=1e-12)
+        np.testing.assert_allclose(reference.dq, 0.0, atol=1e-12)
 
 
 def test_is_continuous_up_to_acceleration(plan: MotionSequence) -> None:
     time = np.linspace(0.0, plan.duration, 60001)
     reference = plan.evaluate(time)
-    numeric = np.gradient(reference.position, time, axis=0)
-    np.testing.assert_allclose(numeric[1:-1], reference.velocity[1:-1], atol=1e-4)
-    steps = np.abs(np.diff(reference.acceleration, axis=0)).max()
+    numeric = np.gradient(reference.q, time, axis=0)
+    np.testing.assert_allclose(numeric[1:-1], reference.dq[1:-1], atol=1e-4)
+    steps = np.abs(np.diff(reference.ddq, axis=0)).max()
     assert steps < 0.05
 
 
@@ -49,7 +49,7 @@ def test_holds_two_whole_periods(plan: MotionSequence, trajectory: FourierTrajec
     start = plan.boundaries[[stage.name for stage in plan.stages].index(EXCITATION)]
     time = start + RAMP + np.linspace(0.0, 20.0, 101)
     np.testing.assert_allclose(
-        plan.evaluate(time).position, trajectory.position(np.linspace(0.0, 20.0, 101)), atol=1e-9
+        plan.evaluate(time).q, trajectory.evaluate(np.linspace(0.0, 20.0, 101)).q, atol=1e-9
     )
 
 

@@ -27,18 +27,18 @@ def play(player: ExcitationPlayer, q: np.ndarray, bias: float = 0.0, blocked: bo
         command = player.update(stamp, q)
         yield stamp, q, command
         if not blocked:
-            q = q + 1e-3 * (command.velocity + bias)
+            q = q + 1e-3 * (command.dq + bias)
         stamp += MILLISECOND
 
 
 def test_an_ideal_arm_ends_where_the_motion_ends(motion: MotionSequence) -> None:
     player = ExcitationPlayer(motion, VelocityLaw(0.0), NAMES)
-    *_, (_, q, command) = play(player, motion.evaluate(0.0).position)
+    *_, (_, q, command) = play(player, motion.evaluate(0.0).q)
     assert player.state is PlayState.FINISHED
     assert player.progress == 1.0
     # Explicit Euler: half a cycle behind wherever it moves, and nothing left at rest.
-    np.testing.assert_allclose(q, motion.evaluate(motion.duration).position, atol=1e-6)
-    np.testing.assert_allclose(command.velocity, 0.0, atol=1e-9)
+    np.testing.assert_allclose(q, motion.evaluate(motion.duration).q, atol=1e-6)
+    np.testing.assert_allclose(command.dq, 0.0, atol=1e-9)
 
 
 def test_a_small_gain_bounds_the_drift(motion: MotionSequence) -> None:
@@ -46,7 +46,7 @@ def test_a_small_gain_bounds_the_drift(motion: MotionSequence) -> None:
     errors = {}
     for gain in (0.0, 1.0):
         player = ExcitationPlayer(motion, VelocityLaw(gain), NAMES)
-        for _ in play(player, motion.evaluate(0.0).position, bias=drift):
+        for _ in play(player, motion.evaluate(0.0).q, bias=drift):
             pass
         errors[gain] = player.largest_error.max()
     assert errors[0.0] == pytest.approx(drift * motion.duration, rel=0.05)
@@ -57,17 +57,17 @@ def test_lost_messages_do_not_distort_the_motion(motion: MotionSequence) -> None
     law = VelocityLaw(0.0)
     every, some = (ExcitationPlayer(motion, law, NAMES) for _ in range(2))
     for stamp in range(0, 3000 * MILLISECOND, MILLISECOND):
-        full = every.update(stamp, motion.evaluate(stamp * 1e-9).position)
+        full = every.update(stamp, motion.evaluate(stamp * 1e-9).q)
         if stamp // MILLISECOND % 7 == 0:
-            sparse = some.update(stamp, motion.evaluate(stamp * 1e-9).position)
-            np.testing.assert_array_equal(sparse.velocity, full.velocity)
+            sparse = some.update(stamp, motion.evaluate(stamp * 1e-9).q)
+            np.testing.assert_array_equal(sparse.dq, full.dq)
 
 
 def test_a_stop_comes_to_rest_on_the_path_without_a_jump(motion: MotionSequence) -> None:
     player = ExcitationPlayer(motion, VelocityLaw(0.0), NAMES, stop_time=0.5)
     velocity = []
-    for stamp, _, command in play(player, motion.evaluate(0.0).position):
-        velocity.append(command.velocity)
+    for stamp, _, command in play(player, motion.evaluate(0.0).q):
+        velocity.append(command.dq)
         if stamp == 8_000_000_000:
             player.stop()
     assert player.state is PlayState.STOPPED
@@ -80,7 +80,7 @@ def test_a_stop_comes_to_rest_on_the_path_without_a_jump(motion: MotionSequence)
 
 def test_a_blocked_arm_is_given_up_with_the_joint_named(motion: MotionSequence) -> None:
     player = ExcitationPlayer(motion, VelocityLaw(1.0), NAMES, tracking_limit=0.2)
-    for _ in play(player, motion.evaluate(0.0).position, blocked=True):
+    for _ in play(player, motion.evaluate(0.0).q, blocked=True):
         pass
     assert player.state is PlayState.STOPPED
     assert 'joint' in player.fault
@@ -90,18 +90,18 @@ def test_a_blocked_arm_is_given_up_with_the_joint_named(motion: MotionSequence) 
 @pytest.mark.parametrize('jump', [-MILLISECOND, 200 * MILLISECOND])
 def test_jumping_stamps_are_refused(motion: MotionSequence, jump: int) -> None:
     player = ExcitationPlayer(motion, VelocityLaw(1.0), NAMES)
-    q = motion.evaluate(0.0).position
+    q = motion.evaluate(0.0).q
     player.update(10**9, q)
     with pytest.raises(ExcitationError, match='stamps jump'):
         player.update(10**9 + jump, q)
 
 
 def test_an_arm_that_moved_since_the_plan_is_left_alone(motion: MotionSequence) -> None:
-    start = motion.evaluate(0.0).position
+    start = motion.evaluate(0.0).q
     player = ExcitationPlayer(motion, VelocityLaw(1.0), NAMES)
     with pytest.raises(ExcitationError, match='joint3 moved by 0.060 rad since'):
         player.update(0, start + [0.0, 0.0, 0.06, 0.0])
-    assert player.update(MILLISECOND, start + [0.0, 0.0, 0.04, 0.0]).velocity is not None
+    assert player.update(MILLISECOND, start + [0.0, 0.0, 0.04, 0.0]).dq is not None
 
 
 def test_nan_is_refused(motion: MotionSequence) -> None:
@@ -113,12 +113,12 @@ def test_nan_is_refused(motion: MotionSequence) -> None:
 def test_feed_forward_commands_all_three(motion: MotionSequence, setup: ExcitationSetup) -> None:
     model = setup.effort_model
     player = ExcitationPlayer(motion, FeedForwardLaw(model), NAMES)
-    player.update(0, motion.evaluate(0.0).position)
+    player.update(0, motion.evaluate(0.0).q)
     for stamp in range(0, 2_000 * MILLISECOND, 50 * MILLISECOND):
-        command = player.update(stamp, motion.evaluate(stamp * 1e-9).position)
+        command = player.update(stamp, motion.evaluate(stamp * 1e-9).q)
     reference = motion.evaluate(stamp * 1e-9)
-    np.testing.assert_allclose(command.position, reference.position)
-    np.testing.assert_allclose(command.velocity, reference.velocity)
+    np.testing.assert_allclose(command.q, reference.q)
+    np.testing.assert_allclose(command.dq, reference.dq)
     np.testing.assert_allclose(
-        command.effort, model.effort(*(part[np.newaxis] for part in reference))[0]
+        command.tau, model.effort(*(part[np.newaxis] for part in reference))[0]
     )

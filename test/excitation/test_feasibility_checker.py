@@ -23,16 +23,16 @@ def test_reported_extremes_are_those_of_a_dense_grid(
     reached = {(m.limit, m.subject): m.reached for m in report.margins if m.limit != 'position'}
     for j, name in enumerate(checker.limits.joint_names):
         assert reached['velocity', name] == pytest.approx(
-            np.abs(reference.velocity[:, j]).max(), rel=1e-5
+            np.abs(reference.dq[:, j]).max(), rel=1e-5
         )
         assert reached['acceleration', name] == pytest.approx(
-            np.abs(reference.acceleration[:, j]).max(), rel=1e-5
+            np.abs(reference.ddq[:, j]).max(), rel=1e-5
         )
         low, high = (
             m.reached for m in report.margins if (m.limit, m.subject) == ('position', name)
         )
-        assert low == pytest.approx(reference.position[:, j].min(), abs=1e-6)
-        assert high == pytest.approx(reference.position[:, j].max(), abs=1e-6)
+        assert low == pytest.approx(reference.q[:, j].min(), abs=1e-6)
+        assert high == pytest.approx(reference.q[:, j].max(), abs=1e-6)
 
 
 def test_every_kind_of_limit_is_reported(

@@ -44,7 +44,7 @@ def test_accepted_trajectories_are_safe_in_mujoco(
         states = motion.evaluate(np.arange(0.0, motion.duration, STEP))
         if report.feasible:
             accepted += 1
-            itself, ground = np.array([other.distances(q) for q in states.position]).min(axis=0)
+            itself, ground = np.array([other.distances(q) for q in states.q]).min(axis=0)
             assert itself >= config.self_clearance - 1e-5
             assert ground >= config.ground_clearance - 1e-5
             effort = np.array([other.effort(*s) for s in zip(*states, strict=True)])

@@ -5,21 +5,21 @@ import pytest
 
 from aerarm_ros.excitation.excitation_error import ExcitationError
 from aerarm_ros.excitation.motion_sequence import MotionSequence, Stage
-from aerarm_ros.excitation.quintic_segment import QuinticSegment, at_rest
+from aerarm_ros.excitation.transfer import transfer
 
 A, B, C = np.zeros(2), np.array([1.0, -1.0]), np.array([0.5, 0.5])
 
 
 def leg(name: str, start: np.ndarray, end: np.ndarray, duration: float) -> Stage:
-    return Stage(name, QuinticSegment(at_rest(start), at_rest(end), duration))
+    return Stage(name, transfer(start, end, duration))
 
 
 def test_stages_follow_each_other() -> None:
     motion = MotionSequence([leg('out', A, B, 1.0), leg('on', B, C, 2.0)])
     assert motion.duration == 3.0
     assert [motion.stage_at(t).name for t in (0.0, 0.99, 1.0, 5.0)] == ['out', 'out', 'on', 'on']
-    np.testing.assert_allclose(motion.evaluate(1.0).position, B)
-    np.testing.assert_allclose(motion.evaluate(9.0).position, C)
+    np.testing.assert_allclose(motion.evaluate(1.0).q, B)
+    np.testing.assert_allclose(motion.evaluate(9.0).q, C)
 
 
 def test_many_times_agree_with_one_at_a_time() -> None:

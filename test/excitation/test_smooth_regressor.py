@@ -6,9 +6,9 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.joint_reference import JointReference
 from aerarm_ros.excitation.smooth_regressor import SmoothRegressor
 from aerarm_ros.model.regressor import Regressor
+from aerarm_ros.motion.joint_reference import JointReference
 
 
 def states_of(trajectory: FourierTrajectory) -> JointReference:

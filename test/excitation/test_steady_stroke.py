@@ -29,8 +29,8 @@ def test_scalar_time_and_the_ends_hold() -> None:
     many = stroke.evaluate([0.3])
     for a, b in zip(one, many, strict=True):
         np.testing.assert_allclose(a, b[0], atol=1e-15)
-    np.testing.assert_array_equal(stroke.evaluate(-1.0).position, START)
-    np.testing.assert_array_equal(stroke.evaluate(99.0).velocity, 0.0)
+    np.testing.assert_array_equal(stroke.evaluate(-1.0).q, START)
+    np.testing.assert_array_equal(stroke.evaluate(99.0).dq, 0.0)
 
 
 def test_a_way_too_short_for_its_ramps_is_refused() -> None:

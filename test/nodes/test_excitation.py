@@ -110,7 +110,7 @@ def assert_no_jump(seen: dict) -> None:
 def assert_holds_a_period(time: np.ndarray, q: np.ndarray, trajectory: FourierTrajectory) -> None:
     """Find where the played period starts and compare it with the trajectory."""
     offset = np.arange(0.0, trajectory.period, 0.02)
-    wanted = trajectory.position(offset)
+    wanted = trajectory.evaluate(offset).q
     errors = []
     for start in np.arange(0.0, time[-1] - trajectory.period, 2e-3):
         rows = np.minimum(np.searchsorted(time, start + offset), len(q) - 1)

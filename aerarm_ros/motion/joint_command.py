@@ -1,11 +1,8 @@
-"""What a control law asks of the bridge."""
+"""What a control law, or an excitation, asks of the bridge."""
 
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.motion.float_array import FloatArray
 
 
 class JointCommand(NamedTuple):
@@ -16,10 +13,10 @@ class JointCommand(NamedTuple):
 
     Attributes
     ----------
-    position, velocity, effort : (n,) ndarray or None
-        [rad], [rad/s], [Nm]
+    q, dq, tau : (n,) ndarray or None
+        Position [rad], velocity [rad/s] and effort [Nm].
     """
 
-    position: Array | None = None
-    velocity: Array | None = None
-    effort: Array | None = None
+    q: FloatArray | None = None
+    dq: FloatArray | None = None
+    tau: FloatArray | None = None

@@ -1,11 +1,14 @@
-"""Quintic step from 0 to 1: the one shape behind run-in, run-out and smooth stops."""
+"""Quintic step from 0 to 1: the one shape behind every motion from rest to rest.
+
+So go run-in and run-out of an excitation, smooth stops, and ways between two postures.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerarm_ros.excitation.joint_reference import FloatArray
+from aerarm_ros.motion.float_array import FloatArray
 
 PEAK_SLOPE = 1.875
 """Largest slope of the step, at its middle."""
@@ -34,3 +37,20 @@ def smooth_step(x: ArrayLike) -> SmoothStep:
         30.0 * u**2 * (1.0 - u) ** 2,
         u**4 * (2.5 - 3.0 * u + u**2),
     )
+
+
+def rest_to_rest_duration(
+    distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, minimum: float
+) -> float:
+    """Return the shortest duration [s] of a rest-to-rest quintic within the given peaks.
+
+    Parameters
+    ----------
+    distance : (n,) signed joint travel [rad].
+    velocity, acceleration : (n,) allowed peaks [rad/s], [rad/s^2], positive.
+    minimum : shortest duration wanted [s].
+    """
+    travel = np.abs(np.asarray(distance, dtype=float))
+    by_velocity = PEAK_SLOPE * travel / np.asarray(velocity, dtype=float)
+    by_acceleration = np.sqrt(PEAK_CURVATURE * travel / np.asarray(acceleration, dtype=float))
+    return float(max(minimum, by_velocity.max(), by_acceleration.max()))

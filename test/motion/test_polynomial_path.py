@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
+from scipy.interpolate import BPoly
 
-from aerarm_ros.control.polynomial_path import PolynomialPath
+from aerarm_ros.motion.polynomial_path import PolynomialPath
 
 TIMES = (0.0, 0.5, 1.5, 1.8)
 
@@ -20,6 +21,44 @@ def test_passes_its_knots(knots, degree) -> None:
         reference = np.array(path.evaluate(time))
         np.testing.assert_allclose(reference[:count], knots[:count, index], atol=1e-12)
     np.testing.assert_allclose(path.evaluate(TIMES[-1]).q, knots[0, -1], atol=1e-12)
+
+
+def test_a_quintic_meets_both_boundary_states() -> None:
+    start, end = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 3, 4))
+    path = PolynomialPath.quintic((0.0, 1.7), *np.stack([start, end], axis=1))
+    # From its very end on the path holds.
+    for time, state in ((0.0, start), (np.nextafter(1.7, 0.0), end)):
+        np.testing.assert_allclose(path.evaluate(time), state, atol=1e-12)
+
+
+def test_derivatives_are_consistent_along_a_whole_segment() -> None:
+    states = np.random.default_rng(3).uniform(-1.0, 1.0, (3, 2, 4))
+    time = np.linspace(0.0, 2.0, 4001)[:-1]
+    reference = PolynomialPath.quintic((0.0, 2.0), *states).evaluate(time)
+    numeric = np.gradient(reference.q, time, axis=0)
+    np.testing.assert_allclose(numeric[1:-1], reference.dq[1:-1], atol=1e-5)
+    numeric = np.gradient(reference.dq, time, axis=0)
+    np.testing.assert_allclose(numeric[1:-1], reference.ddq[1:-1], atol=1e-5)
+
+
+@pytest.mark.parametrize('degree', ['cubic', 'quintic'])
+def test_many_times_agree_with_one_at_a_time(knots, degree) -> None:
+    path = getattr(PolynomialPath, degree)(TIMES, *knots[: 2 if degree == 'cubic' else 3])
+    time = np.concatenate([np.linspace(-0.5, 2.5, 301), TIMES])
+    one_by_one = np.array([path.evaluate(t) for t in time])
+    np.testing.assert_allclose(path.evaluate(time), one_by_one.swapaxes(0, 1), atol=1e-12)
+    assert path.evaluate(np.array([])).q.shape == (0, 2)
+    np.testing.assert_array_equal(path.evaluate(1).q, path.evaluate(1.0).q)
+
+
+@pytest.mark.parametrize('degree', ['cubic', 'quintic'])
+def test_agrees_with_scipy(knots, degree) -> None:
+    count = 2 if degree == 'cubic' else 3
+    path = getattr(PolynomialPath, degree)(TIMES, *knots[:count])
+    scipy = BPoly.from_derivatives(TIMES, knots[:count].swapaxes(0, 1))
+    time = np.linspace(0.0, 1.8, 101)[:-1]
+    for order, rows in enumerate(path.evaluate(time)):
+        np.testing.assert_allclose(rows, scipy.derivative(order)(time), atol=1e-9)
 
 
 def test_velocity_and_acceleration_are_the_derivatives(knots) -> None:

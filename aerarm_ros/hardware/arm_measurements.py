@@ -6,11 +6,11 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.board_link import BoardLink
-from aerarm_ros.hardware.joint_command import Array, Mask
+from aerarm_ros.hardware.command_buffer import Array, Mask
 from aerarm_ros.model.drive_train import DriveTrain
 
 
-class ArmState:
+class ArmMeasurements:
     """Measurements of n joints and their motors; the last good ones of each board.
 
     Attributes

@@ -2,10 +2,7 @@
 
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.motion.float_array import FloatArray
 
 
 class TaskReference(NamedTuple):
@@ -17,6 +14,6 @@ class TaskReference(NamedTuple):
         p_d [m], its velocity [m/s] and acceleration [m/s^2].
     """
 
-    p: Array
-    dp: Array
-    ddp: Array
+    p: FloatArray
+    dp: FloatArray
+    ddp: FloatArray

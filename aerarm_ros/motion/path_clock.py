@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from aerarm_ros.excitation.smooth_step import smooth_step
+from aerarm_ros.motion.smooth_step import smooth_step
 
 
 class PathTime(NamedTuple):

@@ -2,10 +2,7 @@
 
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.motion.float_array import FloatArray
 
 
 class ArmState(NamedTuple):
@@ -19,6 +16,6 @@ class ArmState(NamedTuple):
         Torque of the drives at the joints [Nm], from the motor currents.
     """
 
-    q: Array
-    dq: Array
-    tau: Array
+    q: FloatArray
+    dq: FloatArray
+    tau: FloatArray

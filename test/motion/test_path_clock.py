@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aerarm_ros.excitation.path_clock import PathClock
+from aerarm_ros.motion.path_clock import PathClock
 
 
 def test_runs_with_time_until_stopped() -> None:
