@@ -18,11 +18,11 @@ from peers.peer import Peer  # noqa: E402
 from aerarm_ros.description.arm_config import load_arm_config  # noqa: E402
 from aerarm_ros.description.resources import resource  # noqa: E402
 from aerarm_ros.description.robot import load_robot  # noqa: E402
-from aerarm_ros.excitation.design_result import Quality  # noqa: E402
-from aerarm_ros.excitation.design_specification import DesignSpecification  # noqa: E402
-from aerarm_ros.excitation.excitation_config import load_excitation_config  # noqa: E402
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup  # noqa: E402
-from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner  # noqa: E402
+from aerarm_ros.excitation.design.design_result import Quality  # noqa: E402
+from aerarm_ros.excitation.design.design_specification import DesignSpecification  # noqa: E402
+from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner  # noqa: E402
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup  # noqa: E402
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config  # noqa: E402
 from aerarm_ros.motion.joint_reference import JointReference  # noqa: E402
 
 FIGAROH = Peer(

@@ -24,13 +24,13 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.raw_reader import RawReader
-from aerarm_ros.control.base_motion_estimator import FULL, NONE
+from aerarm_ros.control.base.base_motion_estimator import FULL, NONE
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.excitation.excitation_config import load_excitation_config
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.ramped_excitation import RampedExcitation
-from aerarm_ros.excitation.random_trajectory import RandomTrajectory
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
 from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
 from aerarm_ros.nodes.node_process import NodeProcess
 from aerarm_ros.simulation.base_profile import MOVING, STILL

@@ -11,8 +11,8 @@ from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.nodes.progress_line import ProgressLine
 from aerarm_ros.nodes.start_conditions import StartConditions

@@ -11,8 +11,8 @@ from typing import Any
 import rclpy
 
 from aerarm_msgs_py.topic import Topic
-from aerarm_ros.control.base_motion_estimator import NONE
-from aerarm_ros.control.rejected_input_error import RejectedInputError
+from aerarm_ros.control.base.base_motion_estimator import NONE
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.controller_parameters import (

@@ -14,8 +14,8 @@ from aerarm_msgs_py.joint_sample import JointSample
 from aerarm_msgs_py.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.joint_state_conversion import decode_joint_state, in_order
 from aerarm_msgs_py.raw_reader import RawReader
-from aerarm_ros.control.imu_sample import ImuSample
-from aerarm_ros.control.rejected_input_error import RejectedInputError
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.motion.arm_state import ArmState
 
 _STATES, _IMU = 0, 1

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from aerarm_ros.control.joint_limits import JointLimits
-from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.joint_limits import JointLimits
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.motion.arm_state import ArmState

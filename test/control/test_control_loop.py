@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.control.base_motion import BaseMotion
-from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
-from aerarm_ros.control.computed_torque import ComputedTorque
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.follower_tolerances import FollowerTolerances
-from aerarm_ros.control.friction_compensation import FrictionCompensation
-from aerarm_ros.control.gravity_compensation import GravityCompensation
-from aerarm_ros.control.imu_sample import ImuSample
-from aerarm_ros.control.momentum_observer import MomentumObserver
-from aerarm_ros.control.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
+from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.motion.joint_command import JointCommand
 

@@ -15,9 +15,9 @@ from bridge_client import BridgeClient
 from rclpy.node import Node
 
 from aerarm_ros.description.resources import resource
-from aerarm_ros.excitation.excitation_config import load_excitation_config
-from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.trajectory_file import TrajectoryFile
+from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
 from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
 
 START = np.array([0.1, 1.4, -0.1, 0.2])
