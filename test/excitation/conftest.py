@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.clearance.clearance_checker import ClearanceChecker
 from aerarm_ros.excitation.design.design_result import DesignResult
 from aerarm_ros.excitation.design.design_specification import DesignSpecification
@@ -28,11 +28,6 @@ sys.path.append(str(Path(__file__).parent))
 @pytest.fixture(scope='session')
 def arm() -> ArmConfig:
     return load_arm_config()
-
-
-@pytest.fixture(scope='session')
-def robot() -> Robot:
-    return load_robot()
 
 
 @pytest.fixture(scope='session')

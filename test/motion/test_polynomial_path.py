@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from derivatives import assert_derivatives_agree
 from scipy.interpolate import BPoly
 
 from aerarm_ros.motion.polynomial_path import PolynomialPath
@@ -35,10 +36,7 @@ def test_derivatives_are_consistent_along_a_whole_segment() -> None:
     states = np.random.default_rng(3).uniform(-1.0, 1.0, (3, 2, 4))
     time = np.linspace(0.0, 2.0, 4001)[:-1]
     reference = PolynomialPath.quintic((0.0, 2.0), *states).evaluate(time)
-    numeric = np.gradient(reference.q, time, axis=0)
-    np.testing.assert_allclose(numeric[1:-1], reference.dq[1:-1], atol=1e-5)
-    numeric = np.gradient(reference.dq, time, axis=0)
-    np.testing.assert_allclose(numeric[1:-1], reference.ddq[1:-1], atol=1e-5)
+    assert_derivatives_agree(time, reference, of_position=1e-5, of_velocity=1e-5)
 
 
 @pytest.mark.parametrize('degree', ['cubic', 'quintic'])

@@ -16,6 +16,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'control_law': ['ControlLaw'],
         'damped_inverse': ['DampedInverse'],
         'gravity_compensation': ['GravityCompensation'],
+        'inverse_dynamics_law': ['InverseDynamicsLaw'],
         'joint_motion_control': ['JointMotionControl'],
         'velocity_resolution': ['VelocityResolution'],
     },

@@ -8,6 +8,7 @@ from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks.gains import non_negative
 from aerarm_ros.control.compensation.error_integral import ErrorIntegral
 from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.laws.inverse_dynamics_law import InverseDynamicsLaw
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.motion.joint_command import JointCommand
 from aerarm_ros.motion.joint_reference import JointReference
@@ -15,7 +16,7 @@ from aerarm_ros.motion.joint_reference import JointReference
 Array = npt.NDArray[np.float64]
 
 
-class ComputedTorque:
+class ComputedTorque(InverseDynamicsLaw):
     """Thesis (2.21): `u = B(q) a + n(q, dq)`, `a = ddqd + Kp (qd - q) + Kd (dqd - dq)`.
 
     The error obeys (2.22), `dde + Kd de + Kp e = 0`, in every joint and posture. An integral
@@ -52,16 +53,9 @@ class ComputedTorque:
         integral: ErrorIntegral | None = None,
         friction: FrictionCompensation | None = None,
     ) -> None:
-        self._dynamics = dynamics
+        super().__init__(dynamics, integral, friction)
         self.kp = non_negative('kp', kp, dynamics.n)
         self.kd = non_negative('kd', kd, dynamics.n)
-        self._integral = integral
-        self._friction = friction
-
-    def take_over(self, q: Array) -> None:
-        """Start at the present posture, without integral."""
-        if self._integral is not None:
-            self._integral.reset()
 
     def update(
         self,
@@ -77,8 +71,5 @@ class ComputedTorque:
         a += self.kd * (reference.dq - dq)
         if self._integral is not None:
             a += self._integral.update(error, dt)
-        u = self._dynamics.inverse(q, dq, a, base)
-        if self._friction is not None:
-            load = u - self._dynamics.fixed.rotor_inertia * a
-            u = u + self._friction.torque(reference.dq, load)
-        return JointCommand(tau=u)
+        # Friction along the reference: measured noise stays out.
+        return JointCommand(tau=self._torque(q, dq, a, reference.dq, base))

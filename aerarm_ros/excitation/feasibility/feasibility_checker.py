@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerarm_ros.excitation.clearance.clearance_checker import Clearance, ClearanceChecker
+from aerarm_ros.excitation.feasibility.effort_margins import effort_margins
 from aerarm_ros.excitation.feasibility.effort_model import EffortModel
 from aerarm_ros.excitation.feasibility.feasibility_report import (
     FeasibilityReport,
@@ -122,10 +123,8 @@ class FeasibilityChecker:
             'acceleration', 'rad/s^2', names, times, acceleration, limits.acceleration
         )
         if self.effort_model is not None:
-            effort = self.effort_model.effort(*states)
-            current = self.effort_model.current(effort)
-            margins += peak_margins('torque', 'Nm', names, times, effort, limits.effort)
-            margins += peak_margins('motor current', 'A', names, times, current, limits.current)
+            what = ('torque', 'motor current')
+            margins += effort_margins(what, limits, self.effort_model, times, states)
         return margins
 
     def _position_margins(self, times: FloatArray, position: FloatArray) -> list[LimitMargin]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from aerarm_ros.excitation.feasibility.effort_margins import effort_margins
 from aerarm_ros.excitation.feasibility.effort_model import EffortModel
 from aerarm_ros.excitation.feasibility.feasibility_report import LimitMargin, peak_margins
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
@@ -61,10 +62,8 @@ class StopChecker:
             'stop acceleration', 'rad/s^2', names, times, states.ddq, limits.acceleration
         )
         if self._effort_model is not None:
-            effort = self._effort_model.effort(*states)
-            current = self._effort_model.current(effort)
-            margins += peak_margins('stop torque', 'Nm', names, times, effort, limits.effort)
-            margins += peak_margins('stop current', 'A', names, times, current, limits.current)
+            what = ('stop torque', 'stop current')
+            margins += effort_margins(what, limits, self._effort_model, times, states)
         return margins
 
     def _states(self, motion: JointMotion, beginnings: FloatArray) -> JointReference:

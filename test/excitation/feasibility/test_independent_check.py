@@ -5,10 +5,11 @@
 
 import numpy as np
 import pytest
+from boxed_arm import with_box
 from mujoco_arm import MujocoArm
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.robot import load_robot
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
 from aerarm_ros.excitation.settings.excitation_config import ExcitationConfig
@@ -19,12 +20,15 @@ LEGS = ''.join(
     '<geometry><box size="0.03 0.03 0.5"/></geometry></collision>'
     for i, (x, y) in enumerate([(0.3, 0.3), (0.3, -0.3), (-0.3, 0.3), (-0.3, -0.3)])
 )
-# Reached by the corners of link 1's fork plate, and by nothing else.
-BESIDE_LINK_1 = (
-    '<collision name="box"><origin xyz="0.058 0 0.11"/>'
-    '<geometry><box size="0.02 0.01 0.02"/></geometry></collision>'
-)
 STEP = 0.01
+
+
+def both_engines(
+    robot: Robot, arm: ArmConfig, config: ExcitationConfig
+) -> tuple[ExcitationSetup, MujocoArm]:
+    """Return our checks of an arm and the other engine's view of it."""
+    other = MujocoArm(robot, arm.column('reflected_inertia'), config.ground_height)
+    return ExcitationSetup.of_arm(robot, arm, config), other
 
 
 def test_accepted_trajectories_are_safe_in_mujoco(
@@ -32,8 +36,7 @@ def test_accepted_trajectories_are_safe_in_mujoco(
 ) -> None:
     base = '<link name="base_link">'
     with_legs = load_robot(robot.urdf_text.replace(base, base + LEGS))
-    setup = ExcitationSetup.of_arm(with_legs, arm, config)
-    other = MujocoArm(with_legs, arm.column('reflected_inertia'), config.ground_height)
+    setup, other = both_engines(with_legs, arm, config)
     generator = np.random.default_rng(0)
     accepted = close = 0
     for _ in range(60):
@@ -61,10 +64,9 @@ def test_accepted_trajectories_are_safe_in_mujoco(
 def test_both_engines_see_what_only_link_1_can_hit(
     robot, arm: ArmConfig, config: ExcitationConfig
 ) -> None:
-    base = '<link name="base_link">'
-    beside = load_robot(robot.urdf_text.replace(base, base + BESIDE_LINK_1))
-    setup = ExcitationSetup.of_arm(beside, arm, config)
-    other = MujocoArm(beside, arm.column('reflected_inertia'), config.ground_height)
+    # Reached by the corners of link 1's fork plate, and by nothing else.
+    beside = with_box(robot, '0.058 0 0.11', '0.02 0.01 0.02')
+    setup, other = both_engines(beside, arm, config)
     itself = [i for i, pair in enumerate(setup.clearance.pairs) if 'ground' not in pair]
     hits = 0
     for angle in np.linspace(-2.9, 2.9, 59):
