@@ -8,6 +8,7 @@ import numpy.typing as npt
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
 from aerarm_ros.control.checks.gains import non_negative
 from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.compensation.fade import Fade
 from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
 from aerarm_ros.control.laws.control_law import ControlLaw
 from aerarm_ros.control.references.reference_source import ReferenceSource
@@ -75,7 +76,7 @@ class ControlLoop(Generic[Reference]):
         self.base = base
         self._compensation_max = non_negative('compensation_max', compensation_max, limits.n)
         self.compensating = bool(np.any(self._compensation_max))
-        self._share = float(self.compensating)
+        self._fade = Fade(_COMPENSATION_FADE, share=float(self.compensating))
         self._last: float | None = None
         self._unobserved: tuple[ArmState, float, float] | None = None
         self.take_overs = 0
@@ -149,16 +150,8 @@ class ControlLoop(Generic[Reference]):
         effort: Any = command.tau
         if effort is None:
             return command
-        if observer is not None and self._fade(dt) > 0.0:
-            largest = self._share * self._compensation_max
+        if observer is not None and (share := self._fade.update(dt, self.compensating)) > 0.0:
+            largest = share * self._compensation_max
             effort = effort - np.minimum(np.maximum(observer.residual, -largest), largest)
         largest = self.limits.effort_max
         return command._replace(tau=np.minimum(np.maximum(effort, -largest), largest))
-
-    def _fade(self, dt: float) -> float:
-        change = dt / _COMPENSATION_FADE
-        if self.compensating:
-            self._share = min(1.0, self._share + change)
-        else:
-            self._share = max(0.0, self._share - change)
-        return self._share

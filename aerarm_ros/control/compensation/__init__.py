@@ -10,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'error_integral': ['ErrorIntegral'],
+        'fade': ['Fade'],
         'friction_compensation': ['FrictionCompensation'],
         'momentum_observer': ['MomentumObserver'],
     },

@@ -6,6 +6,7 @@ import numpy.typing as npt
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks.gains import non_negative, positive
+from aerarm_ros.control.compensation.fade import Fade
 from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.motion.joint_command import JointCommand
@@ -65,18 +66,17 @@ class GravityCompensation:
         self.kd = non_negative('kd', kd, dynamics.n)
         self._friction = friction
         self._hand_friction = hand_friction
-        self._fade_rate = 1.0 / positive('fade_time', fade_time)
-        self._stiffness = 1.0
+        self._fade = Fade(positive('fade_time', fade_time), share=1.0)
         self.hand_guiding = False
 
     @property
     def stiffness(self) -> float:
         """Part of the gains in effect, 0 (hand guiding) to 1."""
-        return self._stiffness
+        return self._fade.share
 
     def take_over(self, q: Array) -> None:
         """Start at the present posture: full gains at once, or none while hand guiding."""
-        self._stiffness = 0.0 if self.hand_guiding else 1.0
+        self._fade.share = 0.0 if self.hand_guiding else 1.0
 
     def update(
         self,
@@ -86,7 +86,7 @@ class GravityCompensation:
         base: BaseMotion | None = None,
     ) -> JointCommand:
         """Return the effort (n,) [Nm] for this cycle of `dt` [s]."""
-        stiffness = self._fade(dt)
+        stiffness = self._fade.update(dt, not self.hand_guiding)
         q, dq, _ = state
         damping = stiffness + (1.0 - stiffness) * HAND_GUIDING_DAMPING
         load = self._dynamics.gravity(q, base)
@@ -97,11 +97,3 @@ class GravityCompensation:
         if self._hand_friction is not None and stiffness < 1.0:
             u += (1.0 - stiffness) * self._hand_friction.torque(dq, load)
         return JointCommand(tau=u)
-
-    def _fade(self, dt: float) -> float:
-        change = self._fade_rate * dt
-        if self.hand_guiding:
-            self._stiffness = max(0.0, self._stiffness - change)
-        else:
-            self._stiffness = min(1.0, self._stiffness + change)
-        return self._stiffness
