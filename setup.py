@@ -10,6 +10,7 @@ PACKAGE = 'aerarm_ros'
 # Every bound has an upper end: a new major version is tried before it is let in.
 RUN_TIME = [
     'clarabel>=0.9,<0.12',
+    'lazy-loader>=0.4,<1',
     'lz4>=4,<5',
     'mcap>=1.2,<2',
     'mujoco>=3.1,<5',

@@ -6,15 +6,17 @@ writing a name, a type and a profile again.
 
 from types import MappingProxyType
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped, PointStamped, PoseStamped, WrenchStamped
 from nav_msgs.msg import Path
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
 
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.live_topics.topic import Topic
 
 
 def _keep_last(
@@ -55,6 +57,10 @@ DISTURBANCE = Topic('disturbance', JointState, NEWEST)
 STATIC_WRENCH = Topic('base_wrench_static', WrenchStamped, NEWEST)
 ROBOT_DESCRIPTION = Topic('robot_description', String, LATCHED)
 RECORDER_STATUS = Topic('recorder_status', String, LATCHED)
+# Stamp of the newest joint state that the recorder has.
+RECORDED_UNTIL = Topic('recorded_until', Time, NEWEST)
+# Of an emulated world, for nodes with use_sim_time.
+CLOCK = Topic('/clock', Clock, NEWEST)
 DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, RELIABLE)
 
 TOPICS = MappingProxyType(
@@ -79,7 +85,9 @@ TOPICS = MappingProxyType(
             ROBOT_DESCRIPTION,
             ARM_MODE,
             RECORDER_STATUS,
+            RECORDED_UNTIL,
             DIAGNOSTICS,
+            CLOCK,
         )
     }
 )

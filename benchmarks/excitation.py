@@ -37,7 +37,7 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle  # noqa: E402
 from aerarm_ros.hardware.emulation import make_emulated_transport  # noqa: E402
 from aerarm_ros.hardware.offered_command import OfferedCommand  # noqa: E402
 from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402
-from aerarm_ros.identification.recording import Recording  # noqa: E402
+from aerarm_ros.identification.recording.recording import Recording  # noqa: E402
 from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
 
 sys.path.append(str(Path(__file__).parents[1] / 'test' / 'excitation'))

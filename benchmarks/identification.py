@@ -28,18 +28,18 @@ import numpy as np  # noqa: E402
 import yaml  # noqa: E402
 from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
-from aerarm_msgs_py.bag_writer import BagWriter  # noqa: E402
-from aerarm_msgs_py.float64_array_cdr import Float64ArrayCdr  # noqa: E402
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr  # noqa: E402
-from aerarm_msgs_py.recorded_message import RecordedMessage  # noqa: E402
-from aerarm_msgs_py.recorded_topic import RecordedTopic  # noqa: E402
+from aerarm_msgs_py.bags.bag_writer import BagWriter  # noqa: E402
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage  # noqa: E402
+from aerarm_msgs_py.bags.recorded_topic import RecordedTopic  # noqa: E402
+from aerarm_msgs_py.codecs.float64_array_cdr import Float64ArrayCdr  # noqa: E402
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr  # noqa: E402
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
 from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
+from aerarm_ros.identification.assessment.truth import inertial_torque_errors, load_truth  # noqa: E402
 from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402
-from aerarm_ros.identification.identify_payload import identify_payload  # noqa: E402
-from aerarm_ros.identification.recording import JointMapping, Recording  # noqa: E402
+from aerarm_ros.identification.payload.identify_payload import identify_payload  # noqa: E402
+from aerarm_ros.identification.recording.recording import JointMapping, Recording  # noqa: E402
 from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
-from aerarm_ros.identification.truth import inertial_torque_errors, load_truth  # noqa: E402
 from aerarm_ros.model.dynamics import Dynamics  # noqa: E402
 from aerarm_ros.nodes.identifier_bags import IdentifierBags  # noqa: E402
 from aerarm_ros.simulation.plant_parameters import PlantParameters  # noqa: E402

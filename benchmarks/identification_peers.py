@@ -20,11 +20,11 @@ from peers.peer import Peer  # noqa: E402
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
 from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
-from aerarm_ros.identification.identification_result import IdentificationResult  # noqa: E402
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult  # noqa: E402
 from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402
-from aerarm_ros.identification.recording import JointMapping  # noqa: E402
-from aerarm_ros.identification.sample_columns import SampleColumns  # noqa: E402
-from aerarm_ros.identification.solvers import SOLVERS  # noqa: E402
+from aerarm_ros.identification.recording.recording import JointMapping  # noqa: E402
+from aerarm_ros.identification.regression.sample_columns import SampleColumns  # noqa: E402
+from aerarm_ros.identification.solvers.solvers import SOLVERS  # noqa: E402
 from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
 from aerarm_ros.nodes.identifier_bags import IdentifierBags  # noqa: E402
 from aerarm_ros.simulation.plant_parameters import PlantParameters  # noqa: E402

@@ -21,8 +21,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_msgs_py.topics import JOINT_COMMAND, JOINT_STATES
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.dynamics import Dynamics

@@ -22,8 +22,8 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_ros.control.base.base_motion_estimator import FULL, NONE
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot

@@ -78,6 +78,7 @@ class ControlLoop(Generic[Reference]):
         self.compensating = bool(np.any(self._compensation_max))
         self._fade = Fade(_COMPENSATION_FADE, share=float(self.compensating))
         self._last: float | None = None
+        self._has_answered = False  # a state since control began
         self._unobserved: tuple[ArmState, float, float] | None = None
         self.take_overs = 0
         self.skipped = 0
@@ -94,7 +95,8 @@ class ControlLoop(Generic[Reference]):
     def update(self, state: ArmState, now: float) -> JointCommand | None:
         """Return the command that answers the state of `now` [s], None if there is none.
 
-        Control starts with the second state: the first only says where the arm is.
+        Control starts with the second state: the first only says where the arm is. That may be the
+        first once more, told again by an arm whose time stands still until it is answered.
         """
         self.observe()
         q, dq, _ = state
@@ -106,14 +108,15 @@ class ControlLoop(Generic[Reference]):
             self._take_over(q, now)
             return None
         dt = now - self._last
-        if dt <= 0.0:
+        if dt < 0.0 or (dt == 0.0 and self._has_answered):
             self.skipped += 1
             return None
         self._last = now
+        self._has_answered = True
         base = None if self.base is None else self.base.motion(now, COMMAND_DELAY)
         reference = self.source.update(q, now, dt)
         command = self.law.update(state, reference, dt, base)
-        if self.observer is not None:
+        if self.observer is not None and dt > 0.0:
             self._unobserved = (state, now, dt)
         return self._finish(command, dt)
 
@@ -136,6 +139,7 @@ class ControlLoop(Generic[Reference]):
 
     def _take_over(self, q: Array, now: float) -> None:
         self._last = now
+        self._has_answered = False
         self.take_overs += 1
         posture = np.array(q)
         self.source.take_over(posture)

@@ -70,6 +70,11 @@ class EmulatedTransport:
         """Emulated wires never break: the boards' faults are seen in the frames."""
         return ''
 
+    @property
+    def is_carried(self) -> bool:
+        """Whether the arm's weight is carried by hand."""
+        return self._carried
+
     def carry(self) -> None:
         """Stop the arm by hand and carry its weight until every motor is ready."""
         self.plant.reset(self.plant.position)

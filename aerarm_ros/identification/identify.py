@@ -5,27 +5,33 @@ from dataclasses import dataclass, field
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
-from aerarm_ros.identification.assessment import assess
-from aerarm_ros.identification.bag_demand import bag_demand, extrapolation_warnings
-from aerarm_ros.identification.base_parameters import BaseParameters, find_base_parameters
-from aerarm_ros.identification.conditioning import Conditioner
-from aerarm_ros.identification.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.coupled_joints import CoupledJoints
-from aerarm_ros.identification.estimate import Estimate
-from aerarm_ros.identification.excitation_check import excitation_warnings
-from aerarm_ros.identification.filter_choice import choose_filter, condition_once
-from aerarm_ros.identification.identification_result import IdentificationResult, Solution
-from aerarm_ros.identification.joint_model import JointModel
-from aerarm_ros.identification.joint_term import THESIS_TERMS
-from aerarm_ros.identification.link_bounds import LinkBounds
-from aerarm_ros.identification.model_choice import AUTOMATIC, choose_model
-from aerarm_ros.identification.model_fit import ModelFit
-from aerarm_ros.identification.plausibility import bound_warnings, error_warnings
-from aerarm_ros.identification.recording import Recording
-from aerarm_ros.identification.regression_bank import RegressionBank
-from aerarm_ros.identification.sample_columns import SampleColumns
-from aerarm_ros.identification.solvers import FAST, RECOMMENDED, solve_all
+from aerarm_ros.identification.assessment.assessment import assess
+from aerarm_ros.identification.assessment.bag_demand import bag_demand, extrapolation_warnings
+from aerarm_ros.identification.assessment.identification_result import (
+    IdentificationResult,
+    Solution,
+)
+from aerarm_ros.identification.assessment.plausibility import bound_warnings, error_warnings
+from aerarm_ros.identification.conditioning.conditioning import Conditioner
+from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
+from aerarm_ros.identification.model_choice.filter_choice import choose_filter, condition_once
+from aerarm_ros.identification.model_choice.model_choice import AUTOMATIC, choose_model
+from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
+from aerarm_ros.identification.parameters.coupled_joints import CoupledJoints
+from aerarm_ros.identification.parameters.joint_model import JointModel
+from aerarm_ros.identification.parameters.joint_term import THESIS_TERMS
+from aerarm_ros.identification.parameters.link_bounds import LinkBounds
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.regression.base_parameters import (
+    BaseParameters,
+    find_base_parameters,
+)
+from aerarm_ros.identification.regression.excitation_check import excitation_warnings
+from aerarm_ros.identification.regression.model_fit import ModelFit
+from aerarm_ros.identification.regression.regression_bank import RegressionBank
+from aerarm_ros.identification.regression.sample_columns import SampleColumns
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.identification.solvers.solvers import FAST, RECOMMENDED, solve_all
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.regressor import Regressor
 

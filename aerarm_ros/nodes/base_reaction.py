@@ -5,7 +5,6 @@ the arm on the drone; `base_wrench_static` is its part due to gravity.
 """
 
 import sys
-import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -65,6 +64,7 @@ class BaseReactionNode(StateNode):
         dt, self._last = now - self._last, now
         if not 0.0 < dt < LONGEST_GAP:
             self._acceleration.reset()
+            self._due = -np.inf  # the clock may have been set back
         ddq = self._acceleration.update(state.dq, dt)
         if now < self._due:
             return
@@ -76,7 +76,7 @@ class BaseReactionNode(StateNode):
         self._static.publish(_wrench_message(header, result.static))
         self._com.publish(_point_message(header, result.com))
         self._inertia.publish(_inertia_message(header, result))
-        self.diagnostics.latency.add(time.time_ns() - stamp_ns)
+        self.count_answer()
 
 
 def _wrench_message(header: Header, wrench: NDArray[np.float64]) -> WrenchStamped:

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from aerarm_msgs_py.bag_writer import BagWriter
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.recorded_message import RecordedMessage
-from aerarm_msgs_py.recorded_topic import RecordedTopic
+from aerarm_msgs_py.bags.bag_writer import BagWriter
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage
+from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.excitation.planning.bench_measurement import BenchMeasurement, split
-from aerarm_ros.identification.motor_run import MotorRun
+from aerarm_ros.identification.motor_bench.motor_run import MotorRun
 from aerarm_ros.motion.arm_state import ArmState
 
 _TYPE = 'sensor_msgs/msg/JointState'

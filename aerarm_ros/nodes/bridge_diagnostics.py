@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -46,10 +46,12 @@ class BridgeDiagnostics:
     ----------
     node
         Owner of the publisher; its executor's thread says once a second that no cycle runs.
+    now_ns
+        Returns the time for stamps [ns].
     """
 
-    def __init__(self, node: Node) -> None:
-        self._output = DiagnosticsPublisher(node)
+    def __init__(self, node: Node, now_ns: Callable[[], int]) -> None:
+        self._output = DiagnosticsPublisher(node, now_ns=now_ns)
         self._watched: Watched | None = None
         self._pieces: Iterator[None] | None = None
         self._due = -inf
@@ -77,7 +79,7 @@ class BridgeDiagnostics:
         self._due = -inf
 
     def step(self, now: float) -> None:
-        """Do a piece of the work, about 0.1 ms, if there is any at the time `now` [s]."""
+        """Do a piece of the work, about 0.1 ms, if any is due at `now` [s, monotonic]."""
         if self._pieces is None:
             if now < self._due or self._watched is None:
                 return

@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.float64_array_cdr import Float64ArrayCdr
-from aerarm_msgs_py.joint_sample import JointSample
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.joint_state_conversion import decode_as_sent
-from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_msgs_py.codecs.float64_array_cdr import Float64ArrayCdr
+from aerarm_msgs_py.codecs.joint_sample import JointSample
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.codecs.joint_state_conversion import decode_as_sent
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
 
 Array = NDArray[np.float64]
+# Joint names, content and sequence number of a joint command.
+Command = tuple[Sequence[str], JointSample, int]
 
 # A command of other joints in another order is read by the cycle itself; what is longer than any
 # command would take it more time than it has.
@@ -61,11 +63,15 @@ class BridgeStreams:
         power
             (n,) Electrical power [W].
         """
-        self._joint_states.publish(self._cdr.pack(stamp_ns, *joints))
+        self.publish_joints(stamp_ns, joints)
         self._motor_states.publish(self._cdr.pack(stamp_ns, *motors))
         self._motor_power.publish(self._power_cdr.pack(power))
 
-    def newest_command(self) -> tuple[Sequence[str], JointSample, int] | None:
+    def publish_joints(self, stamp_ns: int, joints: Sequence[Array]) -> None:
+        """Publish joint_states alone; parameters as of `publish`."""
+        self._joint_states.publish(self._cdr.pack(stamp_ns, *joints))
+
+    def newest_command(self) -> Command | None:
         """Return names, content and sequence number of the newest joint command, if there is one.
 
         The number is the publisher's own: see `CommandPublishers`. Raises ValueError if the

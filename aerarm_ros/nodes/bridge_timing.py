@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
-from aerarm_ros.realtime.timing_assessment import assess_timing
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
 from aerarm_ros.realtime.timing_summary import TimingSummary
 
@@ -36,14 +35,7 @@ class BridgeTiming:
 
     def account(self) -> str:
         """Return one line about the loop, for the log's end."""
-        loop = self._loop
-        total = loop.cycles + loop.missed
-        share = 100.0 * loop.missed / total if total else 0.0
-        lateness = loop.lateness.summary()
-        return (
-            f'{loop.cycles} cycles, {loop.missed} missed ({share:.3f} %), woken '
-            f'{_us(lateness.p50)} us late (median), {_us(lateness.p999)} us (99.9 %)'
-        )
+        return self._loop.account()
 
     def refresh(self) -> Iterator[None]:
         """Evaluate the statistics for `status`, one between two yields: each takes 0.1 ms."""
@@ -60,9 +52,7 @@ class BridgeTiming:
     def status(self) -> tuple[bytes, str, dict[str, object]]:
         """Return level, message and values of the status, as of the last `refresh`."""
         loop, summaries = self._loop, self._summaries
-        level, text = assess_timing(
-            loop.period_ns * 1e-9, summaries['period'], summaries['execution time']
-        )
+        level, text = loop.assess(summaries['period'], summaries['execution time'])
         values: dict[str, object] = {
             'cycles': loop.cycles,
             'missed cycles': loop.missed,

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.motion.arm_state import ArmState
@@ -72,6 +71,8 @@ class ControllerNode(StateNode):
         self._codec = JointStateCdr(self.arm.config.joint_names)
         self._mode = ''
         self._answered = 0
+        self._answered_ns: int | None = None
+        self._command = b''
 
     def connect(self) -> None:
         """Publish commands and the disturbance; follow the bridge's mode."""
@@ -84,14 +85,21 @@ class ControllerNode(StateNode):
         """Publish the command that answers a state."""
         if self._mode not in COMMANDABLE:
             self.loop.release()
+            self._answered_ns = None
+            return
+        if stamp_ns == self._answered_ns:
+            # An emulated arm in lockstep tells its state again: it did not hear the answer.
+            self._commands.publish(self._command)
             return
         now = stamp_ns * 1e-9
         self.before_update(state, now)
         command = self.loop.update(state, now)
         if command is None:
             return
-        self._commands.publish(self._codec.pack(stamp_ns, *command))
-        self.diagnostics.latency.add(time.time_ns() - stamp_ns)
+        self._command = bytes(self._codec.pack(stamp_ns, *command))
+        self._answered_ns = stamp_ns
+        self._commands.publish(self._command)
+        self.count_answer()
         self.loop.observe()
         self._answered += 1
         if self.loop.disturbance is not None and self._answered % _DISTURBANCE_PERIOD == 0:

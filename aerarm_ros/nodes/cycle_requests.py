@@ -80,6 +80,11 @@ class CycleRequests:
         """Whether a cycle runs."""
         return not self._closed.is_set()
 
+    @property
+    def are_waiting(self) -> bool:
+        """Whether there is something to serve."""
+        return bool(self._waiting)
+
     def _put(self, action: Action) -> Future[Answer]:
         answer: Future[Answer] = Future()
         self._waiting.append((action, answer))

@@ -30,7 +30,9 @@ from aerarm_ros.nodes.node_process import NodeProcess
 
 # Stands in the folder until everything in it is whole.
 INCOMPLETE = 'INCOMPLETE'
-_START_TIME = 60  # [s] a slow or busy machine takes long to load its libraries
+# [s] A slow or busy machine takes long to load its libraries, and for the arm's time to pass.
+_START_TIME = 120
+_PATIENCE = 300.0
 
 
 class DemoError(RuntimeError):
@@ -134,7 +136,7 @@ def _move_and_record(motions: list[Motion], out: Path, options: argparse.Namespa
         print('Arm       emulated boards are starting', flush=True)
         _wait_for_bridge(hardware, client)
         client.call('enable')
-        client.wait_for_mode(['ready'], timeout=20.0)
+        client.wait_for_mode(['ready'], _PATIENCE)
         for motion in motions:
             _run_motion(motion, logs, options)
             client.call('enable')  # hold the arm, which is only damped once its commands end
@@ -191,11 +193,12 @@ def _run_motion(motion: Motion, logs: Path, options: argparse.Namespace) -> None
                     'periods': options.periods,
                     'subscribers': 2,
                     'wait_for_recorder': True,
+                    'wait_timeout': _PATIENCE,
                     'realtime_priority': max(0, options.priority - 1),
                 },
             )
         )
-        _wait(excitation, 60.0 + 10.0 * options.periods)
+        _wait(excitation, _PATIENCE * (2 + options.periods))
         if recorder.returncode is not None:
             raise DemoError(f'recorder ended early:\n{recorder.tail()}')
     if recorder.returncode != 0:
@@ -207,7 +210,7 @@ def _identify(motions: list[Motion], out: Path) -> None:
     arguments = ['--bag', str(identification.bag), '--validation', str(validation.bag)]
     arguments += ['--truth', str(out / 'truth.yaml'), '--out', str(out / 'result')]
     with NodeProcess('identifier', arguments) as identifier:
-        _wait(identifier, 120.0)
+        _wait(identifier, 2 * _PATIENCE)
     # The promise of the demo, checked and not only printed.
     solvers = json.loads((out / 'result' / 'summary.json').read_text())['solvers']
     if not solvers['sdp']['physically_consistent']:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
@@ -22,6 +23,9 @@ class DiagnosticsPublisher:
         Owner of the publisher.
     arm
         Name of the arm that it works for, '' if it knows of none (yet).
+    now_ns
+        Returns the time for the stamp [ns], None where it is not known; the node's clock is asked
+        then, and if this is not given.
 
     Attributes
     ----------
@@ -29,8 +33,11 @@ class DiagnosticsPublisher:
         As given; may change.
     """
 
-    def __init__(self, node: Node, arm: str = '') -> None:
+    def __init__(
+        self, node: Node, arm: str = '', now_ns: Callable[[], int | None] = lambda: None
+    ) -> None:
         self.arm = arm
+        self._now_ns = now_ns
         self._node = node
         self._publisher = node.create_publisher(
             DiagnosticArray, topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.qos
@@ -52,8 +59,15 @@ class DiagnosticsPublisher:
     def publish(self, statuses: Sequence[DiagnosticStatus]) -> None:
         """Publish statuses, stamped now."""
         message = DiagnosticArray(status=statuses)
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.header.stamp = self._stamp()
         self._publisher.publish(message)
+
+    def _stamp(self) -> Time:
+        now_ns = self._now_ns()
+        if now_ns is None:
+            return self._node.get_clock().now().to_msg()
+        seconds, nanoseconds = divmod(now_ns, 1_000_000_000)
+        return Time(sec=seconds, nanosec=nanoseconds)
 
     def report(self, problem: str, values: Mapping[str, object]) -> None:
         """Publish one status of the whole node: a warning if there is a problem."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from rclpy.node import Node
 from sensor_msgs.msg import Imu
 
@@ -36,24 +34,24 @@ class EmulatedDrone:
         self._due = 0.0
         self._is_moving = False
 
-    def update(self, mode: str, now: float) -> None:
-        """Take the bridge's mode, and publish if it is due at `now` [s, monotonic]."""
+    def update(self, mode: str, now: float, stamp_ns: int) -> None:
+        """Take the bridge's mode, and publish if it is due at `now` [s], with a stamp [ns]."""
         if not self._is_moving and mode in _HELD:
             self._is_moving = True
             self._plant.start()
         if now >= self._due:
             self._due = now + IMU_PERIOD - 0.5e-3  # cycles come with jitter
-            self._publish()
+            self._publish(stamp_ns)
 
     def destroy(self) -> None:
         """Destroy the publisher."""
         self._node.destroy_publisher(self._publisher)
 
-    def _publish(self) -> None:
+    def _publish(self, stamp_ns: int) -> None:
         attitude, rate, force = (part.tolist() for part in self._plant.imu)
         message = self._message
         stamp, q = message.header.stamp, message.orientation
-        stamp.sec, stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
+        stamp.sec, stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
         q.x, q.y, q.z, q.w = attitude
         for vector, values in (
             (message.angular_velocity, rate),

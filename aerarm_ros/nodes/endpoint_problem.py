@@ -5,7 +5,7 @@ from __future__ import annotations
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.live_topics.topic import Topic
 
 
 def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:

@@ -6,7 +6,6 @@ Usage: ros2 run aerarm_ros excitation --ros-args -p seed:=1 -p periods:=2
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -169,8 +168,8 @@ class ExcitationNode:
             return FeedForwardLaw(self._setup.effort_model)
         return VelocityLaw(self._parameters.position_gain, self._setup.limits.velocity)
 
-    def _measure(self, stamp_ns: int, *_: object) -> None:
-        self._diagnostics.latency.add(time.time_ns() - stamp_ns)
+    def _measure(self, *_: object) -> None:
+        self._diagnostics.latency.add(self._playback.states.latency_ns())
 
     def _conclude(self) -> None:
         assert self._player is not None

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.html_text import Html, page, paragraph, section, table
+from aerarm_ros.identification.report.html_text import Html, page, paragraph, section, table
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes.experiment_bench import ExperimentRun
 from aerarm_ros.nodes.experiment_case import ExperimentCase

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
@@ -22,17 +22,21 @@ from aerarm_ros.hardware.fault_injection import FAULTS
 from aerarm_ros.hardware.fault_request import FORM, FaultRequest
 from aerarm_ros.hardware.frame_profile import FrameProfile
 from aerarm_ros.nodes.bridge_parameters import BRIDGE_PARAMETERS
+from aerarm_ros.nodes.bridge_streams import Command
 from aerarm_ros.nodes.cycle_requests import Action
 from aerarm_ros.nodes.emulated_drone import EmulatedDrone
+from aerarm_ros.nodes.emulated_world import PACE_PARAMETERS, REAL_TIME, EmulatedWorld
 from aerarm_ros.nodes.hardware_bridge import HardwareBridge
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.parameters import ParameterTable
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 PARAMETERS = ParameterTable(
     *BRIDGE_PARAMETERS,
+    *PACE_PARAMETERS,
     Parameter(
         'seed',
         0,
@@ -77,6 +81,10 @@ PARAMETERS = ParameterTable(
 
 # The payload is a ball of this radius [m]: its own inertia, small beside that of its place.
 PAYLOAD_RADIUS = 0.03
+# What is looked after once a cycle, looked after as often as that while the world stands still.
+_CYCLES_OF_A_WAIT = 10
+_STILL = 0.05  # [rad/s] joints slower than this
+_FALL_TIME = 2.0  # [s] by then an arm whose motors are off has begun to fall
 
 
 class FakeHardware(HardwareBridge):
@@ -89,6 +97,8 @@ class FakeHardware(HardwareBridge):
     def __init__(self) -> None:
         self._boards: EmulatedTransport | None = None
         self._drone: EmulatedDrone | None = None
+        self._world: EmulatedWorld | None = None
+        self._now = 0.0
         super().__init__('fake_hardware', PARAMETERS)
 
     def make_transport(
@@ -121,9 +131,38 @@ class FakeHardware(HardwareBridge):
             FaultRequest.parse(values.fault, len(transport.boards)).apply(transport)
         return transport
 
+    def make_loop(self) -> PeriodicLoop:
+        """Return what runs the cycles: that of the emulated world, unless it runs in real time."""
+        self._destroy_world()
+        if self.values.pace == REAL_TIME:
+            return super().make_loop()
+        self._world = EmulatedWorld(
+            self,
+            self._streams,
+            self.requests,
+            self.values.pace,
+            self.values.period,
+            self.values.answer_timeout,
+            round(self._now * 1e9),
+            self._is_still,
+            self._tell_again,
+            self._wait_idly,
+        )
+        return self._world.loop
+
+    def now_ns(self) -> int:
+        """Return the emulated world's time [ns since the epoch]."""
+        return self._world.now_ns() if self._world is not None else super().now_ns()
+
+    def newest_command(self) -> Command | None:
+        """Return the newest command, which the emulated world may have waited for."""
+        world = self._world
+        return world.newest_command() if world is not None else super().newest_command()
+
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Close the buses, and forget the drone: configuring makes another."""
+        """Close the buses, and forget drone and world: configuring makes others."""
         self._destroy_drone()
+        self._destroy_world()
         return super().on_cleanup(state)
 
     def actions(self) -> dict[str, Action]:
@@ -137,10 +176,14 @@ class FakeHardware(HardwareBridge):
 
     def use_slack(self, now: float) -> None:
         """Run boards and arm on to the next cycle, while the controllers compute."""
+        self._now = now
+        if self._drone is not None and self._cycle is not None:
+            # Before the arm moves on: the sample is of the time of its stamp.
+            self._drone.update(self._cycle.mode, now, self._stamp_ns)
         if self._boards is not None:
             self._boards.advance(now + self.values.period)
-        if self._drone is not None and self._cycle is not None:
-            self._drone.update(self._cycle.mode, now)
+        if self._world is not None:
+            self._world.end_cycle(self._mode)
 
     def check_parameters(self, changes: Mapping[str, Any]) -> str:
         """Return why live parameters can't be set, or ''."""
@@ -157,6 +200,27 @@ class FakeHardware(HardwareBridge):
         if name == 'fault' and value:
             self.requests.post(self._inject_fault)
 
+    def _is_still(self, mode: str, since: float) -> bool:
+        cycle, boards = self._cycle, self._boards
+        if cycle is None or boards is None or np.abs(cycle.dq).max() > _STILL:
+            return False
+        # An arm that is let go rests at first, and falls.
+        return mode != 'idle' or boards.is_carried or since > _FALL_TIME
+
+    def _tell_again(self) -> None:
+        cycle = self._cycle
+        if cycle is not None:
+            self._streams.publish_joints(self._stamp_ns, (cycle.q, cycle.dq, cycle.tau))
+
+    def _wait_idly(self) -> None:
+        for _ in range(_CYCLES_OF_A_WAIT):
+            self.report()
+
+    def _destroy_world(self) -> None:
+        if self._world is not None:
+            self._world.destroy()
+            self._world = None
+
     def _destroy_drone(self) -> None:
         if self._drone is not None:
             self._drone.destroy()
@@ -164,13 +228,15 @@ class FakeHardware(HardwareBridge):
 
     def _enable(self, cycle: BridgeCycle) -> Answer:
         boards = self._boards
+        if self._world is not None and self._world.is_waiting:
+            cycle.intake.forget()  # its publisher is silent: the arm may be held
         if boards is None or cycle.mode != 'idle':
             return cycle.enable()
         if cycle.gate.is_inside(cycle.q):
             boards.carry()
             return cycle.enable()
         boards.put_back()
-        cycle.update(time.monotonic())  # see where it is now
+        cycle.update(self._now)  # see where it is now
         accepted, message = cycle.enable()
         return Answer(accepted, f'the fallen arm was put back to where it started; {message}')
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -34,7 +35,7 @@ from aerarm_ros.nodes.bridge_parameters import (
     frame_profile,
 )
 from aerarm_ros.nodes.bridge_services import ACTIONS, BridgeServices
-from aerarm_ros.nodes.bridge_streams import BridgeStreams
+from aerarm_ros.nodes.bridge_streams import BridgeStreams, Command
 from aerarm_ros.nodes.bridge_timing import BridgeTiming
 from aerarm_ros.nodes.cycle_requests import Action, CycleRequests
 from aerarm_ros.nodes.invalid_transitions import answer_invalid_transitions
@@ -96,7 +97,7 @@ class HardwareBridge(LifecycleNode):
         self._mode_log = ModeLog(self)
         self._rejection_log = RejectionLog(self, lambda: self._command_publishers.warning)
         BridgeServices(self, self.requests.ask, self.actions())
-        self._diagnostics = BridgeDiagnostics(self)
+        self._diagnostics = BridgeDiagnostics(self, self.now_ns)
         self._work = threading.Event()
         self._stopping = False
         self._starting = False  # by itself: what goes wrong ends the process
@@ -118,8 +119,20 @@ class HardwareBridge(LifecycleNode):
         """Return what the node's services do."""
         return ACTIONS
 
+    def make_loop(self) -> PeriodicLoop:
+        """Return what runs the cycles."""
+        return PeriodicLoop(self.values.period)
+
+    def now_ns(self) -> int:
+        """Return the time for stamps [ns since the epoch]."""
+        return self._stamps.now_ns()
+
+    def newest_command(self) -> Command | None:
+        """Return what came on joint_command since the last call; ValueError if unreadable."""
+        return self._streams.newest_command()
+
     def use_slack(self, now: float) -> None:
-        """Do what may take time, once the cycle that began at `now` [s, monotonic] is over."""
+        """Do what may take time, once the cycle that began at `now` [s] is over."""
 
     def check_parameters(self, changes: Mapping[str, Any]) -> str:
         """Return why live parameters can't be set, or ''; see `ParameterTable.declare`."""
@@ -172,7 +185,7 @@ class HardwareBridge(LifecycleNode):
         """Start the cycle; the motors stay off until the enable service is called."""
         assert self._cycle is not None
         self._set_gains(self._cycle)
-        self._loop = PeriodicLoop(self.values.period)
+        self._loop = self.make_loop()
         self._timing = BridgeTiming(self._loop)
         self._diagnostics.watch(
             Watched(
@@ -281,7 +294,7 @@ class HardwareBridge(LifecycleNode):
         self.requests.serve(cycle)
         self._take_command(cycle, timing, now)
         cycle.update(now)
-        self._stamp_ns = self._stamps.now_ns()
+        self._stamp_ns = self.now_ns()
         self._streams.publish(
             self._stamp_ns,
             (cycle.q, cycle.dq, cycle.tau),
@@ -292,21 +305,26 @@ class HardwareBridge(LifecycleNode):
             self._publish_mode(cycle.mode)
         self._rejection_log.update(cycle.intake, cycle.mode, now)
         self.use_slack(now)
+        self.report()
+        self._slack.begin()
+
+    def report(self) -> None:
+        """Look for other nodes and do a piece of the diagnostics; once a cycle."""
         self._watch.poll()
         self._rivals.poll()
-        self._diagnostics.step(now)
-        self._slack.begin()
+        # For people, so in their time.
+        self._diagnostics.step(time.monotonic())
 
     def _take_command(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
         try:
-            command = self._streams.newest_command()
+            command = self.newest_command()
         except ValueError:
             cycle.intake.reject('unreadable', now)
             return
         if command is None:
             return
         names, sample, number = command
-        age_ns = self._stamps.now_ns() - sample.stamp_ns
+        age_ns = self.now_ns() - sample.stamp_ns
         source, allowed = self._command_publishers.judge(number, now)
         if not allowed or self._command_publishers.sources != self._sources:
             self._sources = self._command_publishers.sources

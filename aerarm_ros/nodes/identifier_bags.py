@@ -10,18 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from aerarm_msgs_py.bag_contents import BagContents, lost_messages, read_contents
-from aerarm_msgs_py.bag_error import BagError, BagWarning
-from aerarm_msgs_py.joint_state_series import JointStateSeries
-from aerarm_ros.identification.bag_facts import BagFacts
-from aerarm_ros.identification.desired_velocity import DesiredVelocity
-from aerarm_ros.identification.identification_error import IdentificationError
-from aerarm_ros.identification.recording import (
+from aerarm_msgs_py.bags.bag_contents import BagContents, lost_messages, read_contents
+from aerarm_msgs_py.bags.bag_error import BagError, BagWarning
+from aerarm_msgs_py.bags.joint_state_series import JointStateSeries
+from aerarm_ros.identification.recording.bag_facts import BagFacts
+from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.recording.recording import (
     JointMapping,
     Recording,
     recording_from_states,
 )
-from aerarm_ros.identification.used_span import commanded_span, running_span
+from aerarm_ros.identification.recording.used_span import commanded_span, running_span
 
 _COMMAND, _MODE, _DIAGNOSTICS = 'joint_command', 'arm_mode', 'diagnostics'
 _MOST = 2_000_000  # messages, 33 min at 1 kHz: no excitation needs more, and memory has an end

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from aerarm_ros.identification.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.estimate_file import payload_yaml
-from aerarm_ros.identification.estimate_reader import read_estimate
-from aerarm_ros.identification.identification_error import IdentificationError
-from aerarm_ros.identification.identify_payload import weigh_payload
-from aerarm_ros.identification.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
+from aerarm_ros.identification.files.estimate_file import payload_yaml
+from aerarm_ros.identification.files.estimate_reader import read_estimate
+from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.payload.identify_payload import weigh_payload
+from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.nodes.identifier_run import IdentifierRun, tell, tell_replaced
 
 _FILES = ('payload.yaml', MARKER)

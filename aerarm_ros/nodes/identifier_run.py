@@ -12,26 +12,26 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
-from aerarm_ros.identification.bag_facts import BagFacts
-from aerarm_ros.identification.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.equivalent_friction import equivalent_friction
-from aerarm_ros.identification.estimate_file import estimate_yaml, payload_yaml
-from aerarm_ros.identification.identification_error import IdentificationError
-from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identified_urdf import identified_urdf
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.assessment.truth import inertial_torque_errors, load_truth
+from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
+from aerarm_ros.identification.files.equivalent_friction import equivalent_friction
+from aerarm_ros.identification.files.estimate_file import estimate_yaml, payload_yaml
+from aerarm_ros.identification.files.identified_urdf import identified_urdf
+from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.identify_payload import identify_payload
-from aerarm_ros.identification.link_bounds import LinkBounds
-from aerarm_ros.identification.payload import Payload
-from aerarm_ros.identification.recording import (
+from aerarm_ros.identification.parameters.link_bounds import LinkBounds
+from aerarm_ros.identification.payload.identify_payload import identify_payload
+from aerarm_ros.identification.payload.payload import Payload
+from aerarm_ros.identification.recording.bag_facts import BagFacts
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.recording.recording import (
     JointMapping,
     Recording,
 )
-from aerarm_ros.identification.report import ReportExtras, report_html
-from aerarm_ros.identification.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.report.report import ReportExtras, report_html
 from aerarm_ros.identification.stopwatch import Stopwatch
-from aerarm_ros.identification.summary import summarise
-from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
 from aerarm_ros.nodes.identifier_bags import IdentifierBags, RecordedBag
 from aerarm_ros.nodes.identifier_table import terminal_table
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from aerarm_ros.identification.bag_facts import BagFacts
-from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.recording.bag_facts import BagFacts
 
 _ROLES = ('identification', 'validation')
 

@@ -16,7 +16,7 @@ import rclpy
 from numpy.typing import NDArray
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.bag_error import BagError
+from aerarm_msgs_py.bags.bag_error import BagError
 from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.planning.bench_motion import BenchMotion, bench_checker
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan
@@ -25,12 +25,12 @@ from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
 from aerarm_ros.excitation.player.velocity_law import VelocityLaw
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.identification.identification_error import IdentificationError
-from aerarm_ros.identification.motor_bench import KnownMass, MotorBench
-from aerarm_ros.identification.motor_files import bench_yaml, config_yaml, load_earlier
-from aerarm_ros.identification.motor_report import bench_html, bench_table
-from aerarm_ros.identification.motor_result import MotorResult
-from aerarm_ros.identification.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.motor_bench.motor_bench import KnownMass, MotorBench
+from aerarm_ros.identification.motor_bench.motor_files import bench_yaml, config_yaml, load_earlier
+from aerarm_ros.identification.motor_bench.motor_report import bench_html, bench_table
+from aerarm_ros.identification.motor_bench.motor_result import MotorResult
+from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.bench_recording import BenchRecording

@@ -8,7 +8,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.nodes.endpoint_name import endpoint_name
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from rclpy.node import Node
 
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.nodes.endpoint_name import endpoint_name
 from aerarm_ros.nodes.endpoint_problem import endpoint_problem
 

@@ -7,12 +7,13 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from aerarm_msgs_py.recorded_topic import RecordedTopic
-from aerarm_msgs_py.topic import Topic
-from aerarm_msgs_py.topics import RECORDER_STATUS, TOPICS
+from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
+from aerarm_msgs_py.live_topics.topic import Topic
+from aerarm_msgs_py.topics import CLOCK, RECORDED_UNTIL, RECORDER_STATUS, TOPICS
 from aerarm_ros.nodes.parameters import ParameterError
 
-SUITE_TOPICS = tuple(name for name in TOPICS if name != RECORDER_STATUS.name)
+_UNRECORDED = {topic.name for topic in (RECORDER_STATUS, RECORDED_UNTIL, CLOCK)}
+SUITE_TOPICS = tuple(name for name in TOPICS if name not in _UNRECORDED)
 
 
 def find_topics(entries: Sequence[str]) -> list[Topic]:

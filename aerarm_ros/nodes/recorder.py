@@ -14,12 +14,13 @@ import rclpy
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from aerarm_msgs_py.bag_error import BagError
-from aerarm_msgs_py.bag_writer import BagWriter
-from aerarm_msgs_py.mcap_writer import COMPRESSIONS
-from aerarm_msgs_py.raw_reader import RawReader
-from aerarm_msgs_py.recorded_message import RecordedMessage
-from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, RECORDER_STATUS
+from aerarm_msgs_py.bags.bag_error import BagError
+from aerarm_msgs_py.bags.bag_writer import BagWriter
+from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage
+from aerarm_msgs_py.codecs.cdr_prefix import ENCAPSULATION_SIZE
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, RECORDED_UNTIL, RECORDER_STATUS
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.nodes.node_main import run_node
@@ -27,6 +28,7 @@ from aerarm_ros.nodes.parameter import Parameter
 from aerarm_ros.nodes.parameters import ParameterTable
 from aerarm_ros.nodes.publisher_check import PublisherCheck
 from aerarm_ros.nodes.recorded_topics import SUITE_TOPICS, as_recorded, find_topics, for_recording
+from aerarm_ros.nodes.repeated_states import RepeatedStates
 from aerarm_ros.nodes.sole_publisher import SolePublisher
 from aerarm_ros.nodes.stop_signals import StopSignals
 
@@ -53,6 +55,7 @@ PARAMETERS = ParameterTable(
 _BATCH = 5e-3  # [s]
 _WAIT = 0.1  # [s]
 _STATUS_PERIOD = 0.1  # [s]
+_STAMP_END = ENCAPSULATION_SIZE + 8
 
 
 class Recorder:
@@ -87,6 +90,12 @@ class Recorder:
         )
         subscribed = [for_recording(topic, values.depth) for topic in topics]
         self._reader = RawReader(self._node, *subscribed)
+        self._states = RepeatedStates()
+        self._states_index = next(
+            (index for index, topic in enumerate(topics) if topic.name == JOINT_STATES.name), -1
+        )
+        until = RECORDED_UNTIL
+        self._until = self._node.create_publisher(until.type, until.name, until.qos)
         self._check = PublisherCheck(self._node, subscribed)
         self._sources = SolePublisher(self._node, JOINT_STATES)
         self._status_publisher = self._node.create_publisher(
@@ -133,6 +142,7 @@ class Recorder:
             if time.monotonic() > self._status_due:
                 self._status_due = time.monotonic() + _STATUS_PERIOD
                 self._update_matched()
+                self._tell_until()
             if time.monotonic() > self._report_due:
                 self._report_due = time.monotonic() + PERIOD
                 self._report()
@@ -145,6 +155,11 @@ class Recorder:
         for index in range(len(self._names)):
             while (message := take(index)) is not None:
                 payload, info = message
+                repeats = 0
+                if index == self._states_index:
+                    if self._states.has(payload):
+                        continue
+                    repeats = self._states.count
                 received = info['received_timestamp'] or time.time_ns()
                 write(
                     RecordedMessage(
@@ -152,7 +167,8 @@ class Recorder:
                         payload,
                         received,
                         info['source_timestamp'] or received,
-                        info['publication_sequence_number'],
+                        # What was told again leaves no gap.
+                        info['publication_sequence_number'] - repeats,
                     )
                 )
 
@@ -169,6 +185,12 @@ class Recorder:
         """Say what will be missing in the bag, or be in it twice."""
         for text in filter(None, [*self._check.news(matched), self._sources.news()]):
             self._node.get_logger().warning(text)
+
+    def _tell_until(self) -> None:
+        """Tell the stamp of the newest joint state: an emulated world waits for its recorder."""
+        if self._states.last:
+            # A Time is serialized as the stamp with which a JointState begins.
+            self._until.publish(self._states.last[:_STAMP_END])
 
     def _publish_status(self, state: str) -> None:
         content = {'state': state, 'bag': str(self._directory), 'matched': self._matched}
@@ -189,8 +211,8 @@ class Recorder:
 
     def _heard(self) -> dict[str, tuple[int, int | None]]:
         """Return messages, and lost ones (None: not known), of each topic that is heard."""
-        read = self._reader
-        heard = {name: (read.count(k), read.lost(k)) for k, name in enumerate(self._names)}
+        read, counts = self._reader, self._writer.counts
+        heard = {name: (counts[k], read.lost(k)) for k, name in enumerate(self._names)}
         return {name: numbers for name, numbers in heard.items() if numbers[0]}
 
     def _total_lost(self) -> object:

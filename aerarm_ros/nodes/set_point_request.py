@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.nodes.arm_client import ArmClientError
 from aerarm_ros.nodes.endpoint_name import endpoint_name
 from aerarm_ros.nodes.spinning import spin_until, this_domain

@@ -41,7 +41,7 @@ class StateDiagnostics:
     Attributes
     ----------
     latency
-        Time from a state's stamp to the answer.
+        Time from a state's publication to the answer.
     rejections, last_rejection
         Inputs not used, and why the last one wasn't.
     """
@@ -67,7 +67,7 @@ class StateDiagnostics:
         self.rejections = 0
         self.last_rejection = ''
         self._sources = SolePublisher(node, topics.JOINT_STATES)
-        self._output = DiagnosticsPublisher(node, arm)
+        self._output = DiagnosticsPublisher(node, arm, self._now_ns)
         node.create_timer(PERIOD, self.publish)
 
     def watch(self, stream: StateStream) -> None:
@@ -91,12 +91,16 @@ class StateDiagnostics:
         unanswered = '' if skipped is None else f'{skipped} not answered, '
         return (
             f'{latency.count} states answered, {unanswered}{rejected}; '
-            f'answer p50 {latency.p50 * 1e6:.0f} us, p99 {latency.p99 * 1e6:.0f} us after the stamp'
+            f'answer p50 {latency.p50 * 1e6:.0f} us, p99 {latency.p99 * 1e6:.0f} us after the state'
         )
 
     def publish(self) -> None:
         """Publish the status."""
         self._output.report(self._problem(), self._all_values())
+
+    def _now_ns(self) -> int | None:
+        """Return the time as the states tell it [ns], None before the first."""
+        return self._stream.stamp_ns if self._stream else None
 
     def _problem(self) -> str:
         news = self._sources.news()

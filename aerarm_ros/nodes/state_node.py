@@ -10,8 +10,9 @@ from typing import Any
 
 import rclpy
 
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.control.base.base_motion_estimator import NONE
+from aerarm_ros.control.base.imu_sample import ImuSample
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
@@ -54,8 +55,9 @@ class StateNode:
     ----------
     node, values, arm, base
         The ROS node, its parameters, the arm and the motion of its base.
-    state
-        The newest state, None before the first.
+    state, stamp_ns
+        The newest state, None before the first, and its stamp [ns]. The stamp is the only time
+        there is: that of an emulated arm is not the host's.
     status
         Exit status after `run`.
 
@@ -70,6 +72,7 @@ class StateNode:
     def __init__(self, name: str, parameters: ParameterTable) -> None:
         self.status = 0
         self.state: ArmState | None = None
+        self.stamp_ns = 0
         self._requests: deque[Callable[[float], None]] = deque()
         self._stopping = False
         self.node = rclpy.create_node(name)
@@ -98,7 +101,7 @@ class StateNode:
         """Make publishers and subscriptions."""
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Act on a state, and add to `diagnostics.latency` if that is an answer."""
+        """Act on a state, and call `count_answer` if that is an answer."""
         raise NotImplementedError
 
     def on_parameter(self, name: str, value: Any) -> None:
@@ -109,12 +112,12 @@ class StateNode:
 
     def warning(self) -> str:
         """Return what diagnostics should warn of, '' if nothing."""
-        source = self.base.status(time.time_ns() * 1e-9)
+        source = self.base.status(self.stamp_ns * 1e-9)
         return source if self.base.mode != NONE and source != 'IMU' else ''
 
     def describe(self) -> dict[str, object]:
         """Return what diagnostics should tell."""
-        return {'base motion': self.base.status(time.time_ns() * 1e-9)}
+        return {'base motion': self.base.status(self.stamp_ns * 1e-9)}
 
     # For derived nodes.
 
@@ -132,6 +135,10 @@ class StateNode:
     def advertise(self, topic: Topic) -> Any:
         """Return a publisher of the topic."""
         return self.node.create_publisher(topic.type, topic.name, topic.qos)
+
+    def count_answer(self) -> None:
+        """Count that the newest state has been answered now."""
+        self.diagnostics.latency.add(self._stream.latency_ns())
 
     def reject(self, reason: str) -> None:
         """Report an input that isn't used."""
@@ -156,19 +163,24 @@ class StateNode:
 
     def _take(self) -> None:
         newest = self._stream.newest_state()
+        before, after = self._stream.imu_samples()
+        # A sample's age is counted from the state that came before it: a drone's clock need not
+        # be ours. One that came with a newer state is nevertheless older than that.
+        self._offer(before)
         if newest is not None:
-            stamp_ns, self.state = newest
+            self.stamp_ns, self.state = newest
             while self._requests:
-                self._try(self._requests.popleft(), stamp_ns)
-            self.answer(stamp_ns, self.state)
-        # After the answer, which need not wait for it.
-        for sample in self._stream.imu_samples():
-            # Its age is counted from its arrival: a drone's clock need not be ours.
-            self._try(partial(self.base.offer, sample), time.time_ns())
+                self._try(self._requests.popleft())
+            self.answer(self.stamp_ns, self.state)
+        self._offer(after)
 
-    def _try(self, action: Callable[[float], None], now_ns: int) -> None:
+    def _offer(self, samples: list[ImuSample]) -> None:
+        for sample in samples:
+            self._try(partial(self.base.offer, sample))
+
+    def _try(self, action: Callable[[float], None]) -> None:
         try:
-            action(now_ns * 1e-9)
+            action(self.stamp_ns * 1e-9)
         except RejectedInputError as error:
             self.reject(str(error))
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.joint_state_decoder import JointStateDecoder
-from aerarm_msgs_py.payloads import Payloads
-from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_msgs_py.codecs.joint_state_decoder import JointStateDecoder
+from aerarm_msgs_py.codecs.payloads import Payloads
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
 
 _COUNT_PERIOD = 1.0  # [s]
 
@@ -31,10 +31,13 @@ class StateSampler:
     ----------
     missing
         Wanted joints that no message has had so far.
+    stamp_ns
+        Stamp of the newest message [ns].
     """
 
     def __init__(self, node: Node, names: Sequence[str]) -> None:
         self.missing: list[str] = []
+        self.stamp_ns = 0
         self._names = list(names)
         self._reader = RawReader(node, topics.JOINT_STATES)
         self._decoder = JointStateDecoder()
@@ -49,7 +52,8 @@ class StateSampler:
         message = self._reader.take_newest()
         if message is None:
             return None
-        _, values = self._decoder.decode(Payloads.of([message[0]]))
+        stamps, values = self._decoder.decode(Payloads.of([message[0]]))
+        self.stamp_ns = int(stamps[0])
         known = self._decoder.names
         self.missing = [name for name in self._names if name not in known]
         if self.missing:

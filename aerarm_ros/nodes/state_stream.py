@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from rclpy.node import Node
@@ -10,10 +11,10 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.joint_sample import JointSample
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.joint_state_conversion import decode_joint_state, in_order
-from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_msgs_py.codecs.joint_sample import JointSample
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state, in_order
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_ros.control.base.imu_sample import ImuSample
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.motion.arm_state import ArmState
@@ -23,6 +24,11 @@ _STATES, _IMU = 0, 1
 
 class StateStream:
     """Waits for joint states and IMU samples.
+
+    Attributes
+    ----------
+    stamp_ns
+        Stamp of the newest state [ns], None before the first.
 
     Parameters
     ----------
@@ -40,6 +46,8 @@ class StateStream:
         self._reject = reject
         self._reader = RawReader(node, topics.JOINT_STATES, topics.IMU)
         self._no_effort = np.full(len(self._names), np.nan)
+        self._published_ns = self._received_ns = 0
+        self.stamp_ns: int | None = None
 
     @property
     def received(self) -> int:
@@ -60,24 +68,45 @@ class StateStream:
         message = self._reader.take_newest(_STATES)
         if message is None:
             return None
-        sample = self._cdr.unpack(message[0]) or self._decode(message[0])
+        payload, info = message
+        self._published_ns = info['source_timestamp']
+        self._received_ns = info['received_timestamp']
+        sample = self._cdr.unpack(payload) or self._decode(payload)
         if sample is None:
             return None
         q, dq, tau = sample.position, sample.velocity, sample.effort
         if q is None or dq is None:
             self._reject('joint_states has no position or no velocity: check what publishes it')
             return None
+        self.stamp_ns = sample.stamp_ns
         return sample.stamp_ns, ArmState(q, dq, self._no_effort if tau is None else tau)
 
-    def imu_samples(self) -> Iterator[ImuSample]:
-        """Yield the IMU samples that wait; faulty ones are rejected."""
+    def latency_ns(self) -> int:
+        """Return how long ago, on this host, the newest state was published [ns].
+
+        Its stamp does not tell that of an emulated arm, whose time is its own.
+        """
+        return time.time_ns() - self._published_ns
+
+    def imu_samples(self) -> tuple[list[ImuSample], list[ImuSample]]:
+        """Return the IMU samples that came before the newest state, and those that came after.
+
+        Faulty ones are rejected.
+        """
+        before: list[ImuSample] = []
+        after: list[ImuSample] = []
         while (message := self._reader.take(_IMU)) is not None:
+            payload, info = message
+            came_before = info['received_timestamp'] < self._received_ns
             try:
-                yield to_imu_sample(deserialize_message(message[0], Imu))
+                sample = to_imu_sample(deserialize_message(payload, Imu))
             except RejectedInputError as error:
                 self._reject(str(error))
             except RuntimeError as error:  # RMWError: no message at all
                 self._reject(f'imu: {error}')
+            else:
+                (before if came_before else after).append(sample)
+        return before, after
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""

@@ -90,7 +90,8 @@ class ToolPath:
     def _message(self) -> Path:
         path = Path()
         path.header.frame_id = BASE_FRAME
-        path.header.stamp = self._node.get_clock().now().to_msg()
+        stamp = path.header.stamp
+        stamp.sec, stamp.nanosec = divmod(self._states.stamp_ns, 1_000_000_000)
         for point in self._points:
             pose = PoseStamped(header=path.header)
             p = pose.pose.position

@@ -52,7 +52,8 @@ class ToolTopics:
         if state is None:
             return
         message = PoseStamped()
-        message.header.stamp = self._controller.node.get_clock().now().to_msg()
+        stamp = message.header.stamp
+        stamp.sec, stamp.nanosec = divmod(self._controller.stamp_ns, 1_000_000_000)
         message.header.frame_id = BASE_FRAME
         transform = self._kinematics.transform(state.q)
         p, r = message.pose.position, message.pose.orientation

@@ -4,7 +4,9 @@ import time
 from collections.abc import Callable
 
 from aerarm_ros.realtime.absolute_sleep import sleep_until
+from aerarm_ros.realtime.timing_assessment import assess_timing
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
+from aerarm_ros.realtime.timing_summary import TimingSummary
 
 
 class PeriodicLoop:
@@ -53,6 +55,11 @@ class PeriodicLoop:
         self.missed = 0
         self._stopped = False
 
+    @property
+    def is_stopped(self) -> bool:
+        """Whether `stop` was called."""
+        return self._stopped
+
     def stop(self) -> None:
         """End the loop, for good, after the present cycle; may be called from anywhere."""
         self._stopped = True
@@ -88,3 +95,23 @@ class PeriodicLoop:
             self.missed += behind
             index += 1 + behind
             deadline += (1 + behind) * period_ns
+
+    def assess(self, interval: TimingSummary, execution: TimingSummary) -> tuple[int, str]:
+        """Return a level of `timing_assessment`, and what it is about.
+
+        Parameters
+        ----------
+        interval, execution
+            Summaries of the statistics of these names.
+        """
+        return assess_timing(self.period_ns * 1e-9, interval, execution)
+
+    def account(self) -> str:
+        """Return one line for the log's end."""
+        total = self.cycles + self.missed
+        share = 100.0 * self.missed / total if total else 0.0
+        lateness = self.lateness.summary()
+        return (
+            f'{self.cycles} cycles, {self.missed} missed ({share:.3f} %), woken '
+            f'{lateness.p50 * 1e6:.0f} us late (median), {lateness.p999 * 1e6:.0f} us (99.9 %)'
+        )

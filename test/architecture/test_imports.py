@@ -1,16 +1,14 @@
 """The rooms' import rules, read from the syntax trees."""
 
-import ast
 import xml.etree.ElementTree as ElementTree
-from pathlib import Path
 
 import pytest
+from source_files import ROOT, imported_modules, python_files
 
-ROOT = Path(__file__).resolve().parents[2]
 MESSAGE_MODULES = {
     *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'lifecycle_msgs', 'nav_msgs'),
-    *('px4_msgs', 'rcl_interfaces', 'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs'),
-    *('tf2_msgs', 'visualization_msgs'),
+    *('px4_msgs', 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs'),
+    *('tf2_msgs', 'trajectory_msgs', 'visualization_msgs'),
 }
 ROS_MODULES = MESSAGE_MODULES | {'ament_index_python', 'launch', 'launch_ros', 'rclpy'}
 # What each room may import from the suite besides itself; imports point one way.
@@ -25,22 +23,6 @@ ALLOWED = {
     'hardware': {'motion', 'simulation', 'model', 'description'},
     'realtime': set(),
 }
-
-
-def imported_modules(path: Path) -> set[str]:
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names.add(node.module)
-    return names
-
-
-def python_files(folder: str) -> list[Path]:
-    files = sorted((ROOT / folder).rglob('*.py'))
-    assert files, f'{folder} is empty'
-    return files
 
 
 @pytest.mark.parametrize('room', sorted(ALLOWED))

@@ -11,7 +11,7 @@ from aerarm_ros.excitation.planning.bench_measurement import split
 from aerarm_ros.excitation.planning.bench_motion import BenchMotion
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan
 from aerarm_ros.excitation.settings.motion_limits import MotionLimits
-from aerarm_ros.identification.motor_run import MotorRun
+from aerarm_ros.identification.motor_bench.motor_run import MotorRun
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 

@@ -6,18 +6,19 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 import pytest
+from other_bodies import other_bodies
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
-from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.prior import Prior
-from aerarm_ros.identification.recording import JointMapping, Recording, recording_from_states
-from aerarm_ros.identification.semidefinite_solver import PhysicalLimits
+from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
+from aerarm_ros.identification.recording.recording import (
+    JointMapping,
+    Recording,
+    recording_from_states,
+)
 from aerarm_ros.identification.stopwatch import Stopwatch
-from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
-from aerarm_ros.model.regressor import Regressor
 
 
 @dataclass
@@ -116,15 +117,9 @@ def make_arm(robot: Robot, config: ArmConfig) -> Callable[..., SimulatedArm]:
 
     def make(load: float = 0.0, friction: float = 1.0, **other: float) -> SimulatedArm:
         random = np.random.default_rng(5)
-        # Stretching and shifting the matter of a body leaves it a body.
-        matter = pseudo_inertia(robot.inertial_parameters)
-        change = np.tile(np.eye(4), (robot.n, 1, 1))
-        change[:, :3, :3] += 0.1 * random.uniform(-1.0, 1.0, (robot.n, 3, 3))
-        change[:, :3, 3] = 0.01 * random.uniform(-1.0, 1.0, (robot.n, 3))
-        density = random.uniform(0.8, 1.2, (robot.n, 1, 1))
         return SimulatedArm(
             robot,
-            from_pseudo_inertia(density * change @ matter @ change.transpose(0, 2, 1)),
+            other_bodies(robot.inertial_parameters, random, stretch=0.1, density=0.2),
             config.column('reflected_inertia') * random.uniform(0.8, 1.2, robot.n),
             friction * config.column('viscous') * random.uniform(0.8, 1.2, robot.n),
             friction * config.column('coulomb') * random.uniform(0.8, 1.2, robot.n),
@@ -158,23 +153,3 @@ def result(arm: SimulatedArm, robot: Robot, config: ArmConfig) -> Identification
 def cad(robot: Robot) -> ArmParameters:
     """What the URDF says, without rotors."""
     return ArmParameters.stated(robot, None)
-
-
-@pytest.fixture(scope='session')
-def limits(cad: ArmParameters) -> PhysicalLimits:
-    """Of links and three coefficients a joint, none of which may be negative."""
-    size = cad.inertial_scale()[:, 1] / cad.inertial[:, 0]
-    return PhysicalLimits(cad.inertial[:, 0], size, np.ones(12, dtype=bool))
-
-
-@pytest.fixture(scope='session')
-def prior(cad: ArmParameters) -> Prior:
-    mean = np.concatenate([cad.inertial.ravel(), np.full(12, 0.1)])
-    return Prior(mean, np.concatenate([0.3 * cad.inertial_scale().ravel(), np.ones(12)]))
-
-
-@pytest.fixture(scope='session')
-def factor(robot: Robot) -> np.ndarray:
-    random = np.random.default_rng(0)
-    stacked = Regressor(robot, rotor_inertia=True).stack(*random.uniform(-2, 2, (3, 100, robot.n)))
-    return np.linalg.qr(stacked, mode='r')

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 from emulated_arm import EmulatedArm
 
-from aerarm_msgs_py.bag_writer import BagWriter
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.recorded_message import RecordedMessage
-from aerarm_msgs_py.recorded_topic import RecordedTopic
+from aerarm_msgs_py.bags.bag_writer import BagWriter
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage
+from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup

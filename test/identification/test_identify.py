@@ -8,13 +8,13 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.estimate import Estimate
-from aerarm_ros.identification.identification_error import IdentificationError
-from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.recording import Recording
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.stopwatch import Stopwatch
-from aerarm_ros.identification.summary import summarise
 
 
 def run(

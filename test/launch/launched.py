@@ -16,7 +16,7 @@ import pytest
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.nodes.node_process import ros_environment
 
 NAMESPACE = '/launched'

@@ -14,8 +14,8 @@ import rclpy
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.raw_reader import RawReader
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_ros.nodes.stop_signals import StopSignals
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 

@@ -29,7 +29,7 @@ class Listener:
 
     def __init__(self, node: Node) -> None:
         self.messages: list[DiagnosticArray] = []
-        self.diagnostics = BridgeDiagnostics(node)
+        self.diagnostics = BridgeDiagnostics(node, time.time_ns)
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self.messages.append, topic.qos)
         self._executor = SingleThreadedExecutor(context=node.context)

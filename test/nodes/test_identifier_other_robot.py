@@ -8,9 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from identifier_process import identifier, write_bag
+from other_bodies import other_bodies
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.model.inertia import from_pseudo_inertia, is_physically_consistent, pseudo_inertia
+from aerarm_ros.model.inertia import is_physically_consistent
 
 FINGERS = ('panda_finger_joint1', 'panda_finger_joint2')
 RATE = 100.0
@@ -30,13 +31,8 @@ def robot(urdf: Path) -> Robot:
 def real_arm(robot: Robot) -> pin.Model:
     """The arm as built: every link's matter is denser, shifted and stretched a little."""
     random = np.random.default_rng(3)
-    matter = pseudo_inertia(robot.inertial_parameters)
-    change = np.tile(np.eye(4), (robot.n, 1, 1))
-    change[:, :3, :3] += 0.05 * random.uniform(-1.0, 1.0, (robot.n, 3, 3))
-    change[:, :3, 3] = 0.01 * random.uniform(-1.0, 1.0, (robot.n, 3))
-    density = random.uniform(0.85, 1.15, (robot.n, 1, 1))
-    built = from_pseudo_inertia(density * change @ matter @ change.transpose(0, 2, 1))
-    return robot.with_inertial_parameters(built).model
+    bodies = other_bodies(robot.inertial_parameters, random, stretch=0.05, density=0.15)
+    return robot.with_inertial_parameters(bodies).model
 
 
 def states(robot: Robot, seed: int) -> tuple[np.ndarray, tuple[np.ndarray, ...], np.ndarray]:

@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from aerarm_ros.identification.bag_facts import BagFacts
+from aerarm_ros.identification.recording.bag_facts import BagFacts
 from aerarm_ros.nodes.identifier_table import terminal_table
 
 

@@ -9,8 +9,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from aerarm_msgs_py.raw_reader import RawReader
-from aerarm_msgs_py.topic import Topic
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.nodes.lean_executor import LeanExecutor
 
 QOS = QoSProfile(depth=5)

@@ -9,7 +9,7 @@ import yaml
 from bridge_client import BridgeClient, StartBridge
 from rclpy.node import Node
 
-from aerarm_msgs_py.bag_reader import read_joint_states
+from aerarm_msgs_py.bags.bag_reader import read_joint_states
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.nodes.node_process import NodeProcess
 

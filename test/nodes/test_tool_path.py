@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.topics import TOOL_PATH
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot

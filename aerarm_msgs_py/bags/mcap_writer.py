@@ -1,0 +1,220 @@
+"""An MCAP file that is complete after every chunk.
+
+The mcap package's own writer ends a chunk by size only, so a slow topic could stay in
+memory for minutes, and the file has no end until it is closed. This one builds the same
+records with the package's classes, ends a chunk when told to, and puts a short end behind
+every chunk, which the next chunk overwrites: a recorder that is killed leaves a file that
+any MCAP reader opens. Format: https://mcap.dev/spec.
+"""
+
+import struct
+import zlib
+from collections.abc import Callable, Sequence
+from typing import BinaryIO
+
+import lz4.frame
+import yaml
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from aerarm_msgs_py.bags.message_definition import message_definition
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage
+from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
+
+_MAGIC = b'\x89MCAP0\r\n'
+_MESSAGE = struct.Struct('<BQHIQQ')  # opcode, length, channel, sequence, log, publish time
+_MESSAGE_FIELDS = _MESSAGE.size - 9
+_SEQUENCE_MASK = 2**32 - 1
+
+COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
+    'none': lambda data: data,
+    'lz4': lz4.frame.compress,
+    'zstd': lambda data: zstandard.compress(data, 1),
+}
+
+
+class McapWriter:
+    """Writes chunks of messages to a stream.
+
+    Parameters
+    ----------
+    stream
+        Empty file, open for writing and unbuffered.
+    topics
+        All topics of the file; messages name them by index.
+    compression
+        'zstd', 'lz4' or 'none'.
+    """
+
+    def __init__(
+        self, stream: BinaryIO, topics: Sequence[RecordedTopic], compression: str = 'zstd'
+    ) -> None:
+        self._stream = stream
+        self._compress = COMPRESSIONS[compression]
+        self._compression = '' if compression == 'none' else compression
+        self._schemas = _schemas(topics)
+        ids = {schema.name: schema.id for schema in self._schemas}
+        self._channels = [_channel(k, topic, ids[topic.type]) for k, topic in enumerate(topics, 1)]
+        self._chunks: list[ChunkIndex] = []
+        self._counts = {channel.id: 0 for channel in self._channels}
+        builder = RecordBuilder()
+        builder.write(_MAGIC)
+        Header(profile='ros2', library='aerarm_ros').write(builder)
+        self._write_definitions(builder)
+        self._end = 0
+        self._append(builder.end())
+
+    def add_chunk(self, messages: Sequence[RecordedMessage]) -> None:
+        """Write messages as one chunk; they are safe from a kill once this returns."""
+        records, indices = self._records(messages)
+        data = self._compress(records)
+        start = min(message.log_time for message in messages)
+        end = max(message.log_time for message in messages)
+        builder = RecordBuilder()
+        Chunk(
+            compression=self._compression,
+            data=data,
+            message_start_time=start,
+            message_end_time=end,
+            uncompressed_crc=zlib.crc32(records),
+            uncompressed_size=len(records),
+        ).write(builder)
+        chunk_length = builder.count
+        offsets = {}
+        for index in indices:
+            offsets[index.channel_id] = self._end + builder.count
+            index.write(builder)
+            self._counts[index.channel_id] += len(index.records)
+        self._chunks.append(
+            ChunkIndex(
+                chunk_length=chunk_length,
+                chunk_start_offset=self._end,
+                compression=self._compression,
+                compressed_size=len(data),
+                message_start_time=start,
+                message_end_time=end,
+                message_index_length=builder.count - chunk_length,
+                message_index_offsets=offsets,
+                uncompressed_size=len(records),
+            )
+        )
+        self._append(builder.end())
+
+    def finish(self, metadata: str) -> None:
+        """Write rosbag2's metadata and the summary, which lets readers seek."""
+        builder = RecordBuilder()
+        Metadata('rosbag2', {'serialized_metadata': metadata}).write(builder)
+        index = MetadataIndex(offset=self._end, length=builder.count, name='rosbag2')
+        DataEnd(0).write(builder)
+        summary_start = self._end + builder.count
+        groups = [self._schemas, self._channels, [self._statistics()], self._chunks, [index]]
+        offsets = []
+        for group in groups:
+            start = self._end + builder.count
+            for record in group:
+                record.write(builder)
+            length = self._end + builder.count - start
+            if length:
+                offsets.append(SummaryOffset(_OPCODES[type(group[0])], start, length))
+        offset_start = self._end + builder.count
+        for offset in offsets:
+            offset.write(builder)
+        Footer(summary_start, offset_start, 0).write(builder)
+        builder.write(_MAGIC)
+        self._put(builder.end())
+
+    def _records(self, messages: Sequence[RecordedMessage]) -> tuple[bytes, list[MessageIndex]]:
+        parts: list[bytes] = []
+        indices: dict[int, MessageIndex] = {}
+        offset = 0
+        for topic, payload, log_time, publish_time, sequence in messages:
+            channel = topic + 1
+            length = len(payload) + _MESSAGE_FIELDS
+            number = sequence & _SEQUENCE_MASK
+            parts.append(
+                _MESSAGE.pack(Opcode.MESSAGE, length, channel, number, log_time, publish_time)
+            )
+            parts.append(payload)
+            if channel not in indices:
+                indices[channel] = MessageIndex(channel, [])
+            indices[channel].records.append((log_time, offset))
+            offset += 9 + length
+        return b''.join(parts), list(indices.values())
+
+    def _append(self, data: bytes) -> None:
+        """Write data where the file ended so far, with a new end behind it."""
+        builder = RecordBuilder()
+        DataEnd(0).write(builder)
+        Footer(0, 0, 0).write(builder)
+        self._put(data + builder.end() + _MAGIC)
+        self._end += len(data)
+
+    def _put(self, data: bytes) -> None:
+        self._stream.seek(self._end)
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._stream.write(rest) :]
+
+    def _write_definitions(self, builder: RecordBuilder) -> None:
+        for record in (*self._schemas, *self._channels):
+            record.write(builder)
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunks),
+            message_count=sum(self._counts.values()),
+            message_start_time=min((c.message_start_time for c in self._chunks), default=0),
+            message_end_time=max((c.message_end_time for c in self._chunks), default=0),
+            metadata_count=1,
+            schema_count=len(self._schemas),
+        )
+
+
+_OPCODES = {
+    Schema: Opcode.SCHEMA,
+    Channel: Opcode.CHANNEL,
+    Statistics: Opcode.STATISTICS,
+    ChunkIndex: Opcode.CHUNK_INDEX,
+    MetadataIndex: Opcode.METADATA_INDEX,
+}
+
+
+def _schemas(topics: Sequence[RecordedTopic]) -> list[Schema]:
+    schemas = []
+    for number, kind in enumerate(dict.fromkeys(topic.type for topic in topics), 1):
+        text = message_definition(kind).text
+        schemas.append(
+            Schema(id=number, data=text.encode(), encoding='ros2msg' if text else '', name=kind)
+        )
+    return schemas
+
+
+def _channel(number: int, topic: RecordedTopic, schema_id: int) -> Channel:
+    return Channel(
+        id=number,
+        topic=topic.name,
+        message_encoding='cdr',
+        metadata={
+            'offered_qos_profiles': yaml.safe_dump([topic.qos_profile()], sort_keys=False),
+            'topic_type_hash': message_definition(topic.type).hash,
+        },
+        schema_id=schema_id,
+    )

@@ -1,0 +1,18 @@
+"""What estimates are worth: torque errors, demands of unseen motion, plausibility, the truth.
+
+In come estimates and the samples of every bag; out goes an `IdentificationResult`, which has
+everything that files and report tell, and warnings.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        'assessment': ['BagAssessment', 'assess', 'torque_errors'],
+        'bag_demand': ['BagDemand', 'extrapolation_warnings'],
+        'identification_result': ['IdentificationResult', 'Solution'],
+        'plausibility': ['bound_warnings', 'error_warnings', 'held_at_zero'],
+        'truth': ['InertialTorqueError', 'Truth', 'inertial_torque_errors', 'load_truth'],
+    },
+)

@@ -1,0 +1,153 @@
+"""The outcome of an identification as plain numbers, for summary.json."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from aerarm_ros.identification.assessment.assessment import BagAssessment
+from aerarm_ros.identification.assessment.bag_demand import BagDemand
+from aerarm_ros.identification.assessment.identification_result import (
+    IdentificationResult,
+    Solution,
+)
+from aerarm_ros.identification.assessment.truth import InertialTorqueError
+from aerarm_ros.identification.parameters.joint_term import JointTerm, TermKind
+from aerarm_ros.identification.payload.payload import Payload
+from aerarm_ros.identification.recording.bag_facts import BagFacts
+from aerarm_ros.identification.regression.base_parameters import BaseParameters
+
+
+def summarise(
+    result: IdentificationResult,
+    seconds: Mapping[str, float],
+    truth: Sequence[InertialTorqueError] = (),
+    payload: Payload | None = None,
+    facts: Mapping[str, BagFacts] | None = None,
+) -> dict[str, Any]:
+    """Return the summary: torque errors in percent, times in seconds.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+    seconds : mapping
+        Stage to time [s]; their sum is added as 'total'.
+    truth : sequence of InertialTorqueError
+        Comparison with a simulated arm's true parameters, if there is one.
+    payload : Payload, optional
+    facts : mapping, optional
+        Name of a bag to what else is known of it.
+    """
+    summary: dict[str, Any] = {
+        'robot': result.robot.model.name,
+        'joints': list(result.robot.joint_names),
+        'samples': result.samples,
+        'regressor': {
+            'thesis': _regressor(result.thesis_base),
+            'used': _regressor(result.used_base),
+        },
+        'base_parameters': result.used_base.expressions(),
+        'only_prior': list(result.only_prior),
+        'excitation': [_demand(demand) for demand in result.demands],
+        'conditioning': _conditioning(result),
+        'friction': {
+            joint: [term_text(term, result.robot.joint_names) for term in terms]
+            for joint, terms in zip(result.robot.joint_names, result.fit.model.terms, strict=True)
+        },
+        'seconds': {**seconds, 'total': sum(seconds.values())},
+        'solvers': {name: _solver(solution) for name, solution in result.solutions.items()},
+        'bags': {name: asdict(known) for name, known in (facts or {}).items()},
+        'warnings': list(result.warnings),
+    }
+    if payload is not None:
+        summary['payload'] = _payload(payload)
+    if truth:
+        summary['inertial_torque_error'] = [_truth(error) for error in truth]
+    return summary
+
+
+def term_text(term: JointTerm, joint_names: Sequence[str]) -> str:
+    """Return a term in words, such as 'Coulomb friction (tanh, 0.05 rad/s)'."""
+    if term.driver is not None:
+        return f'{term.meaning} {joint_names[term.driver]}'
+    shape = 'exp' if term.kind is TermKind.STRIBECK else 'tanh'
+    return f'{term.meaning} ({shape}, {term.width:g} rad/s)' if term.width else term.meaning
+
+
+def _demand(demand: BagDemand) -> dict[str, Any]:
+    rows = zip(('q', 'dq', 'ddq'), demand.beyond, strict=True)
+    return {
+        'bag': demand.bag,
+        'beyond_identified_range': {name: row.tolist() for name, row in rows},
+        'torque_uncertainty': demand.uncertainty.tolist(),
+    }
+
+
+def _conditioning(result: IdentificationResult) -> dict[str, Any]:
+    conditioner, choice = result.conditioner, result.filter_choice
+    return {
+        'cutoff': conditioner.cutoff,
+        'fundamental': conditioner.fundamental,
+        'harmonics': conditioner.harmonics,
+        'kinematics': choice.kinematics.label,
+        'trials': [
+            {'kinematics': trial.kinematics.label, 'error': trial.error} for trial in choice.trials
+        ],
+    }
+
+
+def _payload(payload: Payload) -> dict[str, Any]:
+    return {
+        'link': payload.link,
+        'mass': payload.mass,
+        'mass_std': float(payload.std[0]),
+        'centre': payload.centre.tolist(),
+        'centre_std': payload.centre_std.tolist(),
+        'inertial_parameters': payload.inertial.tolist(),
+        'inertial_parameters_std': payload.std.tolist(),
+    }
+
+
+def _truth(error: InertialTorqueError) -> dict[str, Any]:
+    return {
+        'solver': error.solver,
+        'bag': error.bag,
+        'total': error.total,
+        'per_joint': error.per_joint.tolist(),
+        'total_against_true_torque': error.total_absolute,
+    }
+
+
+def _regressor(base: BaseParameters) -> dict[str, Any]:
+    condition = base.condition_number
+    return {
+        'columns': len(base.columns),
+        'rank': base.rank,
+        'condition_number': condition if math.isfinite(condition) else None,
+    }
+
+
+def _solver(solution: Solution) -> dict[str, Any]:
+    estimate = solution.estimate
+    return {
+        'identification': [_bag(assessment) for assessment in solution.identification],
+        'validation': [_bag(assessment) for assessment in solution.validation],
+        'physically_consistent': estimate.physically_consistent,
+        'min_pseudo_inertia_eigenvalue': estimate.min_pseudo_inertia_eigenvalue,
+        'seconds': estimate.seconds,
+    }
+
+
+def _bag(assessment: BagAssessment) -> dict[str, Any]:
+    return {
+        'bag': assessment.bag,
+        'filtered': assessment.filtered,
+        'raw': assessment.raw,
+        'per_joint_filtered': _numbers(assessment.per_joint_filtered),
+        'per_joint_raw': _numbers(assessment.per_joint_raw),
+    }
+
+
+def _numbers(values: Iterable[float]) -> list[float | None]:
+    """Return numbers as JSON knows them: NaN is null."""
+    return [float(value) if math.isfinite(value) else None for value in values]

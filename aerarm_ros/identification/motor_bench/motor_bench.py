@@ -1,0 +1,202 @@
+"""From the runs of a motor bench to the parameters of the drives, thesis section 4.4."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, fit_motor_friction
+from aerarm_ros.identification.motor_bench.motor_inertia import fit_inertia
+from aerarm_ros.identification.motor_bench.motor_result import MotorResult
+from aerarm_ros.identification.motor_bench.motor_run import MotorRun
+from aerarm_ros.identification.motor_bench.motor_torque_constant import fit_torque_constant
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.model.dynamics import Dynamics
+
+Array = npt.NDArray[np.float64]
+
+_ROUNDS = 2  # steps give gravity to the runs, which give inertia to the steps
+_SAME_POSTURE = 0.02  # [rad]
+
+
+@dataclass(frozen=True)
+class KnownMass:
+    """A mass hung on the arm, or on a lever on a bare motor's shaft.
+
+    Attributes
+    ----------
+    mass : float
+        [kg]
+    position : tuple of three floats
+        Its centre in the frame of the last link's joint [m], for a mounted arm.
+    lever : float
+        Distance of its centre from the shaft, which is horizontal [m], for a bare motor.
+    """
+
+    mass: float
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    lever: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Earlier:
+    """Gravity's torque that an earlier run found without the known mass.
+
+    Attributes
+    ----------
+    gravity : mapping
+        Joint name to (2,) a and b [Nm].
+    posture : (n,) ndarray
+        In which it was measured [rad].
+    """
+
+    gravity: Mapping[str, Array]
+    posture: Array
+
+
+class MotorBench:
+    """Evaluates the runs of a bench.
+
+    Parameters
+    ----------
+    config : ArmConfig
+        Its torque constants made torques of currents.
+    robot : Robot or None
+        Mounted arm, whose links gravity acts on; None for bare motors.
+    posture : (n,) array_like
+        Angles of the joints that stand still [rad].
+    known : KnownMass, optional
+        Measure the torque constants by it.
+    earlier : Earlier, optional
+        Run without the mass, needed with a mounted arm.
+    link_uncertainty : float
+        Relative standard deviation of the links' inertia in the URDF.
+
+    Raises
+    ------
+    IdentificationError
+        If a known mass can't be measured by like this.
+    """
+
+    def __init__(
+        self,
+        config: ArmConfig,
+        robot: Robot | None,
+        posture: npt.ArrayLike,
+        known: KnownMass | None = None,
+        earlier: Earlier | None = None,
+        link_uncertainty: float = 0.2,
+    ) -> None:
+        self._config = config
+        self._robot = robot
+        self._posture = np.array(posture, dtype=float)
+        self._known = known
+        self._earlier = earlier
+        self._link_uncertainty = link_uncertainty
+        self.warnings: list[str] = []
+        if known is not None:
+            self._check_known(known)
+
+    def evaluate(self, joint: int, runs: Sequence[MotorRun]) -> MotorResult:
+        """Return what the runs of one joint tell; `warnings` gets what they don't.
+
+        Raises
+        ------
+        IdentificationError
+            If the runs do not determine the friction.
+        """
+        drive = self._config.joints[joint]
+        steps = [run for run in runs if run.speed is not None]
+        accelerations = [run for run in runs if run.speed is None]
+        hanging = self._robot is not None or self._known is not None
+        carried = self._carried_inertia(joint)
+        inertia = (drive.reflected_inertia + carried[0], np.inf)
+        friction = fit_motor_friction(steps, hanging, drive.name, inertia[0])
+        for _ in range(_ROUNDS if accelerations else 0):
+            inertia = fit_inertia(accelerations, friction, drive.name)
+            friction = fit_motor_friction(steps, hanging, drive.name, inertia[0])
+        result = MotorResult(
+            joint=drive.name,
+            motor=drive.motor.name,
+            ratio=drive.gear.ratio,
+            torque_constant_stated=drive.motor.torque_constant,
+            friction=friction,
+            inertia=inertia if accelerations else None,
+            carried_inertia=carried,
+            torque_ratio=self._torque_ratio(joint, friction),
+        )
+        if result.inertia is not None and not result.rotor_inertia_known:
+            self.warnings.append(
+                f'{drive.name}: its rotor is not told apart from what it carries '
+                f'({result.carried_inertia[0]:.3g} of {result.inertia[0]:.3g} kg m^2): measure '
+                'it in a posture with less inertia about its axis, or as a bare motor'
+            )
+        return result
+
+    def _check_known(self, known: KnownMass) -> None:
+        if not known.mass > 0.0:
+            raise IdentificationError(f'known mass {known.mass:g} kg must be above 0')
+        if self._robot is None:
+            if not known.lever > 0.0:
+                raise IdentificationError('a mass on a bare motor needs its lever [m]')
+        elif self._earlier is None:
+            raise IdentificationError(
+                'a mass on a mounted arm needs a run without it: measure without the mass first'
+            )
+        elif np.abs(self._earlier.posture - self._posture).max() > _SAME_POSTURE:
+            raise IdentificationError(
+                f'the run without the mass was made at {self._earlier.posture.round(3).tolist()} '
+                f'rad, this one at {self._posture.round(3).tolist()}: choose the same posture'
+            )
+
+    def _torque_ratio(self, joint: int, friction: MotorFriction) -> tuple[float, float] | None:
+        name, known, robot = self._config.joint_names[joint], self._known, self._robot
+        if known is None:
+            return None
+        try:
+            if robot is None:
+                gravity = float(np.linalg.norm(self._config.gravity_in_base))
+                weight = known.mass * gravity * known.lever
+                return fit_torque_constant(friction, None, weight, name)
+            assert self._earlier is not None  # checked in the beginning
+            if name not in self._earlier.gravity:
+                raise IdentificationError(f'{name}: the run without the mass did not measure it')
+            expected = self._known_gravity(robot, known, joint)
+            return fit_torque_constant(friction, self._earlier.gravity[name], expected, name)
+        except IdentificationError as error:
+            self.warnings.append(f'torque constant not measured: {error}')
+            return None
+
+    def _known_gravity(self, robot: Robot, known: KnownMass, joint: int) -> Array:
+        """Return what the mass adds to a and b: gravity's torque at 90 and at 0 degrees."""
+        alone, loaded = Dynamics(robot), Dynamics(_carrying(robot, known))
+        values = []
+        for angle in (0.5 * np.pi, 0.0):
+            q = self._posture.copy()
+            q[joint] = angle
+            values.append(loaded.gravity(q)[joint] - alone.gravity(q)[joint])
+        return np.array(values)
+
+    def _carried_inertia(self, joint: int) -> tuple[float, float]:
+        """Return inertia about the joint besides the drive's, and its standard deviation."""
+        known, robot = self._known, self._robot
+        if robot is None:
+            return (known.mass * known.lever**2 if known else 0.0), 0.0
+        links = float(Dynamics(robot).inertia_matrix(self._posture)[joint, joint])
+        if known is None:
+            return links, self._link_uncertainty * links
+        both = Dynamics(_carrying(robot, known)).inertia_matrix(self._posture)
+        return float(both[joint, joint]), self._link_uncertainty * links
+
+
+def _carrying(robot: Robot, known: KnownMass) -> Robot:
+    """Return the arm with a point mass on its last link."""
+    x = np.array(known.position)
+    inertial = np.array(robot.inertial_parameters)
+    tensor = known.mass * (x @ x * np.eye(3) - np.outer(x, x))
+    rows, columns = [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]  # Ixx Ixy Iyy Ixz Iyz Izz
+    inertial[-1] += np.concatenate([[known.mass], known.mass * x, tensor[rows, columns]])
+    return robot.with_inertial_parameters(inertial)

@@ -1,0 +1,171 @@
+"""Viscous and Coulomb friction of a drive from velocity steps, thesis (4.12)-(4.14)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.motor_bench.motor_blocks import MotorBlocks
+from aerarm_ros.identification.motor_bench.motor_run import MotorRun
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+
+Array = npt.NDArray[np.float64]
+
+_BLOCK = 0.1  # [s]: noise of two blocks is independent
+# Share of the transmitted torque that a gear loses: one standard deviation of the prior. Where
+# gravity's torque hardly changes, only the sum of this and Coulomb friction is known.
+_LOAD_SPREAD = 0.05
+_ROUNDS = 3  # gravity's torque decides the load, and the other way round
+_LEAST_BLOCKS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class MotorFriction:
+    """Friction of one drive, at the joint, with what gravity does to a mounted one.
+
+    `tau = viscous dq + (coulomb + load |g(q)|) sgn(dq) + g(q)`, `g(q) = a sin q + b cos q`.
+    This is exact for a joint that turns alone about a fixed axis, whatever hangs on it.
+
+    Attributes
+    ----------
+    viscous, coulomb : float
+        b_eq / k_g^2 [Nms/rad] and f [Nm] of thesis (4.11).
+    load : float
+        Friction per torque of gravity [-], 0 for a bare motor.
+    gravity : (2,) ndarray
+        a and b [Nm], zero for a bare motor.
+    covariance : (5, 5) ndarray
+        Of viscous, coulomb, load, a, b.
+    speed, torque : (K,) ndarray
+        Mean velocity of each step [rad/s], and mean torque without gravity and what it adds
+        to friction [Nm].
+    """
+
+    viscous: float
+    coulomb: float
+    load: float
+    gravity: Array
+    covariance: Array
+    speed: Array
+    torque: Array
+
+    @property
+    def std(self) -> Array:
+        """(5,) standard deviations of viscous, coulomb, load, a, b."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def gravity_torque(self, q: Array) -> Array:
+        """Return g(q) [Nm]."""
+        return np.asarray(np.column_stack([np.sin(q), np.cos(q)]) @ self.gravity)
+
+    def load_torque(self, q: Array, dq: Array) -> Array:
+        """Return gravity and the friction that it causes [Nm]."""
+        gravity = self.gravity_torque(q)
+        return np.asarray(gravity + self.load * np.abs(gravity) * np.sign(dq))
+
+
+def fit_motor_friction(
+    runs: Sequence[MotorRun], mounted: bool, name: str, inertia: float = 0.0
+) -> MotorFriction:
+    """Fit the velocity steps of one joint by least squares (4.14).
+
+    Parameters
+    ----------
+    runs : sequence of MotorRun
+        Steps, each speed in both directions.
+    mounted : bool
+        Whether gravity acts on what the joint carries; False for a bare motor on a bench.
+    name : str
+        Of the joint, for errors.
+    inertia : float
+        What the joint accelerates [kg m^2]. The thesis neglects it, but a velocity loop that
+        is still settling by 0.1 rad/s^2 looks like negative viscous friction.
+
+    Raises
+    ------
+    IdentificationError
+        If the steps do not tell the parameters apart, or friction comes out negative.
+    """
+    blocks = [run.blocks(_BLOCK) for run in runs if len(run.time)]
+    sine, cosine, dq, ddq, tau = (
+        np.concatenate([getattr(block, field) for block in blocks] or [np.zeros(0)])
+        for field in ('sine', 'cosine', 'dq', 'ddq', 'tau')
+    )
+    _check_steps(name, blocks, dq)
+    tau = tau - inertia * ddq
+    theta, covariance = np.zeros(5), np.zeros((5, 5))
+    used = np.arange(5 if mounted else 2)
+    for _ in range(_ROUNDS if mounted else 1):
+        columns = _columns(sine, cosine, dq, theta[3:])[:, used]
+        theta[used], covariance[np.ix_(used, used)] = _solve(columns, tau, name)
+    if theta[1] < 0.0:
+        raise IdentificationError(
+            f'{name}: Coulomb friction comes out as {theta[1]:.3g} Nm, below zero: check the sign '
+            'of the motor in the configuration, and that nothing pushes the joint'
+        )
+    known = _columns(sine, cosine, dq, theta[3:])[:, 2:] @ theta[2:]
+    index = np.repeat(np.arange(len(blocks)), [len(block.dq) for block in blocks])
+    count = np.bincount(index)
+    return MotorFriction(
+        viscous=float(theta[0]),
+        coulomb=float(theta[1]),
+        load=float(theta[2]),
+        gravity=theta[3:],
+        covariance=covariance,
+        speed=np.bincount(index, dq) / count,
+        torque=np.bincount(index, tau - known) / count,
+    )
+
+
+def _columns(sine: Array, cosine: Array, dq: Array, gravity: Array) -> Array:
+    """Return the columns of viscous, coulomb, load, a, b; (4.13) are the first two."""
+    sign = np.sign(dq)
+    load = np.abs(gravity[0] * sine + gravity[1] * cosine)
+    return np.column_stack([dq, sign, load * sign, sine, cosine])
+
+
+def _solve(columns: Array, tau: Array, name: str) -> tuple[Array, Array]:
+    """Return parameters and covariance; the load's share has a prior, the others none."""
+    rank = np.linalg.matrix_rank(columns[:, np.linalg.norm(columns, axis=0) > 0.0])
+    if rank < min(2, columns.shape[1]):
+        raise IdentificationError(
+            f'{name}: the steps have one speed only: check that the joint follows its reference'
+        )
+    std = np.ones(columns.shape[1])
+    for _ in range(2):  # the noise comes from the residual of the first solution
+        prior = np.zeros((1, columns.shape[1]))
+        if columns.shape[1] > 2:
+            prior[0, 2] = 1.0 / _LOAD_SPREAD
+        noise = float(std[0])
+        rows = np.vstack([columns / noise, prior])
+        right = np.append(tau / noise, 0.0)
+        theta, *_ = np.linalg.lstsq(rows, right, rcond=None)
+        if columns.shape[1] > 2 and theta[2] < 0.0:  # a gear does not gain torque
+            free = [0, 1, 3, 4]
+            theta = np.zeros(5)
+            theta[free], *_ = np.linalg.lstsq(rows[:, free], right, rcond=None)
+        residual = tau - columns @ theta
+        freedom = max(len(tau) - columns.shape[1], 1)
+        std[0] = max(float(np.sqrt(residual @ residual / freedom)), 1e-9)
+    return theta, np.linalg.pinv(rows.T @ rows)
+
+
+def _check_steps(name: str, blocks: Sequence[MotorBlocks], dq: Array) -> None:
+    if len(dq) < _LEAST_BLOCKS:
+        raise IdentificationError(
+            f'{name}: {len(dq)} stretches of {_BLOCK:g} s at constant speed are too few: check '
+            'that joint_states arrive while the bench moves'
+        )
+    still = [
+        block.speed
+        for block in blocks
+        if block.speed is not None and abs(np.mean(block.dq)) < 0.5 * abs(block.speed)
+    ]
+    if still:
+        raise IdentificationError(
+            f'{name}: it does not reach {still[0]:.3g} rad/s: check that it is free to move and '
+            'that its velocity loop is not saturated'
+        )
+    if not (dq.min() < 0.0 < dq.max()):
+        raise IdentificationError(f'{name}: steps in one direction only: both are needed')

@@ -1,0 +1,131 @@
+"""Table 4.3 and figure 4.4 of the thesis, for the drives on the motor bench."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.motor_bench.motor_result import MotorResult
+from aerarm_ros.identification.report.figure import figure_html, plain_text, plotting_script
+from aerarm_ros.identification.report.html_text import bullets, page, paragraph, section, table
+
+_HEADINGS = (
+    'joint',
+    'motor',
+    'b_eq [Nms/rad]',
+    'f [Nm]',
+    'J_m [kg m²]',
+    'K_i [Nm/A]',
+)
+_ROW_HEIGHT = 300  # [px] of one drive's figure
+_GAP = 0.25  # of a row between two figures
+
+
+def bench_table(results: Sequence[MotorResult]) -> str:
+    """Return a table like 4.3 for the terminal, with standard deviations."""
+    rows = [_HEADINGS, *(_cells(result) for result in results)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADINGS))]
+    return '\n'.join(
+        '  '.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    )
+
+
+def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence[str]) -> str:
+    """Return the report of a bench, one HTML page that needs nothing else.
+
+    Parameters
+    ----------
+    results : sequence of MotorResult
+    mounted : bool
+        Whether the drives were in the arm.
+    warnings : sequence of str
+    """
+    how = (
+        'The drives were in the arm: gravity, g(q) = a sin q + b cos q for a joint that turns '
+        'alone, and the gear friction it causes are fitted along and taken off the points.'
+        if mounted
+        else 'The motors were bare: no gravity.'
+    )
+    parts = [
+        paragraph('Friction (4.12)-(4.14) of each drive, with standard deviations.', 'lead'),
+        bullets(warnings, 'warnings') if warnings else '',
+        section('Parameters', table(_HEADINGS, [_cells(result) for result in results])),
+        paragraph(
+            'b_eq and J_m at the motor, f at the joint. J_m in brackets is not told apart from '
+            'what the joint carries; K_i in brackets is the stated one.',
+            'note',
+        ),
+        section('Motor torque over motor speed', paragraph(how, 'note'), _figure(results)),
+    ]
+    return page('Motor bench', plotting_script(), parts)
+
+
+def _cells(result: MotorResult) -> tuple[str, ...]:
+    inertia, constant = result.rotor_inertia, result.torque_constant
+    shown = '-' if inertia is None else _with_std(inertia)
+    if inertia is not None and not result.rotor_inertia_known:
+        shown = f'({shown})'
+    return (
+        result.joint,
+        result.motor,
+        _with_std(result.viscous_motor),
+        _with_std(result.coulomb),
+        shown,
+        _with_std(constant) if constant else f'({result.torque_constant_stated:.4f})',
+    )
+
+
+def _with_std(value: tuple[float, float]) -> str:
+    return f'{value[0]:.3g} ± {value[1]:.1g}'
+
+
+def _figure(results: Sequence[MotorResult]) -> str:
+    """Return figure 4.4: measured points and the fit, one pair of axes a drive."""
+    traces: list[dict[str, Any]] = []
+    count = len(results)
+    layout: dict[str, Any] = {
+        'height': _ROW_HEIGHT * count + 60,
+        'margin': {'l': 80, 'r': 15, 't': 30, 'b': 45},
+        'template': 'none',
+    }
+    for row, result in enumerate(results):
+        suffix = '' if row == 0 else str(row + 1)
+        traces += _traces(result, suffix, row == 0)
+        top = 1.0 - row / count
+        layout[f'xaxis{suffix}'] = {'anchor': f'y{suffix}', 'title': {'text': 'ω_m [rad/s]'}}
+        title = f'{plain_text(result.joint)} ({plain_text(result.motor)}) τ_m [Nm]'
+        layout[f'yaxis{suffix}'] = {
+            'domain': [max(0.0, top - (1.0 - _GAP) / count), top],
+            'anchor': f'x{suffix}',
+            'title': {'text': title},
+        }
+    return figure_html('friction', traces, layout)
+
+
+def _traces(result: MotorResult, suffix: str, legend: bool) -> list[dict[str, Any]]:
+    kg, friction = result.ratio, result.friction
+    order = np.argsort(friction.speed)
+    speed, torque = friction.speed[order] / kg, result.scale * friction.torque[order] * kg
+    # The step of sgn at zero speed is drawn as one: two points at each side of it.
+    reach = float(np.abs(speed).max(initial=0.0))
+    line = np.array([-reach, -1e-9, 1e-9, reach])
+    fit = result.viscous_motor[0] * line + result.coulomb[0] * kg * np.sign(line)
+    axes = {'xaxis': f'x{suffix}', 'yaxis': f'y{suffix}', 'showlegend': legend}
+    return [
+        {
+            'type': 'scatter', 'mode': 'markers', 'name': 'measured', 'legendgroup': 'measured',
+            'x': _short(speed), 'y': _short(torque), 'marker': {'color': '#d0672b', 'size': 8},
+            **axes,
+        },
+        {
+            'type': 'scatter', 'mode': 'lines', 'name': 'b ω_m + f k_g sgn(ω_m)',
+            'legendgroup': 'fit', 'x': _short(line), 'y': _short(fit),
+            'line': {'color': '#0b62c4'}, **axes,
+        },
+    ]  # fmt: skip
+
+
+def _short(values: npt.NDArray[np.float64]) -> list[float]:
+    return [float(f'{value:.6g}') for value in values]

@@ -1,0 +1,313 @@
+"""One recorded motion of an arm, checked."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.recording.faulty_effort import saturated_effort, without_spikes
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.recording.stamps import sound_messages
+from aerarm_ros.identification.recording.used_span import UsedSpan, moving_span
+
+Array = npt.NDArray[np.float64]
+
+# An encoder count of a coarse drive is about 1e-4 rad: less than this is no motion.
+_SMALLEST_MOTION = 1e-3
+_LOCKED_MOTION = 0.05  # [rad] or [m]: a held joint sags, fingers close a little
+_FEWEST_MESSAGES = 20
+_LARGEST = 1e6  # [rad], [rad/s], [Nm]: no arm gets there, and squares stay finite
+
+
+class JointStates(Protocol):
+    """Messages of one topic as arrays; fields that a message leaves empty are NaN."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Joint names, in the order of the columns."""
+
+    @property
+    def stamp(self) -> Array:
+        """(M,) header stamps [s]."""
+
+    @property
+    def position(self) -> Array:
+        """(M, n) [rad]."""
+
+    @property
+    def velocity(self) -> Array:
+        """(M, n) [rad/s]."""
+
+    @property
+    def effort(self) -> Array:
+        """(M, n) [Nm]."""
+
+
+@dataclass(frozen=True)
+class JointMapping:
+    """How the joints of a bag become those of the URDF.
+
+    Attributes
+    ----------
+    rename : mapping
+        Name in the bag to name in the URDF.
+    ignored : tuple of str
+        Joints of the bag (after renaming) that the arm doesn't have.
+    locked : tuple of str
+        Joints of the URDF that don't move; the bag may have them or not.
+    effort_gain : mapping
+        Joint to the factor that turns its recorded effort into torque [Nm], e.g. Nm/A.
+    """
+
+    rename: Mapping[str, str]
+    ignored: tuple[str, ...] = ()
+    locked: tuple[str, ...] = ()
+    effort_gain: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Motion and torque of an arm's n joints, in the order of its chain.
+
+    Attributes
+    ----------
+    name : str
+        For tables and messages.
+    joint_names : tuple of str
+    time : (M,) ndarray
+        [s] since the bag's beginning, strictly increasing.
+    q, dq, tau : (M, n) ndarray
+        [rad], [rad/s], [Nm]. `dq` is None if the bag has no velocities.
+    dead_effort : (n,) ndarray of bool
+        Joints whose recorded torque never changes: their rows carry no information.
+    warnings : tuple of str
+        What was left out or looks odd.
+    start : float
+        Stamp of time 0 [s].
+    span : UsedSpan or None
+        Part of the bag that this is; None for the whole of it.
+    saturated : (M, n) ndarray of bool or None
+        Where the effort stays at its limit; None if it never does.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    time: Array
+    q: Array
+    dq: Array | None
+    tau: Array
+    dead_effort: npt.NDArray[np.bool_]
+    warnings: tuple[str, ...] = ()
+    start: float = 0.0
+    span: UsedSpan | None = None
+    saturated: npt.NDArray[np.bool_] | None = None
+
+    @property
+    def duration(self) -> float:
+        """Time from first to last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    def part(self, first: float, last: float, suffix: str) -> 'Recording':
+        """Return the samples between two shares (0..1) of the duration."""
+        low, high = (self.time[0] + share * self.duration for share in (first, last))
+        end = None if last >= 1.0 else int(np.searchsorted(self.time, high))
+        inside = slice(int(np.searchsorted(self.time, low)), end)
+        return replace(
+            self,
+            name=f'{self.name}{suffix}',
+            time=self.time[inside],
+            q=self.q[inside],
+            dq=None if self.dq is None else self.dq[inside],
+            tau=self.tau[inside],
+            dead_effort=np.ptp(self.tau[inside], axis=0) == 0.0,
+            saturated=None if self.saturated is None else self.saturated[inside],
+        )
+
+
+def recording_from_states(
+    name: str,
+    states: JointStates,
+    joint_names: Sequence[str],
+    mapping: JointMapping,
+    commanded: tuple[slice, str] | None = None,
+) -> Recording:
+    """Pick an arm's joints out of recorded joint states and check what they hold.
+
+    Parameters
+    ----------
+    name : str
+        Of the bag, for messages.
+    states : JointStates
+        As read from the bag.
+    joint_names : sequence of str
+        The arm's joints, from base to tool.
+    mapping : JointMapping
+        Renaming, joints to leave out, effort gains.
+    commanded : slice and reason, optional
+        Messages while the arm followed commands; the others aren't looked at. What lies
+        before and after the motion is left out in any case.
+
+    Raises
+    ------
+    IdentificationError
+        If there are too few messages, a joint is missing or unknown, a locked one moves, stamps
+        repeat or jump, position or effort is missing or NaN, or nothing moves.
+    """
+    order = np.array(_columns(name, states.names, joint_names, mapping))
+    if len(states.stamp) < _FEWEST_MESSAGES:
+        raise IdentificationError(
+            f'{name}: only {len(states.stamp)} joint states: too short to identify anything from, '
+            'record a longer motion'
+        )
+    part, reason = commanded or (slice(0, len(states.stamp)), 'motion')
+    moving, how = moving_span(states.stamp[part], states.position[part][:, order])
+    if how != 'motion' and commanded is None:
+        reason = how
+    rows = slice(part.start + moving.start, part.start + moving.stop)
+    _check_locked(name, states.names, states.position[rows], mapping)
+    kept, warnings = sound_messages(name, states.stamp[rows], float(states.stamp[0]))
+    stamp = states.stamp[rows][kept]
+    q, measured_dq, tau = (
+        _taken(values[rows], kept, order)
+        for values in (states.position, states.velocity, states.effort)
+    )
+    _check_complete(name, 'position', q, joint_names, stamp)
+    _check_complete(name, 'effort', tau, joint_names, stamp)
+    if mapping.effort_gain:
+        tau = tau * np.array([mapping.effort_gain.get(joint, 1.0) for joint in joint_names])
+    dq = _velocity(name, measured_dq, warnings)
+    dead = _check_content(name, joint_names, q, tau, warnings)
+    tau, spikes = without_spikes(name, joint_names, tau)
+    saturated, limits = saturated_effort(name, joint_names, q, tau)
+    warnings += spikes + limits
+    # Times are those since the bag's beginning, whatever part of it is used.
+    start = float(states.stamp[0])
+    time = stamp - start
+    span = UsedSpan(float(time[0]), float(time[-1]), float(states.stamp[-1]) - start, reason)
+    names = tuple(joint_names)
+    told = tuple(warnings)
+    return Recording(name, names, time, q, dq, tau, dead, told, start, span, saturated)
+
+
+def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: JointMapping) -> None:
+    """Refuse a bag whose arm isn't the one that the locked joints make of the URDF."""
+    for name, q in zip(names, position.T, strict=True):
+        joint = mapping.rename.get(name, name)
+        q = q[np.abs(q) < _LARGEST]
+        if joint in mapping.locked and len(q) and np.ptp(q) > _LOCKED_MOTION:
+            raise IdentificationError(
+                f'joint {joint} is locked (--lock) but moves by {np.ptp(q):.3g} rad in {bag}: '
+                f'leave out --lock {joint}, or cut the bag to where it rests'
+            )
+
+
+def _taken(values: Array, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
+    """Return rows and columns; without copying if these are all, in order."""
+    whole = all(
+        np.array_equal(index, np.arange(size))
+        for index, size in zip((rows, columns), values.shape, strict=True)
+    )
+    return values if whole else values[np.ix_(rows, columns)]
+
+
+def _columns(
+    bag: str, names: Sequence[str], joint_names: Sequence[str], mapping: JointMapping
+) -> list[int]:
+    unknown = [name for name in mapping.rename if name not in names]
+    if unknown:
+        raise IdentificationError(
+            f'{bag}: no joint {", ".join(unknown)} to rename: the bag has {", ".join(names)}'
+        )
+    renamed = [mapping.rename.get(name, name) for name in names]
+    missing = [name for name in joint_names if name not in renamed]
+    if missing:
+        raise IdentificationError(
+            f'{bag}: joints {", ".join(missing)} of the URDF are not in the bag, which has '
+            f"{', '.join(names)}: rename the bag's joints (--rename BAG=URDF), lock joints of "
+            'the URDF (--lock JOINT), or give the URDF of the recorded arm'
+        )
+    twice = [name for name in dict.fromkeys(renamed) if renamed.count(name) > 1]
+    if twice:
+        raise IdentificationError(
+            f'{bag}: more than one joint of the bag is called {", ".join(twice)} after renaming: '
+            'check --rename'
+        )
+    known = (*joint_names, *mapping.ignored, *mapping.locked)
+    extra = [name for name in renamed if name not in known]
+    if extra:
+        raise IdentificationError(
+            f'{bag}: joints {", ".join(extra)} of the bag are missing from the URDF, which has '
+            f'{", ".join(joint_names)}: give the URDF of the recorded arm, or leave these joints '
+            'out (--ignore JOINT)'
+        )
+    absent = [name for name in mapping.ignored if name not in renamed]
+    if absent:
+        raise IdentificationError(
+            f'{bag}: no joint {", ".join(absent)} to ignore: the bag has {", ".join(renamed)}'
+        )
+    return [renamed.index(name) for name in joint_names]
+
+
+def _check_complete(
+    bag: str, field: str, values: Array, joints: Sequence[str], stamp: Array
+) -> None:
+    """Refuse values that are missing, not finite, or that no arm could have."""
+    bad = ~(np.abs(values) < _LARGEST)
+    if not bad.any():
+        return
+    names = ', '.join(joint for joint, column in zip(joints, bad.T, strict=True) if column.any())
+    if np.isnan(values).all(axis=0).any():
+        raise IdentificationError(
+            f'{bag}: no {field} recorded of joints {names}: check what publishes the topic, or '
+            'choose another with --topic'
+        )
+    rows = np.flatnonzero(bad.any(axis=1))
+    if np.isfinite(values).all():
+        raise IdentificationError(
+            f'{bag}: {field} of joints {names} reaches {np.abs(values).max():.3g} in {len(rows)} '
+            f'of {len(values)} messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start '
+            'of the motion: check units and the driver that published it'
+        )
+    raise IdentificationError(
+        f'{bag}: {field} of joints {names} is NaN or infinite in {len(rows)} of {len(values)} '
+        f'messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start of the motion: check '
+        'the driver that published it, or record again'
+    )
+
+
+def _velocity(bag: str, dq: Array, warnings: list[str]) -> Array | None:
+    if not (np.abs(dq) < _LARGEST).all():
+        warnings.append(f'{bag}: velocities missing or NaN; positions are differentiated instead')
+        return None
+    if not dq.any():
+        warnings.append(f'{bag}: velocities are all zero; positions are differentiated instead')
+        return None
+    return dq
+
+
+def _check_content(
+    bag: str, joints: Sequence[str], q: Array, tau: Array, warnings: list[str]
+) -> npt.NDArray[np.bool_]:
+    still = np.ptp(q, axis=0) < _SMALLEST_MOTION
+    if still.all():
+        raise IdentificationError(
+            f'{bag}: no joint moves: record an excitation trajectory, with the drives enabled'
+        )
+    dead = np.ptp(tau, axis=0) == 0.0
+    if dead.all():
+        raise IdentificationError(
+            f'{bag}: the effort of every joint is constant: check that the drives report torque '
+            'or current'
+        )
+    for states, text in (
+        (still, 'does not move: its friction cannot be identified'),
+        (dead, 'has a constant effort: its equation is left out'),
+    ):
+        warnings += [
+            f'{bag}: joint {joint} {text}'
+            for joint, state in zip(joints, states, strict=True)
+            if state
+        ]
+    return np.asarray(dead, dtype=bool)

@@ -1,0 +1,122 @@
+"""Regressor columns of one bag, as measured torque sees them: through the torque's filter."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.conditioning.samples import Samples
+from aerarm_ros.identification.parameters.joint_model import JointModel
+from aerarm_ros.identification.parameters.joint_term import JointTerm, TermKind
+from aerarm_ros.model.regressor import Regressor
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Torque that a parameter vector predicts for a bag.
+
+    Attributes
+    ----------
+    filtered, raw : (M, n) ndarray
+        With and without the torque's low-pass [Nm], at the decimated samples.
+    """
+
+    filtered: Array
+    raw: Array
+
+
+class SampleColumns:
+    """Regressor (3.6) along one bag, filtered as the torque is ("parallel filtering").
+
+    The torque balance holds for filtered torque only if every column passes the same filter
+    (Gautier, ICRA 1997): products of smooth signals have frequencies above theirs, and dry
+    friction is not smooth at all. Dry friction is evaluated at the fine rate, so that its
+    steps are where they were.
+
+    Parameters
+    ----------
+    samples : Samples
+    regressor : Regressor
+        Of the arm.
+    """
+
+    def __init__(self, samples: Samples, regressor: Regressor) -> None:
+        self.samples = samples
+        self._rigid_raw = regressor.stack_rigid(samples.q, samples.dq, samples.ddq)
+        self.rigid = samples.coarse_filter(self._rigid_raw)
+        self._cache: dict[JointTerm, Array] = {}
+
+    def term(self, term: JointTerm, inertial: Array | None = None) -> Array:
+        """Return a joint term's column for every joint.
+
+        Parameters
+        ----------
+        term : JointTerm
+        inertial : (10 n,) ndarray, optional
+            Inertial parameters that give the load, for a term that depends on it.
+
+        Returns
+        -------
+        (M, n) ndarray
+            Filtered torque per coefficient.
+        """
+        if term.kind is TermKind.LOAD:
+            if inertial is None:
+                raise ValueError('friction that depends on the load needs inertial parameters')
+            joints = range(self.samples.n)
+            return np.column_stack([self._load_column(term, j, inertial) for j in joints])
+        if term not in self._cache:
+            samples = self.samples
+            if term.driver is not None:
+                basis = term.basis(samples.dq[:, term.driver], samples.ddq[:, term.driver], None)
+                column = samples.coarse_filter(basis)[:, None]
+                self._cache[term] = np.broadcast_to(column, samples.q.shape)
+            elif term.smooth:
+                # As the links' columns, so that a rotor's adds up with theirs to the last bit.
+                self._cache[term] = samples.coarse_filter(term.basis(samples.dq, samples.ddq, None))
+            else:
+                self._cache[term] = samples.fine_filter(
+                    term.basis(samples.dq_fine, samples.ddq_fine, None)
+                )
+        return self._cache[term]
+
+    def predict(self, model: JointModel, theta: Array) -> Prediction:
+        """Return the torque of a parameter vector; loads follow from its own links.
+
+        Parameters
+        ----------
+        model : JointModel
+        theta : (p,) ndarray
+            In the order of `model.columns`.
+        """
+        samples = self.samples
+        inertial = theta[: 10 * samples.n]
+        raw = self._rigid_raw @ inertial
+        filtered = self.rigid @ inertial
+        load = np.abs(raw)
+        for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
+            moving = joint if term.driver is None else term.driver
+            dq, ddq = samples.dq[:, moving], samples.ddq[:, moving]
+            raw[:, joint] += value * term.basis(dq, ddq, load[:, joint])
+        for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
+            if term.kind is TermKind.LOAD:
+                filtered[:, joint] += value * self._load_column(term, joint, inertial)
+            else:
+                filtered[:, joint] += value * self.term(term)[:, joint]
+        return Prediction(filtered, raw)
+
+    def links_torque(self, inertial: Array) -> Array:
+        """Return the (M, n) torque on the links [Nm], not filtered, of (10 n,) parameters."""
+        return np.asarray(self._rigid_raw @ inertial)
+
+    def _load_column(self, term: JointTerm, joint: int, inertial: Array) -> Array:
+        """Return the filtered column (M,) of a joint's load-dependent friction."""
+        samples = self.samples
+        torque = self._rigid_raw[:, joint] @ inertial
+        fine = np.arange(len(samples.dq_fine), dtype=float)
+        coarse = np.arange(len(torque), dtype=float) * samples.step
+        load = np.abs(np.interp(fine, coarse, torque))
+        basis = term.basis(samples.dq_fine[:, joint], samples.ddq_fine[:, joint], load)
+        return samples.fine_filter(basis)

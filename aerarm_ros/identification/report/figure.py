@@ -1,0 +1,164 @@
+"""Figures of an HTML page, drawn in the browser by the plotting script the page carries."""
+
+import importlib.util
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.report.html_text import Html
+
+Array = npt.NDArray[np.float64]
+
+_MOST_POINTS = 2000  # of a curve: beyond what a screen shows
+_ROW_HEIGHT = 190  # [px] of one joint's axes
+# What is measured is a broad pale band that stays visible under the thin lines on top of it.
+_LINES = {
+    'measured': {'color': '#a9bdd6', 'width': 5.0},
+    'predicted': {'color': '#0b4fa3', 'width': 1.3},
+    'reference': {'color': '#d0672b', 'width': 1.3},
+    'residual': {'color': '#b3261e', 'width': 1.3},
+}
+
+
+class StackedFigure:
+    """Curves over time, one pair of axes a joint, under a common time axis.
+
+    Parameters
+    ----------
+    rows : sequence of str
+        Titles of the axes, top to bottom.
+    unit : str
+        Of all vertical axes.
+    x_title : str
+        Of the common axis.
+    logarithmic : bool
+        All axes.
+    """
+
+    def __init__(
+        self,
+        rows: tuple[str, ...],
+        unit: str,
+        x_title: str = 'time [s]',
+        logarithmic: bool = False,
+    ) -> None:
+        self._kind = 'log' if logarithmic else 'linear'
+        self._rows = rows
+        self._unit = unit
+        self._x_title = x_title
+        self._traces: list[dict[str, Any]] = []
+
+    def add(self, row: int, x: Array, y: Array, name: str, role: str, dash: str = 'solid') -> None:
+        """Add a curve.
+
+        Parameters
+        ----------
+        row : int
+        x, y : (M,) ndarray
+            Thinned out to what a screen can show.
+        name : str
+            In the legend, once.
+        role : str
+            'measured', 'predicted', 'reference' or 'residual': colour and width of the line.
+        dash : str
+            Of the line: 'solid', 'dot', 'dash'.
+        """
+        step = -(-len(x) // _MOST_POINTS)
+        suffix = '' if row == 0 else str(row + 1)
+        self._traces.append(
+            {
+                'type': 'scatter',
+                'mode': 'lines',
+                'x': _short(x[::step]),
+                'y': _short(y[::step]),
+                'name': name,
+                'legendgroup': name,
+                'showlegend': not any(trace['name'] == name for trace in self._traces),
+                'line': {**_LINES[role], 'dash': dash},
+                'xaxis': 'x',
+                'yaxis': f'y{suffix}',
+            }
+        )
+
+    def html(self, identifier: str) -> Html:
+        """Return the figure as a division and the script that draws it."""
+        layout = self._layout()
+        return figure_html(identifier, self._traces, layout)
+
+    def _layout(self) -> dict[str, Any]:
+        count = len(self._rows)
+        layout: dict[str, Any] = {
+            'height': _ROW_HEIGHT * count + 90,
+            'margin': {'l': 75, 'r': 15, 't': 30, 'b': 45},
+            'legend': {'orientation': 'h', 'y': 1.0 + 0.12 / count, 'yanchor': 'bottom'},
+            'hovermode': 'x unified',
+            'template': 'none',
+            'xaxis': {
+                'title': {'text': self._x_title},
+                'anchor': f'y{count if count > 1 else ""}',
+                'type': self._kind,
+            },
+        }
+        gap = 0.2 / count
+        for row, title in enumerate(self._rows):
+            top = 1.0 - row / count
+            layout[f'yaxis{"" if row == 0 else row + 1}'] = {
+                'domain': [max(0.0, top - 1.0 / count + gap), top],
+                'title': {'text': f'{plain_text(title)} [{self._unit}]'},
+                'zerolinecolor': '#c9ced6',
+                'type': self._kind,
+            }
+        return layout
+
+
+def figure_html(identifier: str, traces: list[dict[str, Any]], layout: dict[str, Any]) -> Html:
+    """Return a division and the script that draws traces into it.
+
+    Parameters
+    ----------
+    identifier : str
+        Of the division; letters, digits and hyphens.
+    traces, layout
+        As the plotting script takes them.
+    """
+    options = {'responsive': True, 'displaylogo': False}
+    arguments = ', '.join(_script(value) for value in (identifier, traces, layout, options))
+    return Html(
+        f'<div class="figure" id="{identifier}"></div>\n'
+        f'<script>Plotly.newPlot({arguments});</script>\n'
+    )
+
+
+def plotting_script() -> Html:
+    """Return the plotting library as an inline script, so that the page needs no network.
+
+    Raises
+    ------
+    IdentificationError
+        If plotly isn't installed.
+    """
+    # Looked up, not imported: only its JavaScript is needed, and importing takes a while.
+    found = importlib.util.find_spec('plotly')
+    if found is None or not found.submodule_search_locations:
+        raise IdentificationError('plotly is not installed: install the package again')
+    path = Path(found.submodule_search_locations[0]) / 'package_data' / 'plotly.min.js'
+    return Html(f'<script>{path.read_text(encoding="utf-8")}</script>\n')
+
+
+def _script(value: object) -> str:
+    """Return JSON that may stand inside a script element, whatever strings it holds."""
+    text = json.dumps(value, separators=(',', ':'))
+    return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')
+
+
+def plain_text(text: str) -> str:
+    """Return a text that the plotting script shows as it is: it reads some HTML tags itself."""
+    return text.replace('&', '&amp;').replace('<', '&lt;').replace('>', '&gt;')
+
+
+def _short(values: Array) -> list[float]:
+    return [float(f'{value:.5g}') for value in values]

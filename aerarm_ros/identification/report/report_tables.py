@@ -1,0 +1,251 @@
+"""Tables of the report."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.assessment.assessment import BagAssessment
+from aerarm_ros.identification.assessment.identification_result import (
+    IdentificationResult,
+    Solution,
+)
+from aerarm_ros.identification.assessment.plausibility import held_at_zero
+from aerarm_ros.identification.assessment.truth import InertialTorqueError, Truth
+from aerarm_ros.identification.files.summary import term_text
+from aerarm_ros.identification.parameters.joint_term import JointTerm
+from aerarm_ros.identification.payload.payload import Payload
+from aerarm_ros.identification.recording.bag_facts import BagFacts
+from aerarm_ros.identification.report.html_text import (
+    Html,
+    folded,
+    markup,
+    number,
+    paragraph,
+    table,
+)
+from aerarm_ros.model.inertia import PARAMETER_NAMES
+
+_RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
+
+
+def bags_of(solution: Solution) -> list[tuple[str, BagAssessment]]:
+    """Return the assessments with the part that each bag plays."""
+    return [('identification', bag) for bag in solution.identification] + [
+        ('validation', bag) for bag in solution.validation
+    ]
+
+
+def error_table(result: IdentificationResult) -> Html:
+    """Return table 5.1: errors (5.3) of every solver on every bag, filtered and raw."""
+    bags = bags_of(result.recommended)
+    headings: list[object] = ['solver']
+    for role, bag in bags:
+        name = f'<span class="role">{role}</span><br>{markup(bag.bag)}<br>filtered [%]'
+        headings += [Html(name), 'raw [%]']
+    headings += ['physically consistent', 'smallest pseudo-inertia eigenvalue', 'time [ms]']
+    rows = []
+    for name, solution in result.solutions.items():
+        row: list[object] = [name]
+        for _, bag in bags_of(solution):
+            row += [bag.filtered, bag.raw]
+        estimate = solution.estimate
+        row += [
+            Html('yes' if estimate.physically_consistent else 'no'),
+            estimate.min_pseudo_inertia_eigenvalue,
+            1e3 * estimate.seconds,
+        ]
+        rows.append(row)
+    return table(headings, rows, best=[list(result.solutions).index('sdp')])
+
+
+def joint_error_table(result: IdentificationResult) -> Html:
+    """Return the errors (5.3) of each joint alone."""
+    headings = [
+        'bag',
+        'part',
+        'solver',
+        'torque',
+        *(f'{name} [%]' for name in result.robot.joint_names),
+    ]
+    rows: list[list[object]] = []
+    for name, solution in result.solutions.items():
+        for role, bag in bags_of(solution):
+            for kind, values in (
+                ('filtered', bag.per_joint_filtered),
+                ('raw', bag.per_joint_raw),
+            ):
+                rows.append([bag.bag, role, name, kind, *map(float, values)])
+    rows.sort(key=lambda row: (str(row[1]), str(row[0])))
+    return table(headings, rows)
+
+
+def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
+    """Return table A.1: every parameter against CAD, with standard deviation."""
+    estimate = result.recommended.estimate
+    cad, ols = (result.solutions[name].estimate.theta for name in ('cad', 'ols'))
+    units = list(_RIGID_UNITS) * result.robot.n
+    units += [term.unit.replace('^2', '²') for _, term in estimate.model.joint_columns]
+    headings = ['parameter', 'unit', 'CAD', 'ols', 'sdp', 'standard deviation', 'from data [%]']
+    if truth:
+        headings.append('true')
+        true = np.where(truth.names(estimate.model), truth.vector(estimate.model), np.nan)
+    std = estimate.std if estimate.std is not None else np.full(len(cad), np.nan)
+    known = estimate.determined if estimate.determined is not None else np.full(len(cad), np.nan)
+    at_bound = held_at_zero(estimate)
+    rows = []
+    for i, name in enumerate(estimate.model.columns):
+        row: list[object] = [name, Html(units[i]), float(cad[i]), float(ols[i])]
+        # The share of the data is that without constraints, which says nothing of a bound.
+        source = 'at its bound 0' if at_bound[i] else number(100.0 * float(known[i]), 3)
+        row += [float(estimate.theta[i]), float(std[i]), Html(source)]
+        if truth:
+            row.append(float(true[i]))
+        rows.append(row)
+    return table(headings, rows)
+
+
+def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
+    """Return the combinations of parameters that the data determine."""
+    base = result.used_base
+    solutions = result.solutions
+    columns = {name: base.values(solutions[name].estimate.theta) for name in ('cad', 'ols', 'sdp')}
+    std = base_deviations(result)
+    prior = np.sqrt(
+        result.fit.prior.std[base.independent] ** 2
+        + base.combination**2 @ result.fit.prior.std[base.dependent] ** 2
+    )
+    headings = ['base parameter', 'CAD', 'ols', 'sdp', 'standard deviation', 'excitation']
+    if truth:
+        headings += ['true', 'true, as measured', 'sdp - that, in standard deviations']
+        true = truth.base_values(result.fit, base)
+        shown = truth.measured_base_values(result.fit, base)
+    rows = []
+    for i, expression in enumerate(base.expressions()):
+        row: list[object] = [expression, *(float(values[i]) for values in columns.values())]
+        row += [float(std[i]), float(prior[i] / max(std[i], 1e-300))]
+        if truth:
+            off = (columns['sdp'][i] - shown[i]) / max(std[i], 1e-300)
+            row += [float(true[i]), float(shown[i]), float(off)]
+        rows.append(row)
+    return table(headings, rows)
+
+
+def base_deviations(result: IdentificationResult) -> npt.NDArray[np.float64]:
+    """Return the (r,) standard deviations of the base parameters by the data alone."""
+    fit = result.fit
+    factor = fit.regression.system(fit.noise.information_weights).R[:, result.used_base.independent]
+    scale = np.linalg.norm(factor, axis=0)
+    inverse = np.linalg.pinv(factor / scale)
+    return np.asarray(np.sqrt((inverse**2).sum(axis=1)) / scale)
+
+
+def conditioning_tables(result: IdentificationResult) -> Html:
+    """Return what was found out about the motion and how it was filtered."""
+    conditioner = result.conditioner
+    facts: list[list[object]] = [
+        ['samples', str(result.samples)],
+        ['period', _period(result)],
+        ['motion lies below', f'{conditioner.band:.3g} Hz'],
+        ['torque low-pass', f'{conditioner.cutoff:.3g} Hz, zero phase'],
+        ['kinematics', result.filter_choice.kinematics.label],
+    ]
+    for name, base in (('thesis', result.thesis_base), ('used', result.used_base)):
+        text = f'{len(base.columns)} columns, rank {base.rank}, '
+        facts.append([f'regressor, {name}', text + f'condition number {base.condition_number:.4g}'])
+    choice = result.filter_choice
+    trials = [[t.kinematics.label, float(t.error)] for t in choice.trials]
+    chosen = [i for i, t in enumerate(choice.trials) if t.kinematics == choice.kinematics]
+    return Html(
+        table(['conditioning', ''], facts)
+        + table(['filter of the kinematics', 'error left by least squares [%]'], trials, chosen)
+    )
+
+
+def recording_table(facts: Mapping[str, BagFacts]) -> Html:
+    """Return which part of each bag was used, and what was lost while recording it."""
+    if not facts:
+        return Html('')
+    rows = [
+        [name, known.used, *(_count(x) for x in (known.lost, known.missed_cycles))]
+        for name, known in facts.items()
+    ]
+    return table(['bag', 'used', 'states lost', 'cycles missed'], rows)
+
+
+def _count(value: int | None) -> Html:
+    return Html('not recorded' if value is None else str(value))
+
+
+def _period(result: IdentificationResult) -> str:
+    conditioner = result.conditioner
+    if conditioner.fundamental is None:
+        return 'not periodic'
+    return f'f0 = {conditioner.fundamental:.4g} Hz, {conditioner.harmonics} harmonics'
+
+
+def payload_table(payload: Payload) -> Html:
+    """Return what the last link carries, with standard deviations."""
+    centre = zip('xyz', payload.centre, payload.centre_std, strict=True)
+    rows: list[list[object]] = [
+        [f'centre of mass {axis}', Html('m'), float(value), float(std)]
+        for axis, value, std in centre
+    ]
+    entries = zip(PARAMETER_NAMES, _RIGID_UNITS, payload.inertial, payload.std, strict=True)
+    rows += [[name, Html(unit), float(value), float(std)] for name, unit, value, std in entries]
+    return table([f'carried by {payload.link}', 'unit', 'value', 'standard deviation'], rows)
+
+
+def excitation_table(result: IdentificationResult) -> Html:
+    """Return what each bag asks of the model, joint by joint."""
+    headings = ['bag', 'joint', 'beyond the identified range: q [%]', 'dq [%]', 'ddq [%]']
+    headings += ['uncertainty of predicted torque [Nm]', 'noise [Nm]']
+    rows: list[list[object]] = []
+    for demand in result.demands:
+        for joint, name in enumerate(result.robot.joint_names):
+            row: list[object] = [demand.bag, name, *map(float, 100.0 * demand.beyond[:, joint])]
+            row += [float(demand.uncertainty[joint]), float(result.fit.noise.std[joint])]
+            rows.append(row)
+    return table(headings, rows)
+
+
+def _terms_text(terms: Sequence[JointTerm], names: Sequence[str]) -> str:
+    return ', '.join(term_text(term, names) for term in terms)
+
+
+def friction_tables(result: IdentificationResult) -> Html:
+    """Return the friction model of each joint and what it was compared with."""
+    names = result.robot.joint_names
+    model = result.fit.model
+    chosen = table(
+        ['joint', 'terms besides the links'],
+        [[name, _terms_text(t, names)] for name, t in zip(names, model.terms, strict=True)],
+    )
+    if not result.comparisons:
+        return chosen
+    tried = [
+        [names[trial.joint], _terms_text(trial.terms, names), float(trial.error)]
+        for trial in result.comparisons
+    ]
+    best = [i for i, trial in enumerate(result.comparisons) if trial.chosen]
+    headings = ['joint', 'terms tried', 'held-out squared error, relative']
+    return Html(
+        chosen
+        + folded(
+            'Comparison by cross-validation within the identification bags',
+            paragraph(
+                'Each fifth of the motion predicted from the other four. Emphasised: chosen at '
+                'that step.',
+                'note',
+            ),
+            table(headings, tried, best),
+        )
+    )
+
+
+def truth_table(errors: Sequence[InertialTorqueError], joints: Sequence[str]) -> Html:
+    """Return the errors of links' and rotors' torque against the true parameters."""
+    headings = ['bag', 'solver', 'inertial torque error [%]']
+    headings += [f'{joint} [%]' for joint in joints] + ['against true torque constants [%]']
+    rows = [[e.bag, e.solver, e.total, *map(float, e.per_joint), e.total_absolute] for e in errors]
+    return table(headings, rows, [i for i, e in enumerate(errors) if e.solver == 'sdp'])

@@ -1,0 +1,38 @@
+"""Least squares on the base parameters, thesis section 3.2."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.regression.base_parameters import find_base_parameters
+from aerarm_ros.identification.regression.reduced_regression import ReducedRegression
+
+Array = npt.NDArray[np.float64]
+
+
+def solve_least_squares(
+    regression: ReducedRegression, reference: Array, weights: npt.ArrayLike = 1.0
+) -> Array:
+    """Minimise the torque error without constraints.
+
+    Only base parameters have a unique solution. Of all parameter vectors that give it, the
+    one is returned whose other parameters are those of the reference. It fits best and may be
+    physically impossible.
+
+    Parameters
+    ----------
+    regression : ReducedRegression
+    reference : (p,) ndarray
+        Usually CAD.
+    weights : float or (n,) array_like
+        Of each joint's rows, one over its noise [1/Nm]; 1 is ordinary least squares.
+
+    Returns
+    -------
+    (p,) ndarray
+    """
+    base = find_base_parameters(regression.system().R, regression.columns)
+    system = regression.system(weights)
+    reduced = system.R[:, base.independent]
+    scale = np.linalg.norm(reduced, axis=0)
+    values, *_ = np.linalg.lstsq(reduced / scale, system.z, rcond=None)
+    return base.complete(values / scale, reference)

@@ -1,0 +1,147 @@
+"""Every solver on one reduced regression."""
+
+import time
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
+from aerarm_ros.identification.parameters.inertia_boxes import inertia_boxes
+from aerarm_ros.identification.parameters.link_bounds import LinkBounds
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.regression.model_fit import ModelFit
+from aerarm_ros.identification.regression.regularised_regression import posterior_covariance
+from aerarm_ros.identification.regression.sample_columns import SampleColumns
+from aerarm_ros.identification.solvers.annealing_solver import solve_annealing
+from aerarm_ros.identification.solvers.entropic_solver import solve_entropic
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.identification.solvers.huber_solver import solve_huber
+from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
+from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
+from aerarm_ros.identification.solvers.relaxation import solve_relaxed
+from aerarm_ros.identification.solvers.slsqp_solver import solve_slsqp
+from aerarm_ros.identification.solvers.thesis_problem import ThesisProblem
+
+Array = npt.NDArray[np.float64]
+
+RECOMMENDED = 'sdp'
+"""The solver whose estimate is physically consistent."""
+
+SOLVERS = ('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', RECOMMENDED)
+"""All solvers, in the order of tables."""
+
+ALWAYS = ('cad', 'ols', RECOMMENDED)
+"""Those that the report compares."""
+
+FAST = (*ALWAYS, 'wls')
+"""Those that take milliseconds."""
+
+
+def solve_all(
+    fit: ModelFit,
+    cad: ArmParameters,
+    bags: Sequence[SampleColumns] = (),
+    names: Collection[str] = FAST,
+    progress: Callable[[str], None] | None = None,
+    bounds: LinkBounds | None = None,
+) -> dict[str, Estimate]:
+    """Return the estimate of each solver.
+
+    Parameters
+    ----------
+    fit : ModelFit
+        Regression, prior and noise.
+    cad : ArmParameters
+        Gives the physical limits.
+    bags : sequence of SampleColumns
+        To identify from; only 'huber' needs them.
+    names : collection of str
+        Solvers to run besides `ALWAYS`.
+    progress : callable, optional
+        Is told the name of each solver that takes its time.
+    bounds : LinkBounds, optional
+        Given up where they contradict: the recommended estimate's notes say so.
+
+    Raises
+    ------
+    IdentificationError
+        If a solver is unknown, or one of `ALWAYS` has no solution; another one is left out,
+        and the recommended estimate's notes say why.
+    """
+    unknown = [name for name in names if name not in SOLVERS]
+    if unknown:
+        raise IdentificationError(
+            f'no solver {", ".join(unknown)}: choose among {", ".join(SOLVERS)}'
+        )
+    limits = physical_limits(fit, cad, bounds)
+    solvers = _solvers(fit, limits, bags)
+    estimates: dict[str, Estimate] = {}
+    failures: list[str] = []
+    for name in SOLVERS:
+        if name not in (*names, *ALWAYS):
+            continue
+        if progress is not None and name not in FAST:
+            progress(name)
+        begin = time.perf_counter()
+        try:
+            theta, notes = solvers[name]()
+        except IdentificationError as error:
+            if name in ALWAYS:
+                raise
+            failures.append(f'solver {name} left out: {error}')
+            continue
+        seconds = time.perf_counter() - begin
+        estimates[name] = Estimate(name, fit.model, theta, seconds=seconds, notes=notes)
+    recommended = _with_uncertainty(estimates[RECOMMENDED], fit)
+    estimates[RECOMMENDED] = replace(recommended, notes=(*recommended.notes, *failures))
+    return estimates
+
+
+def _solvers(
+    fit: ModelFit, limits: PhysicalLimits, bags: Sequence[SampleColumns]
+) -> dict[str, Callable[[], tuple[Array, tuple[str, ...]]]]:
+    """Return functions that give parameters and what the user should know."""
+    regression, prior, weights = fit.regression, fit.prior, fit.noise.weights
+    return {
+        'cad': lambda: (prior.mean, ()),
+        'ols': lambda: (solve_least_squares(regression, prior.mean), ()),
+        'wls': lambda: (solve_least_squares(regression, prior.mean, weights), ()),
+        'huber': lambda: solve_huber(fit, bags, limits),
+        'slsqp': lambda: (solve_slsqp(thesis_problem(fit, limits)), ()),
+        'annealing': lambda: (solve_annealing(thesis_problem(fit, limits)), ()),
+        'entropic': lambda: solve_relaxed(
+            regression.system(weights), prior, limits, solve_entropic
+        ),
+        RECOMMENDED: lambda: solve_relaxed(regression.system(weights), prior, limits),
+    }
+
+
+def thesis_problem(fit: ModelFit, limits: PhysicalLimits) -> ThesisProblem:
+    """Return (3.11) for the solvers of the thesis."""
+    return ThesisProblem(fit.regression.system(), fit.prior.mean, fit.prior.std, limits)
+
+
+def physical_limits(
+    fit: ModelFit, cad: ArmParameters, bounds: LinkBounds | None = None
+) -> PhysicalLimits:
+    """Return what the parameters of a real arm with these joints obey."""
+    scale = cad.inertial_scale()
+    boxes = inertia_boxes(cad.inertial)
+    return PhysicalLimits(
+        mass=cad.inertial[:, 0],
+        size=scale[:, 1] / scale[:, 0],
+        nonnegative=np.array([term.nonnegative for _, term in fit.model.joint_columns], dtype=bool),
+        centre=boxes.centre,
+        reach=boxes.reach,
+        bounds=bounds or LinkBounds(),
+    )
+
+
+def _with_uncertainty(estimate: Estimate, fit: ModelFit) -> Estimate:
+    """Add standard deviations: prior and data as normal distributions, constraints left out."""
+    system = fit.regression.system(fit.noise.information_weights)
+    variance = np.diag(posterior_covariance(system, fit.prior))
+    determined = np.clip(1.0 - variance / fit.prior.std**2, 0.0, 1.0)
+    return replace(estimate, std=np.sqrt(variance), determined=determined)

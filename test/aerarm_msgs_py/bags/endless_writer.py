@@ -1,0 +1,15 @@
+"""Writes messages into a bag until it is killed."""
+
+import sys
+import time
+from itertools import count
+
+from aerarm_msgs_py.bags.bag_writer import BagWriter
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage
+from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
+
+writer = BagWriter(sys.argv[1], [RecordedTopic('/text', 'std_msgs/msg/String')])
+for number in count(1):
+    now = time.time_ns()
+    writer.write(RecordedMessage(0, number.to_bytes(8, 'little') * 20, now, now, number))
+    time.sleep(1e-3)

@@ -1,0 +1,128 @@
+"""Files by other writers than this suite's."""
+
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType, Writer
+
+from aerarm_msgs_py.bags.bag_error import BagError, BagWarning
+from aerarm_msgs_py.bags.bag_reader import read_joint_states
+from aerarm_msgs_py.bags.mcap_file import McapFile
+
+
+def write(path: Path, messages, **options) -> Path:
+    with path.open('wb') as stream:
+        writer = Writer(stream, **options)
+        writer.start('ros2')
+        schema = writer.register_schema('sensor_msgs/msg/JointState', 'ros2msg', b'')
+        channels = [
+            writer.register_channel(name, 'cdr', schema) for name in ('/joint_states', '/other')
+        ]
+        for m in messages:
+            channel = channels[m.topic]
+            writer.add_message(channel, m.log_time, m.payload, m.publish_time, m.sequence)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    'options',
+    [
+        {'compression': CompressionType.ZSTD, 'chunk_size': 20_000},
+        {'compression': CompressionType.LZ4, 'chunk_size': 20_000},
+        {'compression': CompressionType.NONE},
+        {'use_chunking': False},
+        {'use_summary_offsets': False, 'repeat_channels': False, 'use_statistics': False},
+    ],
+    ids=['zstd', 'lz4', 'none', 'without chunks', 'without summary'],
+)
+def test_reads_files_of_the_mcap_package(tmp_path: Path, recording, options) -> None:
+    series = read_joint_states(write(tmp_path / 'a.mcap', recording.messages(400), **options))
+    np.testing.assert_array_equal(series.velocity, recording.numbers(400)[:, 1])
+
+
+def test_blocks_hold_a_bounded_part_of_a_file_without_chunks(tmp_path: Path, recording) -> None:
+    path = write(tmp_path / 'a.mcap', recording.messages(8000), use_chunking=False)
+    blocks = list(McapFile(path).blocks(['/joint_states']))
+    assert sum(len(block.payloads) for block in blocks) == 8000
+    assert max(len(block.payloads) for block in blocks) < 5000
+
+
+def test_chunks_without_a_topic_are_not_read(tmp_path: Path, recording) -> None:
+    """The first chunk holds no message of the second topic, so its damage is not met."""
+    first, second = ([m for m in recording.messages(400) if m.topic == topic] for topic in (0, 1))
+    path = write(tmp_path / 'a.mcap', [*first, *second], chunk_size=20_000)
+    content = bytearray(path.read_bytes())
+    place = content.index(b'\x04\0\0\0zstd', content.index(b'\x04\0\0\0zstd') + 1)
+    content[place + 60] ^= 0xFF  # in the second chunk: the first one tells what the topics are
+    path.write_bytes(content)
+    (*blocks,) = McapFile(path).blocks(['/other'])
+    assert sum(len(block.payloads) for block in blocks) == 400
+    with pytest.warns(BagWarning, match='is damaged'):
+        assert sum(len(b.payloads) for b in McapFile(path).blocks(['/joint_states'])) < 400
+
+
+def test_a_finished_file_tells_how_many_messages_it_has(tmp_path: Path, recording) -> None:
+    path = write(tmp_path / 'a.mcap', recording.messages(40))
+    file = McapFile(path)
+    list(file.blocks(['/other']))
+    assert file.counts == {'/joint_states': 40, '/other': 40}
+    path.write_bytes(path.read_bytes()[:-3000])
+    file = McapFile(path)
+    with pytest.warns(BagWarning, match='is cut off'):
+        list(file.blocks())
+    assert file.counts is None
+    assert file.damaged
+
+
+@pytest.mark.parametrize('cut', [1, 5, 9, 30, 100])
+def test_a_missing_end_is_warned_about(tmp_path: Path, recording, cut: int) -> None:
+    path = write(tmp_path / 'a.mcap', recording.messages(400), use_chunking=False)
+    content = path.read_bytes()
+    end = content.index(b'\x0f\x04\0\0\0\0\0\0\0')  # the record that ends the messages
+    path.write_bytes(content[: end - cut])
+    with pytest.warns(BagWarning, match='is cut off'):
+        blocks = list(McapFile(path).blocks(['/other']))
+    assert sum(len(block.payloads) for block in blocks) == 399
+
+
+def test_garbage_behind_the_messages_is_no_message(tmp_path: Path, recording) -> None:
+    path = write(tmp_path / 'a.mcap', recording.messages(400))
+    content = path.read_bytes()
+    end = content.index(b'\x0f\x04\0\0\0\0\0\0\0')
+    path.write_bytes(content[:end] + bytes(500))
+    with pytest.warns(BagWarning, match='is cut off'):
+        blocks = list(McapFile(path).blocks())
+    assert sum(len(block.payloads) for block in blocks) == 800
+
+
+def test_an_unknown_compression_is_warned_about(tmp_path: Path, recording) -> None:
+    path = write(tmp_path / 'a.mcap', recording.messages(10))
+    path.write_bytes(path.read_bytes().replace(b'\x04\0\0\0zstd', b'\x04\0\0\0abcd'))
+    with pytest.warns(BagWarning, match="compression 'abcd' is not known"):
+        assert list(McapFile(path).blocks()) == []
+
+
+@pytest.mark.filterwarnings('ignore::aerarm_msgs_py.bags.bag_error.BagWarning')
+@pytest.mark.parametrize('chunked', [True, False])
+def test_a_file_with_any_bytes_changed_is_read_or_refused(
+    tmp_path: Path, recording, chunked: bool
+) -> None:
+    path = write(
+        tmp_path / 'a.mcap',
+        recording.messages(20),
+        compression=CompressionType.NONE,
+        use_chunking=chunked,
+        enable_crcs=False,
+    )
+    content = path.read_bytes()
+    rng = np.random.default_rng(5)
+    for _ in range(400):
+        changed = np.frombuffer(content, np.uint8).copy()
+        places = rng.integers(8, len(changed), rng.integers(1, 6))
+        changed[places] = rng.integers(0, 256, len(places))
+        path.write_bytes(changed.tobytes())
+        with suppress(BagError):
+            read_joint_states(path)

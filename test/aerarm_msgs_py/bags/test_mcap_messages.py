@@ -1,0 +1,74 @@
+"""Messages of a chunk by its index, checked, or by a walk."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from aerarm_msgs_py.bags.mcap_messages import ChunkIndexes, walk
+
+CHANNELS = (1, 2, 1, 3, 1)
+
+
+def chunk() -> tuple[bytes, list[int]]:
+    records, starts = b'', []
+    for k, channel in enumerate(CHANNELS):
+        payload = bytes(k)
+        starts.append(len(records))
+        header = struct.pack('<BQHIQQ', 5, 22 + k, channel, k, 100 + k, 100 + k)
+        records += header + payload
+    return records, starts
+
+
+def index(channel: int, starts: list[int]) -> bytes:
+    own = [start for start, c in zip(starts, CHANNELS, strict=True) if c == channel]
+    entries = b''.join(struct.pack('<QQ', 0, start) for start in own)
+    return struct.pack('<HI', channel, len(entries)) + entries
+
+
+def indexes(starts: list[int], channels: tuple[int, ...] = (3, 1, 2)) -> ChunkIndexes:
+    found = ChunkIndexes()
+    for channel in channels:
+        found.add(index(channel, starts))
+    return found
+
+
+def test_index_and_walk_agree() -> None:
+    records, starts = chunk()
+    found = indexes(starts)
+    assert found.channels == {1, 2, 3}
+    assert found.message_starts(records).tolist() == starts
+    walked, definitions = walk(records)
+    assert walked.tolist() == starts
+    assert definitions == []
+
+
+def test_an_index_that_misses_something_is_not_believed() -> None:
+    """A channel without index, other records in the chunk, places that are no messages."""
+    records, starts = chunk()
+    assert indexes(starts, (1, 2)).message_starts(records) is None
+    assert indexes(starts).message_starts(records + b'\4' + bytes(8)) is None
+    assert indexes([start + 1 for start in starts]).message_starts(records) is None
+    assert indexes(starts).message_starts(records[:-1]) is None
+    assert indexes(starts).message_starts(b'') is None
+    assert ChunkIndexes().message_starts(records) is None
+
+
+@pytest.mark.parametrize(
+    'content', [b'', b'\1\0', struct.pack('<HI', 1, 16), b'\1\0\5\0\0\0' + bytes(5)]
+)
+def test_a_broken_index_record_is_incomplete(content: bytes) -> None:
+    records, starts = chunk()
+    found = indexes(starts)
+    found.add(content)
+    assert not found.complete
+    assert found.message_starts(records) is None
+
+
+def test_the_walk_tells_definitions_and_leaves_out_what_is_cut() -> None:
+    records, starts = chunk()
+    schema = b'\3' + (4).to_bytes(8, 'little') + b'abcd'
+    walked, definitions = walk(schema + records[:-1])
+    assert definitions == [(3, b'abcd')]
+    assert walked.tolist() == [start + len(schema) for start in starts[:-1]]
+    assert np.array_equal(walk(b'')[0], [])

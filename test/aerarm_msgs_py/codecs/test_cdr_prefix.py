@@ -1,0 +1,28 @@
+import numpy as np
+
+from aerarm_msgs_py.codecs.cdr_prefix import CdrPrefix
+
+
+def prefix_of(*texts: str) -> CdrPrefix:
+    prefix = CdrPrefix(4)
+    prefix.add_strings(texts)
+    return prefix
+
+
+def test_padding_is_open_and_everything_else_is_not() -> None:
+    prefix = prefix_of('a', 'b')
+    payload = bytearray(b'\0\1\0\0' + prefix.content)
+    padding = {14, 15}  # behind 'a\0'; 'b\0' ends the prefix
+    for k in range(4, len(payload)):
+        changed = payload.copy()
+        changed[k] ^= 0x55
+        assert prefix.matches(bytes(changed)) == (k in padding)
+        rows = np.frombuffer(bytes(payload + changed), np.uint8).reshape(2, -1)
+        assert prefix.matches_rows(rows) == (k in padding)
+
+
+def test_a_short_payload_does_not_match() -> None:
+    prefix = prefix_of('joint')
+    payload = b'\0\1\0\0' + prefix.content
+    assert prefix.matches(payload)
+    assert not prefix.matches(payload[:-1])

@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+
+from aerarm_msgs_py.codecs.joint_sample import JointSample
+from aerarm_msgs_py.codecs.joint_state_conversion import (
+    decode_as_sent,
+    decode_joint_state,
+    from_message,
+    in_order,
+    to_message,
+)
+
+SAMPLE = JointSample(5_000_000_007, np.array([1.0, 2.0]), None, np.array([3.0, 4.0]))
+NAMES = ('a', 'b')
+
+
+def test_round_trip_through_a_message_and_its_bytes() -> None:
+    message = to_message(NAMES, SAMPLE)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (5, 7)
+    message.header.frame_id = 'any'
+    for names, sample in (from_message(message), decode_joint_state(serialize_message(message))):
+        assert names == NAMES
+        assert sample.stamp_ns == SAMPLE.stamp_ns
+        np.testing.assert_array_equal(sample.position, SAMPLE.position)
+        assert sample.velocity is None
+        np.testing.assert_array_equal(sample.effort, SAMPLE.effort)
+
+
+def test_joints_are_ordered_by_name() -> None:
+    sample = in_order(NAMES, SAMPLE, ['b', 'a'])
+    np.testing.assert_array_equal(sample.position, [2.0, 1.0])
+    assert sample.velocity is None
+    np.testing.assert_array_equal(in_order(NAMES, SAMPLE, ['b']).effort, [4.0])
+    with pytest.raises(ValueError, match=r"\['c'\] are missing"):
+        in_order(NAMES, SAMPLE, ['a', 'c'])
+
+
+def test_fields_that_do_not_fit_the_names_are_refused_or_told_as_sent() -> None:
+    message = JointState(name=['a', 'b'], position=[1.0])
+    names, sample = decode_as_sent(serialize_message(message))
+    assert names == NAMES
+    np.testing.assert_array_equal(sample.position, [1.0])
+    assert sample.velocity is None
+    with pytest.raises(ValueError, match='2 names with 1 positions'):
+        decode_joint_state(serialize_message(message))
+    with pytest.raises(ValueError, match='2 names with 1 positions'):
+        from_message(message)
+    for decode in (decode_joint_state, decode_as_sent):
+        with pytest.raises(ValueError, match='too early'):
+            decode(b'\0\1\0\0abc')

@@ -1,0 +1,54 @@
+"""The suite's source files, and what they import, read from their syntax trees."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SUITE = ('aerarm_ros', 'aerarm_msgs_py')
+
+
+def python_files(folder: str) -> list[Path]:
+    """Return the Python files of a folder and of all below it; there must be some."""
+    files = sorted((ROOT / folder).rglob('*.py'))
+    assert files, f'{folder} is empty'
+    return files
+
+
+def package_folders() -> list[str]:
+    """Return the folders of the suite's packages, inner ones too, as 'aerarm_ros/model'."""
+    files = [path for package in SUITE for path in python_files(package)]
+    return [str(path.parent.relative_to(ROOT)) for path in files if path.name == '__init__.py']
+
+
+def modules_in(folder: str) -> list[str]:
+    """Return the names of the modules in a package's own folder."""
+    return sorted(path.stem for path in (ROOT / folder).glob('*.py') if path.stem != '__init__')
+
+
+def imported_modules(path: Path) -> set[str]:
+    """Return the full names of the modules that a file imports.
+
+    `from a.b import c` imports `a.b.c` if that is a module or package of the suite, else `a.b`.
+    """
+    return set(_imported(ast.parse(path.read_text()), path))
+
+
+def _imported(tree: ast.AST, path: Path) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.module and not node.level, f'{path}: rules are read from full names'
+            for alias in node.names:
+                below = f'{node.module}.{alias.name}'
+                yield below if is_package(below) or _file(below).is_file() else node.module
+
+
+def is_package(name: str) -> bool:
+    """Tell whether a dotted name is that of one of the suite's packages."""
+    return (ROOT / name.replace('.', '/') / '__init__.py').is_file()
+
+
+def _file(name: str) -> Path:
+    return ROOT / f'{name.replace(".", "/")}.py'

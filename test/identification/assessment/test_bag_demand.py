@@ -1,0 +1,47 @@
+"""Validation that asks for more than was identified is noticed."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.stopwatch import Stopwatch
+
+
+def test_a_similar_motion_is_no_extrapolation(result: IdentificationResult) -> None:
+    identification, validation = result.demands
+    assert (identification.bag, validation.bag) == ('bag1', 'bag2')
+    assert np.all(identification.beyond == 0.0)
+    assert np.all(identification.uncertainty < result.fit.noise.std)
+    assert not any('excites' in text for text in result.warnings)
+
+
+def test_a_joint_that_rested_is_uncertain(
+    make_arm: Callable, robot: Robot, config: ArmConfig
+) -> None:
+    arm = make_arm()
+    bag = arm.recording(1, noise=1.0)
+    t, q, dq, ddq = arm.motion(1)
+    q[:, 3] = q[0, 3]
+    dq[:, 3] = ddq[:, 3] = 0.0
+    noise = 0.05 * np.random.default_rng(0).standard_normal(q.shape)
+    still = replace(bag, time=t, q=q, dq=dq, tau=arm.torque(q, dq, ddq) + noise)
+    options = IdentificationOptions(friction='coulomb')
+    result = identify(robot, config, [still], [bag], options, Stopwatch())
+    velocity = next(text for text in result.warnings if 'velocity leaves the range' in text)
+    assert velocity.startswith('bag1: ')
+    assert 'joint4 by' in velocity
+    assert any('hardly excites' in text and 'joint4' in text for text in result.warnings)
+    assert 'fs_joint4' in result.only_prior
+    assert result.demands[1].uncertainty[3] > 3.0 * result.demands[0].uncertainty[3]
+
+
+def test_what_no_motion_of_the_arm_shows_is_the_priors(result: IdentificationResult) -> None:
+    assert 'm_link1' in result.only_prior
+    assert 'Ja_joint4' not in result.only_prior
+    assert len(result.only_prior) == pytest.approx(52 - result.used_base.rank, abs=10)

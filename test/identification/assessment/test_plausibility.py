@@ -1,0 +1,60 @@
+"""Wrong signs, units and bounds show in the result, and the warning says what to check."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.assessment.plausibility import bound_warnings
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.stopwatch import Stopwatch
+
+
+@pytest.fixture(scope='module')
+def warnings(make_arm: Callable, robot: Robot, config: ArmConfig) -> Callable[..., str]:
+    """Return a function that identifies from torques times factors, and returns the warnings."""
+    recording = make_arm(rate=100.0).recording(1, noise=1.0)
+
+    def run(*factors: float) -> str:
+        changed = replace(recording, tau=recording.tau * factors)
+        options = IdentificationOptions(friction='coulomb')
+        return ' '.join(identify(robot, config, [changed], [], options, Stopwatch()).warnings)
+
+    return run
+
+
+def test_good_data_are_not_warned_of(warnings: Callable[..., str]) -> None:
+    text = warnings(1.0, 1.0, 1.0, 1.0)
+    assert 'check' not in text
+
+
+def test_a_joint_with_the_other_sign(warnings: Callable[..., str]) -> None:
+    text = warnings(1.0, -1.0, 1.0, 1.0)
+    assert "joint2's effort has the opposite sign" in text
+    assert 'check the sign and unit of the effort' in text
+    assert 'a physically consistent arm leaves' in text
+
+
+def test_efforts_in_another_unit(warnings: Callable[..., str]) -> None:
+    text = warnings(20.0, 20.0, 20.0, 20.0)
+    assert "joint2's effort is 2" in text
+    assert 'times as large' in text
+
+
+def test_bounds_that_hold_an_estimate(result: IdentificationResult) -> None:
+    """Masses at half of CAD's, and friction that the data want to be negative."""
+    estimate, fit = result.recommended.estimate, result.fit
+    mass = estimate.inertial[:, 0]
+    assert bound_warnings(estimate, fit, mass) == []
+    assert 'mass of link1, link2, link3, link4 is at its bound, half' in ' '.join(
+        bound_warnings(estimate, fit, 2.0 * mass)
+    )
+    first = 10 * fit.model.n
+    held, wanted = np.array(estimate.theta), np.array(fit.theta)
+    held[first], wanted[first] = 0.0, -1.0
+    (text,) = bound_warnings(replace(estimate, theta=held), replace(fit, theta=wanted), mass)
+    assert text.startswith(f'{fit.model.columns[first]} held at the bound 0')

@@ -1,0 +1,127 @@
+"""Comparison with the true parameters of a simulated arm."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.assessment.truth import Truth, inertial_torque_errors, load_truth
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
+from aerarm_ros.identification.report.report_tables import base_deviations
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.simulation.plant_parameters import PlantParameters
+
+
+@pytest.fixture
+def truth_file(tmp_path: Path, robot, config) -> Path:
+    path = tmp_path / 'truth.yaml'
+    plant = PlantParameters.nominal(config, robot).perturbed(3)
+    path.write_text(yaml.safe_dump(plant.as_dict()))
+    return path
+
+
+def test_the_boards_file_is_understood(
+    truth_file: Path, result: IdentificationResult, robot, config
+) -> None:
+    model = result.fit.model
+    truth = load_truth(truth_file, model)
+    plant = PlantParameters.nominal(config, robot).perturbed(3)
+    theta = truth.vector(model)
+    assert np.allclose(theta[:40].reshape(4, 10), plant.inertial_parameters)
+    assert np.allclose(Estimate('', model, theta).joint_values('Ja'), plant.rotor_inertia)
+    assert truth.value('fv_joint2') == pytest.approx(plant.viscous[1])
+    assert truth.value('none') is None
+
+
+def test_error_is_zero_for_the_truth_as_currents_show_it(
+    truth_file: Path, result: IdentificationResult
+) -> None:
+    """Wrong torque constants scale the measured torque: a share no estimate can remove."""
+    model = result.fit.model
+    truth = load_truth(truth_file, model)
+    estimate = Estimate('true', model, truth.vector(model))
+    (error,) = inertial_torque_errors(truth, [estimate], result.validation)
+    assert error.total_absolute == pytest.approx(0.0, abs=1e-9)
+    off = 100.0 * np.abs(1.0 - 1.0 / truth.measured_per_true_torque)
+    assert error.per_joint == pytest.approx(off, rel=1e-6)
+    assert 0.0 < error.total < off.max()
+
+
+def test_identification_comes_closer_than_cad(
+    make_arm: Callable, result: IdentificationResult, tmp_path: Path
+) -> None:
+    arm = make_arm()
+    names = result.fit.model.columns
+    values = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
+    path = tmp_path / 'truth.yaml'
+    path.write_text(yaml.safe_dump({'parameters': dict(zip(names, values.tolist(), strict=True))}))
+    truth = load_truth(path, result.fit.model)
+    estimates = [solution.estimate for solution in result.solutions.values()]
+    errors = inertial_torque_errors(truth, estimates, result.validation)
+    total = {error.solver: error.total for error in errors}
+    assert total['sdp'] < 0.5 < 3.0 < total['cad']
+
+
+def truth_of(arm, model, gains: np.ndarray) -> Truth:
+    values = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
+    return Truth(dict(zip(model.columns, values, strict=True)), np.zeros(4), gains)
+
+
+def test_equal_torque_constants_scale_every_base_parameter(
+    result: IdentificationResult, arm
+) -> None:
+    fit, base = result.fit, result.used_base
+    true = truth_of(arm, fit.model, np.full(4, 1.02))
+    values = true.base_values(fit, base)
+    assert np.allclose(values, base.values(true.vector(fit.model)))
+    assert true.measured_base_values(fit, base) == pytest.approx(1.02 * values, abs=1e-9)
+
+
+def test_identified_base_parameters_are_those_that_currents_show(
+    make_arm: Callable, robot, config
+) -> None:
+    """Other torque constants than stated are no error of the estimate."""
+    arm, gains = make_arm(), np.array([1.02, 0.98, 1.01, 0.99])
+    states = arm.states(1, noise=1.0)
+    states.effort = states.effort * gains
+    recording = recording_from_states('bag', states, robot.joint_names, JointMapping({}))
+    options = IdentificationOptions(friction='coulomb')
+    found = identify(robot, config, [recording], [], options, Stopwatch())
+    truth = truth_of(arm, found.fit.model, gains)
+    values = found.used_base.values(found.recommended.estimate.theta)
+    std = base_deviations(found)
+    off = np.abs(values - truth.measured_base_values(found.fit, found.used_base)) / std
+    assert off.max() < 4.0
+    unscaled = np.abs(values - truth.base_values(found.fit, found.used_base)) / std
+    assert unscaled.max() > 20.0
+
+
+def test_a_base_parameter_is_unknown_if_a_part_is(result: IdentificationResult, arm) -> None:
+    fit, base = result.fit, result.used_base
+    truth = truth_of(arm, fit.model, np.ones(4))
+    known = {name: value for name, value in truth.parameters.items() if name != 'Ja_joint1'}
+    truth = Truth(known, truth.load_friction, truth.measured_per_true_torque)
+    unnamed = np.flatnonzero(~truth.names(fit.model))
+    assert [fit.model.columns[i] for i in unnamed] == ['Ja_joint1']
+    for values in (truth.base_values(fit, base), truth.measured_base_values(fit, base)):
+        parts = [set(text.split()) for text in base.expressions()]
+        assert np.isnan(values).tolist() == ['Ja_joint1' in part for part in parts]
+
+
+@pytest.mark.parametrize(
+    'text',
+    ['parameters: {m_link1: 1.0}', '[1, 2]', 'parameters: 3', '{', 'parameters: {m_link1: heavy}'],
+)
+def test_other_files_are_refused(tmp_path: Path, result: IdentificationResult, text: str) -> None:
+    path = tmp_path / 'truth.yaml'
+    path.write_text(text)
+    with pytest.raises(IdentificationError, match='not a file of true parameters'):
+        load_truth(path, result.fit.model)
+    with pytest.raises(IdentificationError, match='check the path'):
+        load_truth(tmp_path / 'none.yaml', result.fit.model)

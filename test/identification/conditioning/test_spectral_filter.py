@@ -1,0 +1,86 @@
+"""Zero-phase filtering: against SciPy, exact derivatives, decimation, ends."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from aerarm_ros.identification.conditioning.spectral_filter import (
+    SpectralFilter,
+    harmonic_gain,
+    low_pass_gain,
+)
+
+DT = 2e-3
+
+
+def noise(count: int, columns: int = 3) -> np.ndarray:
+    return np.random.default_rng(0).standard_normal((count, columns))
+
+
+def test_low_pass_is_a_butterworth_run_forwards_and_backwards() -> None:
+    """Far below the Nyquist frequency the digital design equals the analogue one."""
+    signal = np.cumsum(noise(4000), axis=0) * 0.05
+    expected = sosfiltfilt(butter(4, 5.0, fs=1.0 / DT, output='sos'), signal, axis=0)
+    smooth = SpectralFilter(4000, DT, low_pass_gain(5.0), settling=0.8)(signal)
+    inner = slice(300, -300)
+    assert np.abs(smooth - expected)[inner].max() < 2e-3 * np.abs(signal).max()
+
+
+def test_gain_is_one_half_at_the_cutoff() -> None:
+    assert low_pass_gain(5.0)(np.array([0.0, 5.0, 50.0])) == pytest.approx([1, 0.5, 0], abs=1e-7)
+
+
+@pytest.mark.parametrize('derivative', [0, 1, 2])
+def test_derivatives_of_a_periodic_signal_are_exact(derivative: int) -> None:
+    count, omega = 1000, 2 * np.pi / (1000 * DT)
+    t = DT * np.arange(count)
+    signal = np.sin(3 * omega * t) + 2.0
+    smooth = SpectralFilter(count, DT, harmonic_gain(omega / (2 * np.pi), 5))
+    exact = [np.sin, np.cos, lambda x: -np.sin(x)][derivative](3 * omega * t)
+    exact = exact * (3 * omega) ** derivative + (2.0 if derivative == 0 else 0.0)
+    assert np.allclose(smooth(signal, derivative), exact, atol=1e-9 * (3 * omega) ** 2)
+
+
+def test_rectangular_windows_pass_the_known_harmonics_only() -> None:
+    """Section 3.5: of two periods, only constant and multiples of f0 up to N f0 are left."""
+    count = 2000
+    t = np.arange(count) / 1000.0  # two periods of f0 = 1
+    wanted = 1.0 + np.cos(2 * np.pi * t) + np.sin(2 * np.pi * 3 * t)
+    unwanted = np.sin(2 * np.pi * 1.5 * t) + np.sin(2 * np.pi * 4 * t)
+    smooth = SpectralFilter(count, 1e-3, harmonic_gain(1.0, 3))
+    assert np.allclose(smooth(wanted + unwanted), wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize(('count', 'settling'), [(1200, None), (1203, 0.3), (1200, 0.3)])
+def test_decimation_picks_samples_of_the_filtered_signal(
+    count: int, settling: float | None
+) -> None:
+    smooth = SpectralFilter(count, DT, low_pass_gain(2.0), 12, settling)
+    signal = noise(count)
+    assert np.allclose(smooth(signal), smooth(signal, decimate=False)[::12], atol=1e-8)
+
+
+def test_straight_lines_pass_up_to_their_ends() -> None:
+    """The continuation by point reflection keeps value and slope."""
+    line = np.linspace(-3.0, 5.0, 900)
+    smooth = SpectralFilter(900, DT, low_pass_gain(4.0), settling=1.0)
+    assert np.allclose(smooth(line), line, atol=1e-12)
+    assert np.allclose(smooth(line, derivative=1), 8.0 / (899 * DT))
+
+
+@pytest.mark.parametrize('count', [7, 20, 97])
+def test_short_signals_are_filtered_too(count: int) -> None:
+    filtered = SpectralFilter(count, DT, low_pass_gain(20.0), 3, settling=10.0)(noise(count))
+    assert filtered.shape == (-(-count // 3), 3)
+    assert np.isfinite(filtered).all()
+
+
+def test_columns_are_filtered_independently_of_their_number() -> None:
+    many = noise(1500, 1400)
+    smooth = SpectralFilter(1500, DT, low_pass_gain(5.0), settling=0.5)
+    assert np.allclose(smooth(many)[:, 1399], smooth(many[:, 1399]), atol=1e-12)
+
+
+def test_uneven_decimation_of_a_periodic_signal_is_refused() -> None:
+    with pytest.raises(ValueError, match='decimated'):
+        SpectralFilter(1000, DT, low_pass_gain(5.0), 7)

@@ -1,0 +1,58 @@
+"""An estimate is the same after it was written and read."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.files.estimate_file import estimate_yaml
+from aerarm_ros.identification.files.estimate_reader import read_estimate
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+
+NOTHING = np.zeros(4)
+
+
+def test_it_predicts_the_same_torque(
+    result: IdentificationResult, robot: Robot, tmp_path: Path
+) -> None:
+    estimate = result.recommended.estimate
+    file = tmp_path / 'estimate.yaml'
+    file.write_text(estimate_yaml(result, estimate, NOTHING, NOTHING))
+    again = read_estimate(file, robot)
+    bag = result.identification[0]
+    wanted = bag.predict(estimate.model, estimate.theta).filtered
+    np.testing.assert_allclose(bag.predict(again.model, again.theta).filtered, wanted, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'words'),
+    [
+        ('joint3', 'elbow', 'is of 4 joints joint1, joint2, elbow'),
+        ('inertial_parameters: [', 'other: [', 'is no estimate.yaml of an arm with 4 joints'),
+        ('ros__parameters', 'parameters', "'ros__parameters' is missing"),
+        ('coulomb: [', 'coulomb: [1.0, ', 'a list has not the right length'),
+    ],
+)
+def test_other_files_are_refused(
+    result: IdentificationResult, robot: Robot, tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    file = tmp_path / 'estimate.yaml'
+    text = estimate_yaml(result, result.recommended.estimate, NOTHING, NOTHING)
+    file.write_text(text.replace(old, new))
+    with pytest.raises(IdentificationError, match=words):
+        read_estimate(file, robot)
+
+
+def test_the_estimate_of_another_robot_is_refused(
+    result: IdentificationResult, tmp_path: Path, example_urdf: Callable[[str], Path]
+) -> None:
+    """Four joints against six: the shape of the numbers is not what the user wants to read."""
+    file = tmp_path / 'estimate.yaml'
+    file.write_text(estimate_yaml(result, result.recommended.estimate, NOTHING, NOTHING))
+    with pytest.raises(IdentificationError, match='is of 4 joints joint1, .* 6: shoulder_pan') as e:
+        read_estimate(file, load_robot(example_urdf('ur10_robot.urdf')))
+    assert '(--urdf)' in str(e.value)
+    assert 'reshape' not in str(e.value)

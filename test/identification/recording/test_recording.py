@@ -1,0 +1,158 @@
+"""Joint states become a recording, or an error that says what to check."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
+
+JOINTS = ('joint1', 'joint2', 'joint3', 'joint4')
+AS_IS = JointMapping({})
+
+
+@pytest.fixture(scope='module')
+def states(make_arm: Callable):
+    return make_arm(rate=100.0).states(1)
+
+
+def changed(states, field: str, rows: slice, columns: object, value: float):
+    values = getattr(states, field).copy()
+    values[rows, columns] = value
+    return replace(states, **{field: values})
+
+
+def test_joints_are_ordered_by_name(states) -> None:
+    order = [2, 0, 3, 1]
+    shuffled = replace(
+        states,
+        names=tuple(JOINTS[i] for i in order),
+        position=states.position[:, order],
+        velocity=states.velocity[:, order],
+        effort=states.effort[:, order],
+    )
+    recording = recording_from_states('bag', shuffled, JOINTS, AS_IS)
+    rows = np.searchsorted(states.stamp, recording.start + recording.time)
+    assert np.array_equal(recording.q, states.position[rows])
+    assert np.array_equal(recording.tau, states.effort[rows])
+    assert recording.start == states.stamp[0]
+
+
+def test_renaming_ignoring_and_gains(states) -> None:
+    more = replace(
+        states,
+        names=('a1', 'joint2', 'joint3', 'joint4', 'gripper'),
+        position=np.pad(states.position, ((0, 0), (0, 1))),
+        velocity=np.pad(states.velocity, ((0, 0), (0, 1))),
+        effort=np.pad(states.effort, ((0, 0), (0, 1))),
+    )
+    mapping = JointMapping({'a1': 'joint1'}, ('gripper',), effort_gain={'joint2': 0.5})
+    recording = recording_from_states('bag', more, JOINTS, mapping)
+    rows = np.searchsorted(states.stamp, recording.start + recording.time)
+    assert np.array_equal(recording.q, states.position[rows])
+    assert np.array_equal(recording.tau[:, 1], 0.5 * states.effort[rows, 1])
+    with pytest.raises(IdentificationError, match='gripper of the bag are missing from the URDF'):
+        recording_from_states('bag', more, JOINTS, JointMapping({'a1': 'joint1'}))
+    with pytest.raises(IdentificationError, match='joint1 of the URDF are not in the bag'):
+        recording_from_states('bag', more, JOINTS, JointMapping({}, ('gripper',)))
+    with pytest.raises(IdentificationError, match='no joint b to ignore: the bag has joint1'):
+        recording_from_states('bag', more, JOINTS, JointMapping({'a1': 'joint1'}, ('gripper', 'b')))
+    with pytest.raises(IdentificationError, match='called joint2 after renaming'):
+        recording_from_states(
+            'bag', more, JOINTS, JointMapping({'a1': 'joint1', 'gripper': 'joint2'})
+        )
+    with pytest.raises(IdentificationError, match='no joint b to rename'):
+        recording_from_states('bag', more, JOINTS, JointMapping({'b': 'joint1'}))
+
+
+def test_missing_or_zero_velocities_are_derived_later(states) -> None:
+    for value in (np.nan, 0.0):
+        without = changed(states, 'velocity', slice(None), slice(None), value)
+        recording = recording_from_states('bag', without, JOINTS, AS_IS)
+        assert recording.dq is None
+        assert 'differentiated' in recording.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ('field', 'rows', 'columns', 'value', 'text'),
+    [
+        ('effort', slice(100, 103), 2, np.nan, r'effort of joints joint3 is NaN .* in 3 of '),
+        ('effort', slice(None), slice(None), np.nan, 'no effort recorded of joints joint1, joint2'),
+        ('effort', slice(None), slice(None), 0.0, 'effort of every joint is constant'),
+        ('position', slice(500, 506), 0, np.inf, 'position of joints joint1'),
+        ('effort', slice(500, 506), 1, 1e308, r'effort of joints joint2 reaches 1e\+308 in 6 of'),
+        ('position', slice(None), slice(None), 1.0, 'no joint moves'),
+    ],
+)
+def test_useless_data_is_refused(states, field, rows, columns, value, text) -> None:
+    with pytest.raises(IdentificationError, match=text):
+        recording_from_states('bag', changed(states, field, rows, columns, value), JOINTS, AS_IS)
+
+
+def test_single_faulty_joints_are_named(states) -> None:
+    dead = changed(states, 'effort', slice(None), 3, 0.7)
+    recording = recording_from_states('bag', dead, JOINTS, AS_IS)
+    assert recording.dead_effort.tolist() == [False, False, False, True]
+    assert recording.warnings == (
+        'bag: joint joint4 has a constant effort: its equation is left out',
+    )
+    still = changed(states, 'position', slice(None), 1, 0.2)
+    recording = recording_from_states('bag', still, JOINTS, AS_IS)
+    assert 'joint joint2 does not move' in recording.warnings[0]
+
+
+def test_rest_at_both_ends_is_left_out_with_what_is_wrong_there(states) -> None:
+    """A gap of the stamps and missing efforts before the motion don't matter."""
+    early = states.stamp.copy()
+    early[:40] -= 0.337
+    idle = changed(replace(states, stamp=early), 'effort', slice(0, 30), 1, np.nan)
+    recording = recording_from_states('bag', idle, JOINTS, AS_IS)
+    assert recording.span is not None
+    assert recording.span.reason == 'motion'
+    assert recording.span.first == pytest.approx(recording.time[0])
+    assert 0.5 < recording.span.first < 1.5
+    assert recording.span.whole == pytest.approx(26.0 + 0.337, abs=0.02)
+    assert 'NaN' not in ' '.join(recording.warnings)
+
+
+def test_only_what_was_commanded_is_used(states) -> None:
+    recording = recording_from_states('bag', states, JOINTS, AS_IS, (slice(500, 1500), 'commands'))
+    assert len(recording.time) == 1000
+    assert recording.time[0] == pytest.approx(5.0)
+    assert recording.span is not None
+    assert recording.span.text == '5.0 .. 15.0 s of 26.0 s (commands)'
+
+
+def test_a_locked_joint_rests(states) -> None:
+    mapping = JointMapping({}, locked=('joint4',))
+    text = r'joint4 is locked \(--lock\) but moves by [\d.]+ rad in bag: leave out --lock joint4'
+    with pytest.raises(IdentificationError, match=text):
+        recording_from_states('bag', states, JOINTS[:3], mapping)
+    held = changed(states, 'position', slice(None), 3, 0.2)
+    assert recording_from_states('bag', held, JOINTS[:3], mapping).q.shape[1] == 3
+
+
+def test_a_gap_is_placed_in_the_whole_bag(states) -> None:
+    stamp = states.stamp.copy()
+    stamp[1200:] += 0.134
+    text = r'bag: no joint states for 0.144 s at 11.99 s of the bag \(11.35 s of the used part'
+    with pytest.raises(IdentificationError, match=text):
+        recording_from_states('bag', replace(states, stamp=stamp), JOINTS, AS_IS)
+
+
+def test_too_few_messages(states) -> None:
+    few = replace(
+        states, **{f: getattr(states, f)[:9] for f in ('stamp', 'position', 'velocity', 'effort')}
+    )
+    with pytest.raises(IdentificationError, match='only 9 joint states: too short'):
+        recording_from_states('bag', few, JOINTS, AS_IS)
+
+
+def test_parts_cover_the_recording_once(states) -> None:
+    recording = recording_from_states('bag', states, JOINTS, AS_IS)
+    first, last = recording.part(0.0, 0.6, ' a'), recording.part(0.6, 1.0, ' b')
+    assert len(first.time) + len(last.time) == len(recording.time)
+    assert first.time[-1] < last.time[0]
+    assert first.name == 'bag a'

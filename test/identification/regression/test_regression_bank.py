@@ -1,0 +1,41 @@
+"""The bank's models equal regressions built from the samples directly."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.conditioning.conditioning import FOLDS
+from aerarm_ros.identification.parameters.joint_model import JointModel
+from aerarm_ros.identification.parameters.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
+from aerarm_ros.identification.regression.regression_bank import RegressionBank
+from aerarm_ros.identification.regression.sample_columns import SampleColumns
+
+SMOOTH = JointTerm(TermKind.COULOMB, 0.05)
+OFFSET = JointTerm(TermKind.OFFSET)
+
+
+def directly(bag: SampleColumns, model: JointModel, joint: int, rows: np.ndarray) -> np.ndarray:
+    """Columns and torque of one joint's equation, from the samples."""
+    parts = [bag.rigid[rows, joint]]
+    for owner, term in model.joint_columns:
+        column = bag.term(term)[rows, joint]
+        parts.append((column if owner == joint else np.zeros_like(column))[:, None])
+    return np.hstack([*parts, bag.samples.tau[rows, joint, None]])
+
+
+@pytest.mark.parametrize('folds', [range(FOLDS), [0, 3]])
+def test_any_model_on_any_part(result: IdentificationResult, folds) -> None:
+    bags = [*result.identification, *result.validation]
+    robot = result.robot
+    terms = ((*THESIS_TERMS, ROTOR), (SMOOTH,), (SMOOTH, OFFSET), THESIS_TERMS)
+    model = JointModel(robot.joint_names, robot.link_names, terms)
+    bank = RegressionBank(bags, (*THESIS_TERMS, ROTOR, OFFSET, SMOOTH))
+    regression = bank.regression(model, folds)
+    for joint in range(robot.n):
+        rows = [b.samples.usable[:, joint] & np.isin(b.samples.fold, list(folds)) for b in bags]
+        expected = np.vstack(
+            [directly(b, model, joint, r) for b, r in zip(bags, rows, strict=True)]
+        )
+        factor = regression.factors[joint]
+        assert np.allclose(factor.T @ factor, expected.T @ expected, atol=1e-8)
+        assert regression.rows[joint] == len(expected)

@@ -1,0 +1,195 @@
+"""The report is one file that opens offline and says what matters."""
+
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.assessment.truth import Truth, inertial_torque_errors
+from aerarm_ros.identification.recording.bag_facts import BagFacts
+from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
+from aerarm_ros.identification.report.html_text import number
+from aerarm_ros.identification.report.report import ReportExtras, report_html
+from aerarm_ros.identification.report.report_tables import (
+    base_deviations,
+    base_parameter_table,
+    parameter_table,
+)
+from aerarm_ros.identification.solvers.solvers import SOLVERS
+
+CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
+VOID = {'meta', 'link', 'br', 'img', 'hr', 'input', 'wbr'}
+
+
+class Page(HTMLParser):
+    """Checks nesting, and collects references, headings and texts outside scripts."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.stack: list[str] = []
+        self.references: list[str] = []
+        self.headings: list[str] = []
+        self.texts: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list) -> None:
+        self.references += [v for k, v in attrs if k in ('src', 'href', 'action', 'data')]
+        if tag not in VOID:
+            self.stack.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.stack.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.stack and self.stack[-1] == 'h2':
+            self.headings.append(data)
+        elif self.stack and self.stack[-1] not in ('script', 'style'):
+            self.texts.append(data)
+
+
+@pytest.fixture(scope='module')
+def extras(result: IdentificationResult, arm) -> ReportExtras:
+    model = result.fit.model
+    values = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
+    truth = Truth(dict(zip(model.columns, values, strict=True)), np.zeros(4), np.ones(4))
+    estimates = [solution.estimate for solution in result.solutions.values()]
+    time = np.linspace(0.0, 26.0, 100)
+    return ReportExtras(
+        {'bag1': DesiredVelocity(time, np.zeros((100, 4)))},
+        truth,
+        inertial_torque_errors(truth, estimates, result.validation),
+        facts={'bag1': BagFacts('1.0 .. 25.0 s of 26.0 s (motion)', 3, None)},
+    )
+
+
+@pytest.fixture(scope='module')
+def html(result: IdentificationResult, extras: ReportExtras) -> str:
+    return report_html(result, extras)
+
+
+def test_it_is_well_formed_and_needs_no_network(html: str) -> None:
+    page = Page(html)
+    assert not page.stack
+    assert page.references == []
+    assert len(html) < 8e6
+
+
+def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) -> None:
+    page = Page(html)
+    assert page.headings == [
+        'Torque errors',
+        'Torque errors joint by joint',
+        'Against the true parameters',
+        'bag1 (identification): measured and predicted torque',
+        'bag1 (identification): spectrum of the residual',
+        'bag1 (identification): velocities',
+        'bag2 (validation): measured and predicted torque',
+        'bag2 (validation): spectrum of the residual',
+        'bag2 (validation): velocities',
+        'Inertia boxes',
+        'Parameters',
+        'Base parameters',
+        'Friction models',
+        'Conditioning and excitation',
+    ]
+    assert html.count('Plotly.newPlot(') == 7
+    assert '"name":"desired"' in html
+    text = ' '.join(page.texts)
+    sdp, cad = (result.solutions[name].validation[0].filtered for name in ('sdp', 'cad'))
+    assert f'Torque error on validation: {sdp:.2f} %' in text
+    assert f'{cad / sdp:.1f} times less' in text
+    assert '1.0 .. 25.0 s of 26.0 s (motion)' in page.texts
+    for column in result.fit.model.columns:
+        assert column in page.texts
+    for expression in result.used_base.expressions():
+        assert expression in page.texts
+
+
+def test_only_solvers_that_ran_are_explained(result: IdentificationResult) -> None:
+    def explained(result: IdentificationResult) -> list[str]:
+        text = ' '.join(Page(report_html(result, ReportExtras())).texts)
+        (metric,) = re.findall(r'Thesis \(5\.3\).*?identified\.urdf\.', text)
+        return re.findall(r'(\w+): ', metric.partition('as recorded.')[2])
+
+    assert explained(result) == ['cad', 'ols', 'wls', 'sdp']
+    sdp = result.solutions['sdp']
+    every = {name: result.solutions.get(name, sdp) for name in SOLVERS}
+    assert explained(replace(result, solutions=every)) == list(SOLVERS)
+
+
+def test_base_parameters_are_compared_as_currents_show_them(
+    result: IdentificationResult, extras: ReportExtras
+) -> None:
+    base = result.used_base
+    truth = replace(extras.truth, measured_per_true_torque=np.full(4, 1.02))
+    sdp = base.values(result.recommended.estimate.theta)
+    off = (sdp - 1.02 * truth.base_values(result.fit, base)) / base_deviations(result)
+    rows = base_parameter_table(result, truth).split('<tr>')[2:]
+    for row, value in zip(rows, off, strict=True):
+        assert f'<td>{number(value)}</td></tr>' in row
+
+
+def test_what_the_truth_lacks_is_a_dash(result: IdentificationResult, extras: ReportExtras) -> None:
+    truth = replace(
+        extras.truth,
+        parameters={k: v for k, v in extras.truth.parameters.items() if k != 'fv_joint1'},
+    )
+    for table, dashes in ((parameter_table, 1), (base_parameter_table, 3)):
+        for given, expected in ((extras.truth, 0), (truth, dashes)):
+            (row,) = (r for r in table(result, given).split('<tr>') if '>fv_joint1<' in r)
+            assert row.count('–') == expected
+
+
+def test_it_can_do_without_extras(result: IdentificationResult) -> None:
+    page = Page(report_html(result, ReportExtras()))
+    assert 'Against the true parameters' not in page.headings
+    assert not any('True: of the simulated arm' in text for text in page.texts)
+
+
+def test_a_parameter_at_its_bound_is_not_said_to_be_measured(result: IdentificationResult) -> None:
+    recommended = result.recommended
+    first = 10 * result.fit.model.n
+    theta = np.array(recommended.estimate.theta)
+    theta[first] = 0.0
+    held = replace(recommended, estimate=replace(recommended.estimate, theta=theta))
+    changed = replace(result, solutions={**result.solutions, 'sdp': held})
+    for table, at_bound in (
+        (parameter_table(result, None), 0),
+        (parameter_table(changed, None), 1),
+    ):
+        (row,) = (r for r in table.split('<tr>') if f'>{result.fit.model.columns[first]}<' in r)
+        assert ('at its bound 0' in row) == at_bound
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='chromium is not installed: apt install chromium')
+def test_a_real_browser_draws_every_figure(html: str, tmp_path: Path) -> None:
+    page = tmp_path / 'report.html'
+    # What the browser says about errors and requests goes into the page it prints.
+    watch = (
+        '<script>window.onerror = m => document.documentElement.dataset.error = m;'
+        'new PerformanceObserver(l => document.documentElement.dataset.fetched ='
+        'l.getEntries().map(e => e.name).join()).observe({type: "resource"});</script>'
+    )
+    page.write_text(html.replace('<head>', '<head>' + watch))
+    options = ['--headless', '--no-sandbox', '--disable-gpu', '--virtual-time-budget=10000']
+    options += ['--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader']
+    options += [f'--user-data-dir={tmp_path / "profile"}', '--dump-dom', page.as_uri()]
+    done = subprocess.run([CHROMIUM, *options], capture_output=True, text=True, timeout=120)
+    root = done.stdout[: done.stdout.index('<head>')]
+    assert 'data-error' not in root
+    assert 'data-fetched' not in root
+    body = done.stdout[done.stdout.rindex('<body>') :]
+    # A bag has three curves of torque, two of its spectrum, one or two (with commands) of
+    # velocity; all are in legends too, and there the line of the three-dimensional arm.
+    names = 2 * (3 + 2) + 2 + 1
+    assert len(re.findall(r'class="js-line"', body)) == 4 * names + names + 1
+    assert 'WebGL is not supported' not in body
+    for joint in ('joint1', 'joint4'):
+        assert f'{joint} [Nm]' in body

@@ -1,0 +1,86 @@
+"""Bounds are met, or given up in order and said so."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.parameters.inertia_boxes import inertia_boxes
+from aerarm_ros.identification.parameters.link_bounds import LinkBounds
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
+from aerarm_ros.identification.solvers.relaxation import solve_relaxed
+from aerarm_ros.identification.solvers.solver_error import SolverError
+from aerarm_ros.identification.solvers.solvers import physical_limits, solve_all
+
+
+def solve(result: IdentificationResult, bounds: LinkBounds) -> Estimate:
+    return solve_all(result.fit, result.cad, names=(), bounds=bounds)['sdp']
+
+
+def test_bounds_are_met(result: IdentificationResult) -> None:
+    total = 1.2 * result.cad.inertial[:, 0].sum()
+    estimate = solve(result, LinkBounds((total, 1.01 * total), centres=True))
+    assert estimate.notes == ()
+    assert estimate.physically_consistent
+    assert total * (1 - 1e-6) <= estimate.inertial[:, 0].sum() <= 1.01 * total * (1 + 1e-6)
+    boxes = inertia_boxes(result.cad.inertial)
+    centres = estimate.inertial[:, 1:4] / estimate.inertial[:, :1]
+    assert np.all(np.abs(centres - boxes.centre) <= boxes.reach + 1e-6)
+
+
+def test_an_impossible_total_mass_is_given_up_and_the_centres_kept(
+    result: IdentificationResult,
+) -> None:
+    estimate = solve(result, LinkBounds((300.0, 310.0), centres=True))
+    (note,) = estimate.notes
+    assert 'cannot be met with masses within a factor 2' in note
+    assert 'total mass 300 .. 310 kg' in note
+    alone = solve(result, LinkBounds(centres=True))
+    assert alone.notes == ()
+    assert np.array_equal(estimate.theta, alone.theta)
+
+
+def far_off(limits: PhysicalLimits) -> PhysicalLimits:
+    """Centres of mass where no link has its matter, unless it is moved far against the data."""
+    return replace(limits, centre=limits.centre + 1e9, reach=0.0 * limits.reach)
+
+
+def test_impossible_centres_are_given_up_first(result: IdentificationResult) -> None:
+    total = float(result.cad.inertial[:, 0].sum())
+    bounds = LinkBounds((total, 1.01 * total), centres=True)
+    limits = far_off(physical_limits(result.fit, result.cad, bounds))
+    system = result.fit.regression.system(result.fit.noise.weights)
+    theta, notes = solve_relaxed(system, result.fit.prior, limits)
+    assert len(notes) == 1
+    assert 'bounds of the centres of mass' in notes[0]
+    masses = theta[: 10 * result.fit.model.n : 10]
+    assert total * (1 - 1e-6) <= masses.sum() <= 1.01 * total * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ('status', 'words'),
+    [('PrimalInfeasible', 'as it cannot be met'), ('NumericalError', r'solver failed with it')],
+)
+def test_a_failure_of_the_solver_is_no_contradiction(
+    result: IdentificationResult, status: str, words: str
+) -> None:
+    """What makes a solver fail depends on its release, so here it is made to."""
+
+    def fails_with_centres(system: object, prior: object, limits: PhysicalLimits) -> np.ndarray:
+        if limits.bounds.centres:
+            raise SolverError(status)
+        return np.zeros(1)
+
+    limits = physical_limits(result.fit, result.cad, LinkBounds(centres=True))
+    system, prior = result.fit.regression.system(), result.fit.prior
+    (note,) = solve_relaxed(system, prior, limits, fails_with_centres)[1]
+    assert words in note
+
+
+@pytest.mark.parametrize('masses', [(2.0, 1.0), (-1.0, 1.0), (0.0, float('nan'))])
+def test_wrong_masses_are_refused(masses: tuple[float, float]) -> None:
+    with pytest.raises(IdentificationError, match='total mass'):
+        LinkBounds(masses)

@@ -1,0 +1,64 @@
+"""Every solver solves the same problem."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.solvers.solvers import RECOMMENDED, physical_limits, solve_all
+
+
+@pytest.fixture(scope='module')
+def estimates(result: IdentificationResult):
+    return solve_all(result.fit, result.cad)
+
+
+def test_each_does_what_it_is_for(result: IdentificationResult, estimates) -> None:
+    regression = result.fit.regression
+    errors = {name: regression.error(estimate.theta) for name, estimate in estimates.items()}
+    assert min(errors, key=errors.get) == 'ols'
+    assert errors['cad'] > 3.0 * errors['sdp']
+    assert errors['sdp'] < 1.5 * errors['ols']
+    assert np.array_equal(estimates['cad'].theta, result.fit.prior.mean)
+
+
+def test_only_the_recommended_one_has_uncertainty_and_is_physical(estimates) -> None:
+    assert RECOMMENDED == 'sdp'
+    assert estimates['sdp'].physically_consistent
+    assert estimates['sdp'].std is not None
+    assert estimates['ols'].std is None
+
+
+def test_limits_are_those_of_cad(result: IdentificationResult) -> None:
+    limits = physical_limits(result.fit, result.cad)
+    assert np.array_equal(limits.mass, result.cad.inertial[:, 0])
+    assert limits.nonnegative.all()
+    assert np.all((limits.size >= 0.05) & (limits.size < 1.0))
+    lower, upper = limits.centre_box
+    centre = result.cad.inertial[:, 1:4] / result.cad.inertial[:, :1]
+    assert np.all((lower < centre) & (centre < upper))
+
+
+def test_slow_ones_run_if_asked_for_and_tell(result: IdentificationResult) -> None:
+    told: list[str] = []
+    estimates = solve_all(result.fit, result.cad, result.identification, ['slsqp'], told.append)
+    assert list(estimates) == ['cad', 'ols', 'slsqp', 'sdp']
+    assert told == ['slsqp']
+
+
+def test_one_that_cannot_solve_is_left_out_and_named(result: IdentificationResult) -> None:
+    mean = result.fit.prior.mean.copy()
+    mean[21:30] = 0.0  # link 3 is a point: no drawing for an entropic prior
+    fit = replace(result.fit, prior=replace(result.fit.prior, mean=mean))
+    estimates = solve_all(fit, result.cad, result.identification, ['entropic'])
+    assert 'entropic' not in estimates
+    (note,) = estimates[RECOMMENDED].notes
+    assert 'solver entropic left out' in note
+    assert 'link 3' in note
+
+
+def test_an_unknown_solver_is_refused(result: IdentificationResult) -> None:
+    with pytest.raises(IdentificationError, match='choose among cad, ols'):
+        solve_all(result.fit, result.cad, names=['magic'])
