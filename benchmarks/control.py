@@ -7,31 +7,31 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.control.base_motion import BaseMotion
-from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
-from aerarm_ros.control.base_reaction import BaseReaction
-from aerarm_ros.control.board_computed_torque import BoardComputedTorque
-from aerarm_ros.control.cartesian_impedance import CartesianImpedance
-from aerarm_ros.control.cartesian_motion_control import CartesianMotionControl
-from aerarm_ros.control.computed_torque import ComputedTorque
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.base.base_reaction import BaseReaction
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.damped_inverse import DampedInverse
-from aerarm_ros.control.follower_tolerances import FollowerTolerances
-from aerarm_ros.control.friction_compensation import FrictionCompensation
-from aerarm_ros.control.gravity_compensation import GravityCompensation
-from aerarm_ros.control.imu_sample import ImuSample
-from aerarm_ros.control.joint_limits import JointLimits
-from aerarm_ros.control.joint_motion_control import JointMotionControl
-from aerarm_ros.control.joint_reference import JointReference
-from aerarm_ros.control.momentum_observer import MomentumObserver
-from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.task_reference import TaskReference
-from aerarm_ros.control.trajectory_follower import TrajectoryFollower
-from aerarm_ros.control.velocity_resolution import VelocityResolution
+from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
+from aerarm_ros.control.laws.cartesian_impedance import CartesianImpedance
+from aerarm_ros.control.laws.cartesian_motion_control import CartesianMotionControl
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.control.laws.damped_inverse import DampedInverse
+from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
+from aerarm_ros.control.laws.joint_motion_control import JointMotionControl
+from aerarm_ros.control.laws.velocity_resolution import VelocityResolution
+from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.task_reference import TaskReference
 
 UPDATES = 5000
 CYCLE = 1e-3

@@ -21,17 +21,17 @@ import numpy as np  # noqa: E402
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
 from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
-from aerarm_ros.excitation.command_law import VelocityLaw  # noqa: E402
-from aerarm_ros.excitation.design_result import DesignResult  # noqa: E402
-from aerarm_ros.excitation.design_specification import DesignSpecification  # noqa: E402
-from aerarm_ros.excitation.excitation_config import load_excitation_config  # noqa: E402
-from aerarm_ros.excitation.excitation_player import ExcitationPlayer  # noqa: E402
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup  # noqa: E402
-from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory  # noqa: E402
-from aerarm_ros.excitation.parallel_design import design_all  # noqa: E402
-from aerarm_ros.excitation.ramped_excitation import RampedExcitation  # noqa: E402
-from aerarm_ros.excitation.random_trajectory import RandomTrajectory  # noqa: E402
-from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner  # noqa: E402
+from aerarm_ros.excitation.design.design_result import DesignResult  # noqa: E402
+from aerarm_ros.excitation.design.design_specification import DesignSpecification  # noqa: E402
+from aerarm_ros.excitation.design.parallel_design import design_all  # noqa: E402
+from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner  # noqa: E402
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup  # noqa: E402
+from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory  # noqa: E402
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer  # noqa: E402
+from aerarm_ros.excitation.player.velocity_law import VelocityLaw  # noqa: E402
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config  # noqa: E402
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory  # noqa: E402
+from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation  # noqa: E402
 from aerarm_ros.hardware.alignment_timing import AlignmentTiming  # noqa: E402
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle  # noqa: E402
 from aerarm_ros.hardware.emulation import make_emulated_transport  # noqa: E402
@@ -113,9 +113,7 @@ class EmulatedRun:
         rows = []
         while not player.done:
             command = player.update(round(now * 1e9), bridge.q)
-            bridge.command(
-                OfferedCommand(names, None, command.velocity, None, CYCLE, 'benchmark'), now
-            )
+            bridge.command(OfferedCommand(names, None, command.dq, None, CYCLE, 'benchmark'), now)
             now += CYCLE
             bridge.update(now)
             rows.append(np.concatenate([[now], bridge.q, bridge.dq, bridge.tau]))
@@ -232,10 +230,10 @@ def is_safe(trajectory: FourierTrajectory, setup: ExcitationSetup, other: Mujoco
     motion = RampedExcitation(trajectory, 1, config.ramp_time)
     states = motion.evaluate(np.arange(0.0, motion.duration, 5e-3))
     if (
-        (states.position < limits.position_min).any()
-        or (states.position > limits.position_max).any()
-        or (np.abs(states.velocity) > limits.velocity).any()
-        or (np.abs(states.acceleration) > limits.acceleration).any()
+        (states.q < limits.position_min).any()
+        or (states.q > limits.position_max).any()
+        or (np.abs(states.dq) > limits.velocity).any()
+        or (np.abs(states.ddq) > limits.acceleration).any()
     ):
         return False
     for q, dq, ddq in zip(*states, strict=True):

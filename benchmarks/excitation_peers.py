@@ -18,12 +18,12 @@ from peers.peer import Peer  # noqa: E402
 from aerarm_ros.description.arm_config import load_arm_config  # noqa: E402
 from aerarm_ros.description.resources import resource  # noqa: E402
 from aerarm_ros.description.robot import load_robot  # noqa: E402
-from aerarm_ros.excitation.design_result import Quality  # noqa: E402
-from aerarm_ros.excitation.design_specification import DesignSpecification  # noqa: E402
-from aerarm_ros.excitation.excitation_config import load_excitation_config  # noqa: E402
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup  # noqa: E402
-from aerarm_ros.excitation.joint_reference import JointReference  # noqa: E402
-from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner  # noqa: E402
+from aerarm_ros.excitation.design.design_result import Quality  # noqa: E402
+from aerarm_ros.excitation.design.design_specification import DesignSpecification  # noqa: E402
+from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner  # noqa: E402
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup  # noqa: E402
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config  # noqa: E402
+from aerarm_ros.motion.joint_reference import JointReference  # noqa: E402
 
 FIGAROH = Peer(
     'FIGAROH',
@@ -58,13 +58,13 @@ def demands(setup: ExcitationSetup, states: JointReference) -> str:
     """Return the largest share of each limit that a motion reaches, and its clearance."""
     limits, effort = setup.limits, setup.effort_model.effort(*states)
     shares = {
-        'velocity': states.velocity / limits.velocity,
-        'acceleration': states.acceleration / limits.acceleration,
+        'velocity': states.dq / limits.velocity,
+        'acceleration': states.ddq / limits.acceleration,
         'torque': effort / limits.effort,
         'current': setup.effort_model.current(effort) / limits.current,
     }
     text = ', '.join(f'{100 * np.abs(share).max():.0f} % of {k}' for k, share in shares.items())
-    margin = min(setup.clearance.margin(q) for q in states.position)
+    margin = min(setup.clearance.margin(q) for q in states.q)
     return f'{text}, {margin:+.3f} m beyond the clearances asked for'
 
 

@@ -24,13 +24,13 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
-from aerarm_ros.control.base_motion_estimator import FULL, NONE
+from aerarm_ros.control.base.base_motion_estimator import FULL, NONE
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.excitation.excitation_config import load_excitation_config
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.ramped_excitation import RampedExcitation
-from aerarm_ros.excitation.random_trajectory import RandomTrajectory
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
 from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
 from aerarm_ros.nodes.node_process import NodeProcess
 from aerarm_ros.simulation.base_profile import MOVING, STILL
@@ -140,7 +140,7 @@ def track(
     node = rclpy.create_node('tracking')
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         client = start_arm(stack, node, Path(folder), feedback, base, awareness)
-        go_to(node, names, motion.evaluate(0.0).position)
+        go_to(node, names, motion.evaluate(0.0).q)
         topic = topics.JOINT_TRAJECTORY
         publisher = node.create_publisher(topic.type, topic.name, topic.qos)
         while not publisher.get_subscription_count():
@@ -158,7 +158,7 @@ def track(
     when = np.array([(sample.stamp_ns - begin) * 1e-9 for sample in samples])
     moving = (when > motion.ramp_time) & (when < motion.duration - motion.ramp_time)
     q = np.array([sample.position for sample in samples])
-    error = 1e3 * (q - motion.evaluate(when).position)[moving]
+    error = 1e3 * (q - motion.evaluate(when).q)[moving]
     share = moving.sum() / (1e3 * motion.periodic_duration)
     return np.sqrt((error**2).mean(axis=0)), np.abs(error).max(axis=0), float(share)
 

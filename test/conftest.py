@@ -15,6 +15,7 @@ import rclpy
 from hypothesis import settings
 from rclpy.node import Node
 
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.nodes.node_process import ros_environment
 
 # The same examples each time, and no limit on their time: other work may share the machine.
@@ -45,6 +46,12 @@ def example_urdf() -> Callable[[str], Path]:
         raise FileNotFoundError(f'example-robot-data has no {name}')
 
     return find
+
+
+@pytest.fixture(scope='session')
+def robot() -> Robot:
+    """Return the arm; rooms that need another one say so themselves."""
+    return load_robot()
 
 
 @pytest.fixture

@@ -1,22 +1,22 @@
 """One cycle of a controller: reference, law, disturbance compensation, limits."""
 
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.control.base_motion import BaseMotion
-from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
-from aerarm_ros.control.gains import non_negative
-from aerarm_ros.control.joint_command import JointCommand
-from aerarm_ros.control.joint_limits import JointLimits
-from aerarm_ros.control.momentum_observer import MomentumObserver
+from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.checks.gains import non_negative
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.compensation.fade import Fade
+from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
+from aerarm_ros.control.laws.control_law import ControlLaw
+from aerarm_ros.control.references.reference_source import ReferenceSource
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
 
 Array = npt.NDArray[np.float64]
 Reference = TypeVar('Reference')
-Produced = TypeVar('Produced', covariant=True)
-Followed = TypeVar('Followed', contravariant=True)
 
 # After a longer silence [s] the arm may have been moved by others.
 LONGEST_GAP = 0.1
@@ -24,30 +24,6 @@ LONGEST_GAP = 0.1
 COMMAND_DELAY = 1.5e-3
 # Time [s] in which compensation comes and goes.
 _COMPENSATION_FADE = 0.5
-
-
-class ReferenceSource(Protocol[Produced]):
-    """Says what to follow at each instant."""
-
-    def take_over(self, q: Array) -> None:
-        """Start at the present posture (n,) [rad]."""
-
-    def update(self, q: Array, now: float, dt: float) -> Produced:
-        """Return the reference at `now` [s], `dt` [s] after the last."""
-        ...
-
-
-class ControlLaw(Protocol[Followed]):
-    """Turns state and reference into a command."""
-
-    def take_over(self, q: Array) -> None:
-        """Start at the present posture (n,) [rad]."""
-
-    def update(
-        self, state: ArmState, reference: Followed, dt: float, base: BaseMotion | None = None
-    ) -> JointCommand:
-        """Return the command for this cycle of `dt` [s]."""
-        ...
 
 
 class ControlLoop(Generic[Reference]):
@@ -100,7 +76,7 @@ class ControlLoop(Generic[Reference]):
         self.base = base
         self._compensation_max = non_negative('compensation_max', compensation_max, limits.n)
         self.compensating = bool(np.any(self._compensation_max))
-        self._share = float(self.compensating)
+        self._fade = Fade(_COMPENSATION_FADE, share=float(self.compensating))
         self._last: float | None = None
         self._has_answered = False  # a state since control began
         self._unobserved: tuple[ArmState, float, float] | None = None
@@ -175,19 +151,11 @@ class ControlLoop(Generic[Reference]):
     def _finish(self, command: JointCommand, dt: float) -> JointCommand:
         """Compensate the disturbance and cut the effort at its limits."""
         observer = self.observer
-        effort: Any = command.effort
+        effort: Any = command.tau
         if effort is None:
             return command
-        if observer is not None and self._fade(dt) > 0.0:
-            largest = self._share * self._compensation_max
+        if observer is not None and (share := self._fade.update(dt, self.compensating)) > 0.0:
+            largest = share * self._compensation_max
             effort = effort - np.minimum(np.maximum(observer.residual, -largest), largest)
         largest = self.limits.effort_max
-        return command._replace(effort=np.minimum(np.maximum(effort, -largest), largest))
-
-    def _fade(self, dt: float) -> float:
-        change = dt / _COMPENSATION_FADE
-        if self.compensating:
-            self._share = min(1.0, self._share + change)
-        else:
-            self._share = max(0.0, self._share - change)
-        return self._share
+        return command._replace(tau=np.minimum(np.maximum(effort, -largest), largest))

@@ -5,16 +5,16 @@ from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.answer import Answer
-from aerarm_ros.hardware.arm_state import ArmState
+from aerarm_ros.hardware.arm_measurements import ArmMeasurements
 from aerarm_ros.hardware.board_link import make_links
 from aerarm_ros.hardware.board_mode import BoardMode
 from aerarm_ros.hardware.bridge_report import BridgeReport
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.command_buffer import Array, CommandBuffer
 from aerarm_ros.hardware.command_intake import CommandIntake
 from aerarm_ros.hardware.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.homing import Homing
-from aerarm_ros.hardware.joint_command import Array, JointCommand
 from aerarm_ros.hardware.motor_power import MotorPower
 from aerarm_ros.hardware.motor_references import MotorReferences
 from aerarm_ros.hardware.offered_command import OfferedCommand
@@ -74,7 +74,7 @@ class BridgeCycle:
     motor_position, motor_velocity, motor_current, motor_power
         Motor side [rad], [rad/s], [A], [W].
     state, power
-        The same with more detail: `ArmState`, and `MotorPower` with energy and source.
+        The same with more detail: `ArmMeasurements`, and `MotorPower` with energy and source.
     intake, gate
         Checks on commands, with their counts.
     links
@@ -95,7 +95,7 @@ class BridgeCycle:
     ) -> None:
         settings = settings or BridgeSettings()
         profile = profile or load_profile(config.profile)
-        self.state = ArmState(config)
+        self.state = ArmMeasurements(config)
         self.power = MotorPower(config, profile)
         # These are updated in place.
         self.q, self.dq, self.tau = self.state.q, self.state.dq, self.state.tau
@@ -117,7 +117,7 @@ class BridgeCycle:
         self._references = MotorReferences(config, profile, settings.position_error_max)
         self._encoders = EncoderMonitor(config, settings.stall_time, load_max)
         self._report = BridgeReport(self.intake, self.gate, self.links)
-        self._standstill = JointCommand.standstill(config.n)
+        self._standstill = CommandBuffer.standstill(config.n)
         self._homing: Homing | None = None
         self._enabled = False
         self._aligned = False  # every motor in use, when its board last answered
@@ -272,7 +272,7 @@ class BridgeCycle:
         references.damp(self._encoders.trusted)
         return False
 
-    def _current_command(self, now: float) -> JointCommand | None:
+    def _current_command(self, now: float) -> CommandBuffer | None:
         """Return what to follow, None if the arm is to be damped."""
         if not self._aligned:
             return None
@@ -283,7 +283,7 @@ class BridgeCycle:
             return self.intake.command
         return None if self._followed else self._standstill
 
-    def _home_on(self, homing: Homing) -> JointCommand:
+    def _home_on(self, homing: Homing) -> CommandBuffer:
         homing.update(self.state.reported_position, self.state.index_toggle)
         if homing.is_done:
             self._homing = None

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.joint_command import JointCommand
+from aerarm_ros.hardware.command_buffer import CommandBuffer
 from aerarm_ros.hardware.offered_command import OfferedCommand, Source
 
 # Why a command is not let in, and what to check.
@@ -61,7 +61,7 @@ class CommandIntake:
         *,
         effort_supported: bool = True,
     ) -> None:
-        self.command = JointCommand(len(joint_names))
+        self.command = CommandBuffer(len(joint_names))
         self.accepted = 0
         self.rejections: Counter[str] = Counter()
         self.last_rejection = ''
@@ -70,7 +70,7 @@ class CommandIntake:
         self._settings = settings
         self._effort_supported = effort_supported
         self._orders: dict[tuple[str, ...], NDArray[np.intp] | None] = {self._names: None}
-        self._candidate = JointCommand(len(joint_names))
+        self._candidate = CommandBuffer(len(joint_names))
         self._received = -np.inf
         self._source: Source = None
 
@@ -126,9 +126,9 @@ class CommandIntake:
         order = self._orders[key]
         candidate = self._candidate
         pairs = (
-            (candidate.position, offered.position),
-            (candidate.velocity, offered.velocity),
-            (candidate.effort, offered.effort),
+            (candidate.q, offered.position),
+            (candidate.dq, offered.velocity),
+            (candidate.tau, offered.effort),
         )
         for target, values in pairs:
             if values is None or len(values) == 0:
@@ -141,13 +141,13 @@ class CommandIntake:
                     target[:] = target[order]
         return self._value_fault(candidate)
 
-    def _value_fault(self, candidate: JointCommand) -> str:
-        without_position = np.isnan(candidate.position)
-        without_velocity = np.isnan(candidate.velocity)
-        without_effort = np.isnan(candidate.effort)
+    def _value_fault(self, candidate: CommandBuffer) -> str:
+        without_position = np.isnan(candidate.q)
+        without_velocity = np.isnan(candidate.dq)
+        without_effort = np.isnan(candidate.tau)
         if (without_position & without_velocity & without_effort).any():
             return 'nan'
-        for values in (candidate.position, candidate.velocity, candidate.effort):
+        for values in (candidate.q, candidate.dq, candidate.tau):
             if np.isinf(values).any():
                 return 'infinite'
         if not self._effort_supported and not without_effort.all():

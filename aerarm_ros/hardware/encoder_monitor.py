@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.hardware.joint_command import Array, Mask
+from aerarm_ros.hardware.command_buffer import Array, Mask
 
 _JUMP_VELOCITY_FACTOR = 2.0
 _JUMP_ALLOWANCE = 0.05  # [rad] motor side, 33 counts

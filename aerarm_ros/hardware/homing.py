@@ -3,7 +3,7 @@
 import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.hardware.joint_command import Array, JointCommand, Mask
+from aerarm_ros.hardware.command_buffer import Array, CommandBuffer, Mask
 from aerarm_ros.model.drive_train import DriveTrain
 
 _SPEED = 0.15  # [rad/s] at the joint
@@ -42,7 +42,7 @@ class Homing:
     """
 
     def __init__(self, config: ArmConfig, position: Array, toggles: Mask) -> None:
-        self.command = JointCommand.standstill(config.n)
+        self.command = CommandBuffer.standstill(config.n)
         self.fault = ''
         self._names = config.joint_names
         drive = DriveTrain(config)
@@ -81,4 +81,4 @@ class Homing:
                 'cable'
             )
         speed = np.where(self._found, 0.0, _SPEED * self._direction)
-        self.command.velocity[:] = self._sign * speed
+        self.command.dq[:] = self._sign * speed

@@ -3,8 +3,8 @@
 import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.command_buffer import Array
 from aerarm_ros.hardware.frame_profile import FrameProfile
-from aerarm_ros.hardware.joint_command import Array
 
 
 class MotorPower:

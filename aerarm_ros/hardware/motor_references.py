@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.command_buffer import Array, CommandBuffer, Mask
 from aerarm_ros.hardware.frame_profile import FrameProfile
-from aerarm_ros.hardware.joint_command import Array, JointCommand, Mask
 from aerarm_ros.hardware.motor_reference import MotorReference
 from aerarm_ros.model.drive_train import DriveTrain
 
@@ -105,7 +105,7 @@ class MotorReferences:
             else:
                 motor.release()
 
-    def track(self, command: JointCommand, brake: Array, q: Array, dt: float) -> None:
+    def track(self, command: CommandBuffer, brake: Array, q: Array, dt: float) -> None:
         """Follow a limited command.
 
         Parameters
@@ -121,9 +121,9 @@ class MotorReferences:
         """
         rows = zip(
             self.motors,
-            command.position.tolist(),
-            command.velocity.tolist(),
-            command.effort.tolist(),
+            command.q.tolist(),
+            command.dq.tolist(),
+            command.tau.tolist(),
             brake.tolist(),
             q.tolist(),
             strict=True,

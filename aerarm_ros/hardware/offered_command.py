@@ -20,7 +20,7 @@ class OfferedCommand(NamedTuple):
         The joints of the values below, in any order.
     position, velocity, effort
         One value for each name [rad], [rad/s], [Nm], NaN where unused; None or empty if
-        unused for all. What is given chooses a joint's mode, see `JointCommand`.
+        unused for all. What is given chooses a joint's mode, see `CommandBuffer`.
     age_of_stamp
         Age of the state that the command answers [s].
     source

@@ -7,7 +7,7 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.joint_command import Array, JointCommand
+from aerarm_ros.hardware.command_buffer import Array, CommandBuffer
 from aerarm_ros.hardware.joint_limiter import JointLimiter
 
 
@@ -45,7 +45,7 @@ class SafetyGate:
         self.last_limited_time = -inf
         self.brake: Array = np.full(config.n, nan)
         self._joints = [JointLimiter(joint, settings) for joint in config.joints]
-        self._out = JointCommand(config.n)
+        self._out = CommandBuffer(config.n)
 
     def trip(self, reason: str) -> None:
         """Latch a stop; the first reason stays."""
@@ -75,8 +75,8 @@ class SafetyGate:
         return next(filter(None, violations), '')
 
     def limit(
-        self, command: JointCommand, q: Array, dq: Array, dt: float, now: float
-    ) -> JointCommand:
+        self, command: CommandBuffer, q: Array, dq: Array, dt: float, now: float
+    ) -> CommandBuffer:
         """Return the command within limits, for a state q (n,) [rad], dq (n,) [rad/s].
 
         `dt` is the time since the last call [s], `now` the time for the record [s]. The
@@ -85,9 +85,9 @@ class SafetyGate:
         """
         rows = zip(
             self._joints,
-            command.position.tolist(),
-            command.velocity.tolist(),
-            command.effort.tolist(),
+            command.q.tolist(),
+            command.dq.tolist(),
+            command.tau.tolist(),
             q.tolist(),
             dq.tolist(),
             strict=True,
@@ -102,8 +102,8 @@ class SafetyGate:
                 self.last_limited = joint.limited[-1]
                 self.last_limited_time = now
         out = self._out
-        out.position[:] = [joint.position for joint in self._joints]
-        out.velocity[:] = [joint.velocity for joint in self._joints]
-        out.effort[:] = [joint.effort for joint in self._joints]
+        out.q[:] = [joint.position for joint in self._joints]
+        out.dq[:] = [joint.velocity for joint in self._joints]
+        out.tau[:] = [joint.effort for joint in self._joints]
         self.brake[:] = [joint.brake for joint in self._joints]
         return out

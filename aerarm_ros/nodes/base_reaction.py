@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from std_msgs.msg import Header
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.acceleration_estimate import AccelerationEstimate
-from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.control.base_reaction import BaseReaction
+from aerarm_ros.control.base.acceleration_estimate import AccelerationEstimate
+from aerarm_ros.control.base.base_reaction import BaseReaction
 from aerarm_ros.control.control_loop import LONGEST_GAP
+from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.nodes.controller_parameters import PAYLOAD_PARAMETER
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter

@@ -11,9 +11,9 @@ from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.bags.recorded_message import RecordedMessage
 from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.excitation.bench_motion import Measurement, split
+from aerarm_ros.excitation.planning.bench_measurement import BenchMeasurement, split
 from aerarm_ros.identification.motor_bench.motor_run import MotorRun
+from aerarm_ros.motion.arm_state import ArmState
 
 _TYPE = 'sensor_msgs/msg/JointState'
 _STATES, _COMMANDS = 0, 1
@@ -53,7 +53,7 @@ class BenchRecording:
         """Complete the bag; raises BagError if it could not be written."""
         self._writer.close()
 
-    def runs(self, measurements: list[Measurement]) -> dict[int, list[MotorRun]]:
+    def runs(self, measurements: list[BenchMeasurement]) -> dict[int, list[MotorRun]]:
         """Return the runs of each joint."""
         table = np.array(self._rows)
         path_time, time = table[:, 0], table[:, 1]

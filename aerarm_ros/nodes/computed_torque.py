@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.board_computed_torque import BoardComputedTorque
-from aerarm_ros.control.computed_torque import ComputedTorque
+from aerarm_ros.control.checks.gains import non_negative
+from aerarm_ros.control.compensation.error_integral import ErrorIntegral
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.error_integral import ErrorIntegral
-from aerarm_ros.control.gains import non_negative
+from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.nodes.controller_node import ControllerNode
 from aerarm_ros.nodes.controller_parameters import (
     FOLLOWER_PARAMETERS,

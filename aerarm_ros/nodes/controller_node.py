@@ -10,9 +10,9 @@ from std_msgs.msg import String
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics.topic import Topic
-from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.rejected_input_error import RejectedInputError
+from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.nodes.state_node import StateNode
 
 # Modes of the bridge in which a command is followed.

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.base_motion_estimator import MODES, NONE, BaseMotionEstimator
-from aerarm_ros.control.follower_tolerances import FollowerTolerances
-from aerarm_ros.control.friction_compensation import FrictionCompensation
-from aerarm_ros.control.joint_limits import JointLimits
-from aerarm_ros.control.momentum_observer import MomentumObserver
-from aerarm_ros.control.mount import Mount
-from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.base.base_motion_estimator import MODES, NONE, BaseMotionEstimator
+from aerarm_ros.control.base.mount import Mount
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
+from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.dynamics import checked_payload

@@ -10,11 +10,14 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.excitation.excitation_config import ExcitationConfig, load_excitation_config
-from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.joint_reference import FloatArray
-from aerarm_ros.excitation.motion_limits import one_a_joint
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings.excitation_config import (
+    ExcitationConfig,
+    load_excitation_config,
+)
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.excitation.settings.motion_limits import one_a_joint
+from aerarm_ros.motion.float_array import FloatArray
 
 
 def whole_periods(duration: float, fundamental: float) -> int:

@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from aerarm_ros.excitation.design_result import DesignResult
-from aerarm_ros.excitation.design_specification import BOTH, DesignSpecification
-from aerarm_ros.excitation.excitation_error import (
+from aerarm_ros.excitation.design.design_result import DesignResult
+from aerarm_ros.excitation.design.design_specification import BOTH, DesignSpecification
+from aerarm_ros.excitation.design.parallel_design import design_all
+from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
+from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile, describe_margins
+from aerarm_ros.excitation.preview.preview import Preview
+from aerarm_ros.excitation.settings.excitation_error import (
     DesignStoppedError,
     ExcitationError,
     InfeasibleError,
 )
-from aerarm_ros.excitation.parallel_design import design_all
-from aerarm_ros.excitation.preview import Preview
-from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
-from aerarm_ros.excitation.trajectory_file import TrajectoryFile, describe_margins
 from aerarm_ros.nodes.design_options import excitation_setup, torque_noise, whole_periods
 from aerarm_ros.nodes.progress_line import ProgressLine
 

@@ -13,13 +13,15 @@ from typing import Any
 
 import rclpy
 
-from aerarm_ros.excitation.command_law import CommandLaw, FeedForwardLaw, VelocityLaw
-from aerarm_ros.excitation.excitation_config import load_excitation_config
-from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.excitation_player import ExcitationPlayer
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.trajectory_file import TrajectoryFile, describe_margins
+from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile, describe_margins
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.player.command_law import CommandLaw
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.player.feed_forward_law import FeedForwardLaw
+from aerarm_ros.excitation.player.velocity_law import VelocityLaw
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
 from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.exit_status import INTERRUPTED

@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     stops: list[bool] = []
     with StopSignals(lambda: stops.append(True)):
         # Only now: loading the libraries takes seconds, in which a Ctrl-C is to be a request too.
-        from aerarm_ros.excitation.excitation_error import DesignStoppedError
+        from aerarm_ros.excitation.settings.excitation_error import DesignStoppedError
         from aerarm_ros.nodes.design_run import DesignRun
 
         options = _parse(arguments)
@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    from aerarm_ros.excitation.design_specification import BOTH, OBJECTIVES
+    from aerarm_ros.excitation.design.design_specification import BOTH, OBJECTIVES
 
     parser = OneLineParser(prog=NAME, description=__doc__.splitlines()[0])
     add = parser.add_argument

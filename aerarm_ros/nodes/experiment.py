@@ -15,10 +15,10 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.excitation_config import load_excitation_config
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.ramped_excitation import RampedExcitation
-from aerarm_ros.excitation.random_trajectory import RandomTrajectory
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
 from aerarm_ros.nodes.experiment_bench import ExperimentBench
 from aerarm_ros.nodes.experiment_case import ExperimentCase, all_cases
 from aerarm_ros.nodes.experiment_report import ExperimentReport

@@ -11,26 +11,26 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.control.base_motion_estimator import FULL, NONE, BaseMotionEstimator
-from aerarm_ros.control.board_computed_torque import BoardComputedTorque
-from aerarm_ros.control.computed_torque import ComputedTorque
+from aerarm_ros.control.base.base_motion_estimator import FULL, NONE, BaseMotionEstimator
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.friction_compensation import FrictionCompensation
-from aerarm_ros.control.gravity_compensation import GravityCompensation
-from aerarm_ros.control.imu_sample import ImuSample
-from aerarm_ros.control.joint_limits import JointLimits
-from aerarm_ros.control.joint_reference import JointReference
-from aerarm_ros.control.momentum_observer import MomentumObserver
-from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulated_base import mount_on_base
 from aerarm_ros.hardware.emulation import make_emulated_transport
 from aerarm_ros.hardware.offered_command import OfferedCommand
 from aerarm_ros.model.gravity_load import largest_gravity_load
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
 from aerarm_ros.nodes.experiment_case import CAD, GRAVITY, HOST, ExperimentCase
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
 from aerarm_ros.simulation.moving_base_plant import MovingBasePlant
@@ -109,7 +109,7 @@ class ExperimentBench:
 
     def run(self, case: ExperimentCase) -> ExperimentRun:
         """Run a case from rest to rest; raises RuntimeError if the arm was stopped."""
-        start = self._motion.evaluate(0.0).position
+        start = self._motion.evaluate(0.0).q
         transport = make_emulated_transport(
             self._config, self._robot, None, position=start, parameters=self._truth
         )

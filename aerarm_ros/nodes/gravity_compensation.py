@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.arm_state import ArmState
+from aerarm_ros.control.checks.gains import non_negative
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.friction_compensation import FrictionCompensation
-from aerarm_ros.control.gains import non_negative
-from aerarm_ros.control.gravity_compensation import GravityCompensation
-from aerarm_ros.control.rejected_input_error import RejectedInputError
+from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
+from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.nodes.controller_node import ControllerNode
 from aerarm_ros.nodes.controller_parameters import (
     FOLLOWER_PARAMETERS,

@@ -4,9 +4,9 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from aerarm_ros.control.cartesian_impedance import CartesianImpedance
+from aerarm_ros.control.checks.gains import non_negative
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.gains import non_negative
+from aerarm_ros.control.laws.cartesian_impedance import CartesianImpedance
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes.controller_node import ControllerNode
 from aerarm_ros.nodes.controller_parameters import (

@@ -4,11 +4,11 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from aerarm_ros.control.cartesian_motion_control import CartesianMotionControl
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.damped_inverse import DampedInverse
-from aerarm_ros.control.joint_motion_control import JointMotionControl
-from aerarm_ros.control.velocity_resolution import VelocityResolution
+from aerarm_ros.control.laws.cartesian_motion_control import CartesianMotionControl
+from aerarm_ros.control.laws.damped_inverse import DampedInverse
+from aerarm_ros.control.laws.joint_motion_control import JointMotionControl
+from aerarm_ros.control.laws.velocity_resolution import VelocityResolution
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes.controller_node import ControllerNode
 from aerarm_ros.nodes.node_main import run_node

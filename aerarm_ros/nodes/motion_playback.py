@@ -11,9 +11,9 @@ from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.nodes.progress_line import ProgressLine
 from aerarm_ros.nodes.start_conditions import StartConditions
 from aerarm_ros.nodes.state_stream import StateStream

@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.bags.bag_error import BagError
 from aerarm_ros.description.resources import resource
-from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, bench_checker
-from aerarm_ros.excitation.command_law import VelocityLaw
-from aerarm_ros.excitation.excitation_config import load_excitation_config
-from aerarm_ros.excitation.excitation_error import ExcitationError
-from aerarm_ros.excitation.excitation_player import ExcitationPlayer
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.planning.bench_motion import BenchMotion, bench_checker
+from aerarm_ros.excitation.planning.bench_plan import BenchPlan
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.player.velocity_law import VelocityLaw
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.motor_bench.motor_bench import KnownMass, MotorBench
 from aerarm_ros.identification.motor_bench.motor_files import bench_yaml, config_yaml, load_earlier

@@ -16,7 +16,7 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.frame_conversion import attitude_ned_frd_to_enu_flu, frd_to_flu
+from aerarm_ros.control.base.frame_conversion import attitude_ned_frd_to_enu_flu, frd_to_flu
 from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.nodes.node_main import run_node
 from aerarm_ros.nodes.parameter import Parameter

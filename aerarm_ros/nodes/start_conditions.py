@@ -10,7 +10,7 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_ros.excitation.excitation_error import ExcitationError
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.nodes.sole_publisher import SolePublisher
 
 # Nobody commands the arm then, and the bridge holds it where it is.

@@ -11,10 +11,10 @@ from typing import Any
 import rclpy
 
 from aerarm_msgs_py.live_topics.topic import Topic
-from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.control.base_motion_estimator import NONE
-from aerarm_ros.control.imu_sample import ImuSample
-from aerarm_ros.control.rejected_input_error import RejectedInputError
+from aerarm_ros.control.base.base_motion_estimator import NONE
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.nodes.background_executor import BackgroundExecutor
 from aerarm_ros.nodes.controller_parameters import (
     ARM_PARAMETERS,

@@ -15,9 +15,9 @@ from aerarm_msgs_py.codecs.joint_sample import JointSample
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state, in_order
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
-from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.control.imu_sample import ImuSample
-from aerarm_ros.control.rejected_input_error import RejectedInputError
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.motion.arm_state import ArmState
 
 _STATES, _IMU = 0, 1
 

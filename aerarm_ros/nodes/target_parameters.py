@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from aerarm_ros.control.target_follower import TargetFollower
+from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes.controller_parameters import ControlledArm
 from aerarm_ros.nodes.parameter import Parameter

@@ -5,9 +5,9 @@ from __future__ import annotations
 from geometry_msgs.msg import PoseStamped
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.frame_conversion import quaternion
-from aerarm_ros.control.rejected_input_error import RejectedInputError
-from aerarm_ros.control.target_follower import TargetFollower
+from aerarm_ros.control.base.frame_conversion import quaternion
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes.controller_node import ControllerNode
 

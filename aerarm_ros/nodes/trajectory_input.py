@@ -6,10 +6,10 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 
-from aerarm_ros.control.joint_limits import JointLimits
-from aerarm_ros.control.joint_trajectory import JointTrajectory
-from aerarm_ros.control.rejected_input_error import RejectedInputError
-from aerarm_ros.control.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.references.joint_trajectory import JointTrajectory
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 
 # How far from now a trajectory may start [s].
 _LATEST, _EARLIEST = 1.0, 60.0

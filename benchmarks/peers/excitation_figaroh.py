@@ -83,7 +83,7 @@ def main() -> None:
     segments = len(result['P_F'])
     if segments < SEGMENTS:
         sys.exit(f'IPOPT found no feasible trajectory for segment {segments + 1} of {SEGMENTS}')
-    names = {'position': 'P_F', 'velocity': 'V_F', 'acceleration': 'A_F'}
+    names = {'q': 'P_F', 'dq': 'V_F', 'ddq': 'A_F'}
     np.savez(out, **{name: np.vstack(result[key]) for name, key in names.items()})
     print(json.dumps({'seconds': seconds, 'duration': SEGMENTS * SEGMENT_DURATION}))
 

@@ -15,11 +15,12 @@ ROS_MODULES = MESSAGE_MODULES | {'ament_index_python', 'launch', 'launch_ros', '
 ALLOWED = {
     'description': set(),
     'model': {'description'},
-    'control': {'model', 'description'},
-    'excitation': {'model', 'description'},
+    'motion': set(),
+    'control': {'motion', 'model', 'description'},
+    'excitation': {'motion', 'model', 'description'},
     'identification': {'model', 'description'},
     'simulation': {'model', 'description'},
-    'hardware': {'simulation', 'model', 'description'},
+    'hardware': {'motion', 'simulation', 'model', 'description'},
     'realtime': set(),
 }
 

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.control.base_motion import BaseMotion
-from aerarm_ros.control.base_motion_estimator import BaseMotionEstimator
-from aerarm_ros.control.computed_torque import ComputedTorque
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.follower_tolerances import FollowerTolerances
-from aerarm_ros.control.friction_compensation import FrictionCompensation
-from aerarm_ros.control.gravity_compensation import GravityCompensation
-from aerarm_ros.control.imu_sample import ImuSample
-from aerarm_ros.control.joint_command import JointCommand
-from aerarm_ros.control.momentum_observer import MomentumObserver
-from aerarm_ros.control.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
+from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
 
 CYCLE = 1e-3
 POSTURE = np.array([0.2, 1.0, -0.3, 0.5])
@@ -35,7 +35,7 @@ def loop(limits, follower, dynamics) -> ControlLoop:
 def test_takes_over_at_the_posture_it_finds(loop, dynamics) -> None:
     assert loop.update(REST, 5.0) is None
     command = loop.update(REST, 5.0 + CYCLE)
-    np.testing.assert_allclose(command.effort, dynamics.fixed.gravity(POSTURE), atol=1e-9)
+    np.testing.assert_allclose(command.tau, dynamics.fixed.gravity(POSTURE), atol=1e-9)
 
 
 def test_takes_over_anew_after_a_gap_and_when_released(loop) -> None:
@@ -63,8 +63,8 @@ def test_effort_is_cut_at_its_limits(loop, limits) -> None:
     loop.update(REST, CYCLE)
     far = REST._replace(q=POSTURE + 1.5)
     command = loop.update(far, 2 * CYCLE)
-    assert np.all(np.abs(command.effort) <= limits.effort_max)
-    assert np.any(np.abs(command.effort) == limits.effort_max)
+    assert np.all(np.abs(command.tau) <= limits.effort_max)
+    assert np.any(np.abs(command.tau) == limits.effort_max)
 
 
 def test_a_law_without_effort_passes_unchanged(limits, follower) -> None:
@@ -73,11 +73,11 @@ def test_a_law_without_effort_passes_unchanged(limits, follower) -> None:
             pass
 
         def update(self, state, reference, dt, base=None):
-            return JointCommand(velocity=reference.dq)
+            return JointCommand(dq=reference.dq)
 
     loop = ControlLoop(limits, follower, Velocity(), compensation_max=1.0)
     loop.update(REST, 0.0)
-    assert loop.update(REST, CYCLE).effort is None
+    assert loop.update(REST, CYCLE).tau is None
 
 
 def test_compensation_takes_away_the_error_of_a_constant_force(
@@ -94,7 +94,7 @@ def test_compensation_takes_away_the_error_of_a_constant_force(
             compensation_max=compensation,
         )
         arm = frictionless_bench(POSTURE)
-        hold = JointCommand(effort=dynamics.fixed.gravity(POSTURE))
+        hold = JointCommand(tau=dynamics.fixed.gravity(POSTURE))
         force = np.array([0.3, 0.4, 0.1, 0.1])
         run = arm.run(lambda s, now: loop.update(s, now) or hold, 1.0, disturbance=force)  # noqa: B023
         errors.append(np.abs(run.q[-1] - POSTURE))
@@ -123,7 +123,7 @@ def test_settles_within_5_mrad_of_any_set_point(limits, dynamics, bench, config,
         def controller(state, now):
             if now == 2 * CYCLE:
                 follower.go_to(goal, now)  # noqa: B023
-            return loop.update(state, now) or JointCommand(effort=state.tau)  # noqa: B023
+            return loop.update(state, now) or JointCommand(tau=state.tau)  # noqa: B023
 
         run = arm.run(controller, 4.0)
         assert np.abs(run.q[-1] - goal).max() < 5e-3
@@ -137,7 +137,7 @@ def test_an_imu_makes_the_law_aware_of_tilt(limits, follower, dynamics) -> None:
     force = np.array([4.0, 2.0, 8.0])
     estimator.offer(ImuSample(0.0, None, np.zeros(3), force), 0.0)
     loop.update(REST, 0.0)
-    effort = loop.update(REST, CYCLE).effort
+    effort = loop.update(REST, CYCLE).tau
     expected = dynamics.gravity(POSTURE, estimator.motion(0.0))
     np.testing.assert_allclose(effort, expected, atol=1e-9)
     assert np.abs(effort - dynamics.fixed.gravity(POSTURE)).max() > 0.3

@@ -25,25 +25,25 @@ def offer(intake, position=None, velocity=ONE, effort=None, now=5.0, ready=True,
 
 def test_a_good_command_is_kept(intake):
     assert offer(intake, position=[1, 2, 3], velocity=np.array([4.0, 5.0, 6.0]), effort=())
-    assert intake.command.position.tolist() == [1.0, 2.0, 3.0]
-    assert intake.command.velocity.tolist() == [4.0, 5.0, 6.0]
-    assert np.isnan(intake.command.effort).all()
+    assert intake.command.q.tolist() == [1.0, 2.0, 3.0]
+    assert intake.command.dq.tolist() == [4.0, 5.0, 6.0]
+    assert np.isnan(intake.command.tau).all()
     assert intake.accepted == 1
     assert not intake.rejections
 
 
 def test_order_goes_by_name(intake):
     assert offer(intake, names=['c', 'a', 'b'], velocity=[3.0, 1.0, 2.0], effort=[30.0, 10.0, 20.0])
-    assert intake.command.velocity.tolist() == [1.0, 2.0, 3.0]
-    assert intake.command.effort.tolist() == [10.0, 20.0, 30.0]
+    assert intake.command.dq.tolist() == [1.0, 2.0, 3.0]
+    assert intake.command.tau.tolist() == [10.0, 20.0, 30.0]
     assert offer(intake, velocity=[1.0, 2.0, 3.0])
-    assert intake.command.velocity.tolist() == [1.0, 2.0, 3.0]
+    assert intake.command.dq.tolist() == [1.0, 2.0, 3.0]
 
 
 def test_each_joint_may_use_other_quantities(intake):
     assert offer(intake, position=[1, NAN, NAN], velocity=[NAN, 2, NAN], effort=[NAN, NAN, 3])
-    assert intake.command.position[0] == 1.0
-    assert np.isnan(intake.command.position[1:]).all()
+    assert intake.command.q[0] == 1.0
+    assert np.isnan(intake.command.q[1:]).all()
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_each_reason_is_counted_and_the_command_before_stays(intake, reason, wro
     assert intake.rejections == {reason: 1}
     assert intake.last_rejection == reason
     assert intake.last_rejection_time == 5.01
-    assert intake.command.velocity.tolist() == [7.0, 8.0, 9.0]
+    assert intake.command.dq.tolist() == [7.0, 8.0, 9.0]
     assert intake.age(5.01) == pytest.approx(0.01)
 
 

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
+from aerarm_ros.hardware.command_buffer import CommandBuffer
 from aerarm_ros.hardware.frame_profile import load_profile
-from aerarm_ros.hardware.joint_command import JointCommand
 from aerarm_ros.hardware.motor_references import MotorReferences
 from aerarm_ros.model.drive_train import DriveTrain
 
@@ -28,7 +28,7 @@ def get(references, name):
 
 
 def command(**values):
-    result = JointCommand(4)
+    result = CommandBuffer(4)
     for name, value in values.items():
         getattr(result, name)[:] = value
     return result
@@ -36,7 +36,7 @@ def command(**values):
 
 def test_full_law_passes_everything_on_in_motor_units(references, drive, config):
     p, v, e = Q + 0.01, np.array([1, -1, 2, -2.0]), np.array([0.1, 0.2, 0.3, 0.4])
-    references.track(command(position=p, velocity=v, effort=e), NO_BRAKE, Q, DT)
+    references.track(command(q=p, dq=v, tau=e), NO_BRAKE, Q, DT)
     assert get(references, 'position') == pytest.approx(drive.joint_to_motor_position(p))
     assert get(references, 'velocity') == pytest.approx(drive.joint_to_motor_velocity(v))
     assert get(references, 'current') == pytest.approx(drive.effort_to_current(e))
@@ -45,7 +45,7 @@ def test_full_law_passes_everything_on_in_motor_units(references, drive, config)
 
 
 def test_effort_alone_is_torque_control_without_gains(references, drive):
-    references.track(command(effort=1.0), NO_BRAKE, Q, DT)
+    references.track(command(tau=1.0), NO_BRAKE, Q, DT)
     assert not get(references, 'kp').any()
     assert not get(references, 'kd').any()
     assert not get(references, 'velocity').any()
@@ -56,7 +56,7 @@ def test_effort_alone_is_torque_control_without_gains(references, drive):
 def test_velocity_alone_is_integrated_from_where_the_joint_is(references, drive):
     velocity = np.array([0.5, -0.5, 1.0, -1.0])
     for _ in range(10):
-        references.track(command(velocity=velocity), NO_BRAKE, Q, DT)
+        references.track(command(dq=velocity), NO_BRAKE, Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q + 10 * DT * velocity)
     assert get(references, 'position') == pytest.approx(
         drive.joint_to_motor_position(Q + 10 * DT * velocity)
@@ -67,43 +67,43 @@ def test_velocity_alone_is_integrated_from_where_the_joint_is(references, drive)
 
 def test_integrated_reference_never_asks_for_more_than_the_effort_limit(references, drive, config):
     for _ in range(2000):
-        references.track(command(velocity=4.0), NO_BRAKE, Q, DT)
+        references.track(command(dq=4.0), NO_BRAKE, Q, DT)
     stiffness = drive.motor_to_joint_gain(config.column('board_kp'))
     pull = stiffness * (get(references, 'joint_position') - Q)
     assert pull == pytest.approx(config.column('effort_max'))
-    references.track(command(velocity=-4.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=-4.0), NO_BRAKE, Q, DT)
     assert np.all(stiffness * (get(references, 'joint_position') - Q) < pull)
 
 
 def test_integrated_reference_stays_within_position_limits(references, config):
     q = config.column('position_max') - 0.01
     for _ in range(100):
-        references.track(command(velocity=4.0), NO_BRAKE, q, DT)
+        references.track(command(dq=4.0), NO_BRAKE, q, DT)
     assert get(references, 'joint_position') == pytest.approx(config.column('position_max'))
 
 
 def test_integration_starts_anew_after_torque_control_or_damping(references):
     for _ in range(50):
-        references.track(command(velocity=1.0), NO_BRAKE, Q, DT)
-    references.track(command(effort=0.0), NO_BRAKE, Q, DT)
-    references.track(command(velocity=0.0), NO_BRAKE, Q, DT)
+        references.track(command(dq=1.0), NO_BRAKE, Q, DT)
+    references.track(command(tau=0.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q)
-    references.track(command(velocity=1.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=1.0), NO_BRAKE, Q, DT)
     references.damp(np.ones(4, dtype=bool))
-    references.track(command(velocity=0.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q)
 
 
 def test_from_position_to_velocity_without_a_jump(references):
-    references.track(command(position=Q + 0.05), NO_BRAKE, Q, DT)
-    references.track(command(velocity=0.0), NO_BRAKE, Q, DT)
+    references.track(command(q=Q + 0.05), NO_BRAKE, Q, DT)
+    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q + 0.05)
 
 
 def test_each_joint_has_its_own_mode(references, drive):
     given = command()
-    given.position[0], given.velocity[1], given.effort[2] = 0.12, 1.0, 0.5
-    given.position[3], given.velocity[3], given.effort[3] = 0.31, 0.2, 0.1
+    given.q[0], given.dq[1], given.tau[2] = 0.12, 1.0, 0.5
+    given.q[3], given.dq[3], given.tau[3] = 0.31, 0.2, 0.1
     references.track(given, NO_BRAKE, Q, DT)
     assert (get(references, 'kp') > 0).tolist() == [True, True, False, True]
     assert (get(references, 'kd') > 0).tolist() == [True, True, False, True]
@@ -117,7 +117,7 @@ def test_each_joint_has_its_own_mode(references, drive):
 
 def test_braked_joint_is_damped_towards_the_given_velocity(references, drive, config):
     brake = np.array([math.nan, 2.0, math.nan, math.nan])
-    references.track(command(effort=1.0), brake, Q, DT)
+    references.track(command(tau=1.0), brake, Q, DT)
     assert get(references, 'kd').tolist() == [0.0, config.joints[1].board_kd, 0.0, 0.0]
     assert get(references, 'velocity') == pytest.approx(
         drive.joint_to_motor_velocity(np.array([0.0, 2.0, 0.0, 0.0]))
@@ -126,7 +126,7 @@ def test_braked_joint_is_damped_towards_the_given_velocity(references, drive, co
 
 
 def test_damping_has_no_stiffness_and_spares_untrusted_encoders(references, config):
-    references.track(command(position=Q, effort=1.0), NO_BRAKE, Q, DT)
+    references.track(command(q=Q, tau=1.0), NO_BRAKE, Q, DT)
     references.damp(np.array([True, False, True, True]))
     kd = config.column('board_kd')
     assert get(references, 'kd').tolist() == [kd[0], 0.0, kd[2], kd[3]]
@@ -137,25 +137,25 @@ def test_damping_has_no_stiffness_and_spares_untrusted_encoders(references, conf
 
 def test_zero_shifts_positions(references, drive):
     references.set_zero(np.array([1.0, 2.0, 3.0, 4.0]))
-    references.track(command(position=Q), NO_BRAKE, Q, DT)
+    references.track(command(q=Q), NO_BRAKE, Q, DT)
     assert get(references, 'position') == pytest.approx(
         drive.joint_to_motor_position(Q) + [1, 2, 3, 4]
     )
 
 
 def test_a_new_zero_changes_the_joints_angles_and_not_the_motors(references, drive):
-    references.track(command(velocity=0.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
     before = get(references, 'position').copy()
     references.set_zero(np.array([10.0, -20.0, 5.0, 0.0]))
     new_q = drive.motor_to_joint_position(before - references.zero)
     assert get(references, 'joint_position') == pytest.approx(new_q)
-    references.track(command(velocity=0.0), NO_BRAKE, new_q, DT)
+    references.track(command(dq=0.0), NO_BRAKE, new_q, DT)
     assert get(references, 'position') == pytest.approx(before)
 
 
 def test_gains_are_set_whole_or_not_at_all(references):
     references.set_gains(2.0, [0.1, 0.2, 0.3, 0.4])
-    references.track(command(position=Q), NO_BRAKE, Q, DT)
+    references.track(command(q=Q), NO_BRAKE, Q, DT)
     assert get(references, 'kp').tolist() == [2.0] * 4
     assert get(references, 'kd').tolist() == [0.1, 0.2, 0.3, 0.4]
     for kp, kd, ki, hint in (
@@ -168,14 +168,14 @@ def test_gains_are_set_whole_or_not_at_all(references):
     ):
         with pytest.raises(ValueError, match=hint):
             references.set_gains(kp, kd, ki)
-    references.track(command(position=Q), NO_BRAKE, Q, DT)
+    references.track(command(q=Q), NO_BRAKE, Q, DT)
     assert get(references, 'kp').tolist() == [2.0] * 4
 
 
 def test_integral_gain_where_the_frame_carries_it(config):
     references = MotorReferences(config, load_profile('laas_power'), reach_max=0.5)
     references.set_gains(1.0, 0.1, 0.5)
-    references.track(command(velocity=0.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
     assert get(references, 'integral_gain').tolist() == [0.5] * 4
     references.damp(np.ones(4, dtype=bool))
     assert not get(references, 'integral_gain').any()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.joint_command import JointCommand
+from aerarm_ros.hardware.command_buffer import CommandBuffer
 from aerarm_ros.hardware.safety_gate import SafetyGate
 
 Q = np.array([0.0, 1.5, 0.0, 0.0])
@@ -15,27 +15,27 @@ def gate(config):
 
 
 def command(**values):
-    result = JointCommand(4)
+    result = CommandBuffer(4)
     for name, value in values.items():
         getattr(result, name)[:] = value
     return result
 
 
 def test_limits_each_joint_and_counts(gate):
-    out = gate.limit(command(velocity=[1.0, 6.0, -6.0, 2.0]), Q, DQ, 1e-3, now=3.0)
-    assert out.velocity.tolist() == [1.0, 5.0, -5.0, 2.0]
-    assert np.isnan(out.position).all()
+    out = gate.limit(command(dq=[1.0, 6.0, -6.0, 2.0]), Q, DQ, 1e-3, now=3.0)
+    assert out.dq.tolist() == [1.0, 5.0, -5.0, 2.0]
+    assert np.isnan(out.q).all()
     assert gate.limited == {'velocity': 2}
     assert (gate.last_limited, gate.last_limited_time) == ('velocity', 3.0)
     assert gate.stop == ''
 
 
 def test_a_violation_latches_and_the_first_reason_stays(gate):
-    gate.limit(command(velocity=[0.0, 0.0, 0.0, 9.0]), Q, DQ, 1e-3, now=3.0)
+    gate.limit(command(dq=[0.0, 0.0, 0.0, 9.0]), Q, DQ, 1e-3, now=3.0)
     reason = gate.stop
     assert 'joint4 was commanded a velocity of 9.00' in reason
     gate.trip('joint2 is at 9.000 rad')
-    gate.limit(command(velocity=0.0), Q, DQ, 1e-3, now=3.0)
+    gate.limit(command(dq=0.0), Q, DQ, 1e-3, now=3.0)
     assert gate.stop == reason
     gate.release()
     assert gate.stop == ''
@@ -55,14 +55,14 @@ def test_is_inside_only_with_every_joint(gate):
 
 
 def test_brakes_only_what_is_too_fast(gate):
-    gate.limit(command(effort=0.1), Q, np.array([0.0, 5.5, 0.0, -5.5]), 1e-3, now=0.0)
+    gate.limit(command(tau=0.1), Q, np.array([0.0, 5.5, 0.0, -5.5]), 1e-3, now=0.0)
     assert gate.brake[[1, 3]].tolist() == [5.0, -5.0]
     assert np.isnan(gate.brake[[0, 2]]).all()
 
 
 def test_restart_forgets_the_effort(gate):
     for _ in range(10):
-        gate.limit(command(effort=5.0), Q, DQ, 1e-3, now=0.0)
+        gate.limit(command(tau=5.0), Q, DQ, 1e-3, now=0.0)
     gate.restart()
-    out = gate.limit(command(effort=5.0), Q, DQ, 1e-3, now=0.0)
-    assert out.effort == pytest.approx([1.0, 1.0, 0.5, 0.5])
+    out = gate.limit(command(tau=5.0), Q, DQ, 1e-3, now=0.0)
+    assert out.tau == pytest.approx([1.0, 1.0, 0.5, 0.5])

@@ -10,9 +10,9 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.command_law import VelocityLaw
-from aerarm_ros.excitation.excitation_player import ExcitationPlayer
-from aerarm_ros.excitation.motion_sequence import MotionSequence
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.player.velocity_law import VelocityLaw
+from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.emulation import make_emulated_transport

@@ -11,8 +11,8 @@ from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.excitation.excitation_config import load_excitation_config
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 

@@ -9,8 +9,8 @@ from controller_bench import NAMES, trajectory
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from aerarm_ros.control.arm_state import ArmState
-from aerarm_ros.control.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.nodes.computed_torque import ComputedTorqueNode
 from aerarm_ros.nodes.controller_node import ControllerNode
 from aerarm_ros.nodes.gravity_compensation import GravityCompensationNode
@@ -75,7 +75,7 @@ def play(node: GravityCompensationNode, state: ArmState, start: float, cycles: i
         act(node, now)
         node.before_update(state, now)
         command = node.loop.update(state, now)
-        efforts.append(np.full(4, np.nan) if command is None else command.effort)
+        efforts.append(np.full(4, np.nan) if command is None else command.tau)
     return np.array(efforts)
 
 

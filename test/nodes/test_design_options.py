@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.excitation_error import ExcitationError
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.nodes.design_options import excitation_setup, torque_noise, whole_periods
 
 

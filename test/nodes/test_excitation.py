@@ -15,9 +15,9 @@ from bridge_client import BridgeClient
 from rclpy.node import Node
 
 from aerarm_ros.description.resources import resource
-from aerarm_ros.excitation.excitation_config import load_excitation_config
-from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.trajectory_file import TrajectoryFile
+from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
 from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
 
 START = np.array([0.1, 1.4, -0.1, 0.2])
@@ -110,7 +110,7 @@ def assert_no_jump(seen: dict) -> None:
 def assert_holds_a_period(time: np.ndarray, q: np.ndarray, trajectory: FourierTrajectory) -> None:
     """Find where the played period starts and compare it with the trajectory."""
     offset = np.arange(0.0, trajectory.period, 0.02)
-    wanted = trajectory.position(offset)
+    wanted = trajectory.evaluate(offset).q
     errors = []
     for start in np.arange(0.0, time[-1] - trajectory.period, 2e-3):
         rows = np.minimum(np.searchsorted(time, start + offset), len(q) - 1)

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_ros.excitation.design_result import DesignResult
-from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
-from aerarm_ros.excitation.trajectory_file import TrajectoryFile
+from aerarm_ros.excitation.design.design_result import DesignResult
+from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
+from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
 from aerarm_ros.nodes import design_run
 from aerarm_ros.nodes.excitation_designer import main
 

@@ -7,8 +7,8 @@ import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.excitation.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes import experiment
 from aerarm_ros.nodes.experiment_bench import ExperimentBench, ExperimentRun

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.base_motion import BaseMotion
-from aerarm_ros.control.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant

@@ -12,7 +12,7 @@ from bench_rig import record
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.bench_motion import BenchPlan
+from aerarm_ros.excitation.planning.bench_plan import BenchPlan
 from aerarm_ros.identification.motor_bench.motor_bench import Earlier, KnownMass, MotorBench
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.identification.recording.identification_error import IdentificationError

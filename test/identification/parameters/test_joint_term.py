@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
 from aerarm_ros.identification.parameters.joint_term import (
     COUPLED,
     ROTOR,

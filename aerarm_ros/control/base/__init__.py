@@ -1,0 +1,28 @@
+"""The base of the arm in motion: what the drone does to the arm, and the arm to the drone.
+
+In come IMU samples in the autopilot's or ROS's frames; out goes a `BaseMotion` at any time near
+now, the arm's dynamics on such a base, and the wrench of the arm on what carries it.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        'acceleration_estimate': ['AccelerationEstimate'],
+        'base_motion': ['BaseMotion'],
+        'base_motion_estimator': ['BaseMotionEstimator'],
+        'base_motion_prediction': ['BaseMotionPrediction'],
+        'base_reaction': ['BaseReaction'],
+        'frame_conversion': [
+            'frd_to_flu',
+            'attitude_ned_frd_to_enu_flu',
+            'quaternion_product',
+            'rotation_matrix',
+            'quaternion',
+        ],
+        'imu_sample': ['ImuSample'],
+        'mount': ['Mount'],
+        'moving_base_dynamics': ['MovingBaseDynamics'],
+    },
+)

@@ -1,0 +1,190 @@
+"""The base's motion from the drone's IMU, with a way back when the IMU fails."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.acceleration_estimate import AccelerationEstimate
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.base_motion_prediction import BaseMotionPrediction
+from aerarm_ros.control.base.frame_conversion import rotation_matrix
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.base.mount import Mount
+from aerarm_ros.control.checks.gains import non_negative_number, positive
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+
+Array = npt.NDArray[np.float64]
+
+NONE, ATTITUDE, FULL = 'none', 'attitude', 'full'
+MODES = (NONE, ATTITUDE, FULL)
+
+_GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
+# Low-pass of what is told of the next milliseconds [Hz]: a drone sways at 1 Hz or less, and below
+# this corner the prediction gains more than the IMU's noise costs.
+_TREND_CUTOFF = 3.0
+
+
+class BaseMotionEstimator:
+    """Turns IMU samples into `BaseMotion`.
+
+    Modes: 'none' uses the configured gravity; 'attitude' turns gravity with the drone and
+    takes the base for still otherwise; 'full' also uses angular rate and specific force.
+    Angular acceleration is the filtered derivative of the rate, brought forward by the lag of the
+    filter.
+
+    While samples come the result follows them, each turned on with its rate for as long as
+    it is old (see `BaseMotionPrediction`). When they stop this goes on for `hold_time`, then
+    the result stays and fades to the configured gravity; when they come back it fades back.
+
+    Parameters
+    ----------
+    gravity_in_base : (3,) array_like
+        Configured gravity [m/s^2], the way back.
+    mode : str
+    mount : Mount
+    hold_time : float
+        Age [s] up to which the last sample is held.
+    fade_time : float
+        [s]
+    cutoff : float
+        Of the angular acceleration's low-pass [Hz].
+    latency : float
+        Age [s] of a sample when it is received, known to the user alone.
+
+    Attributes
+    ----------
+    rejections : int
+        Samples not used.
+    last_rejection : str
+        Why the last of them wasn't.
+
+    Raises
+    ------
+    ValueError
+        If the mode is unknown, a time isn't positive, or the latency negative.
+    """
+
+    def __init__(
+        self,
+        gravity_in_base: npt.ArrayLike,
+        mode: str = FULL,
+        mount: Mount | None = None,
+        hold_time: float = 0.1,
+        fade_time: float = 0.5,
+        cutoff: float = 60.0,
+        latency: float = 0.0,
+    ) -> None:
+        if mode not in MODES:
+            raise ValueError(f'mode = {mode!r} must be one of {", ".join(MODES)}')
+        self.mode = mode
+        self.configured = BaseMotion.still(gravity_in_base)
+        self._mount = Mount.aligned() if mount is None else mount
+        self._hold_time = positive('hold_time', hold_time)
+        self._fade_time = positive('fade_time', fade_time)
+        self._time_constant = 1.0 / (2.0 * np.pi * positive('cutoff', cutoff))
+        self._latency = non_negative_number('latency', latency)
+        self._spin = AccelerationEstimate(3, cutoff)
+        self._jerk = AccelerationEstimate(3, _TREND_CUTOFF)
+        self._force_slope = AccelerationEstimate(3, _TREND_CUTOFF)
+        self._prediction = BaseMotionPrediction(self.configured, np.zeros(3))
+        self._stamp = -np.inf
+        self._received = -np.inf
+        self._updated: float | None = None
+        self._weight = 0.0
+        self.rejections = 0
+        self.last_rejection = ''
+
+    def status(self, now: float) -> str:
+        """Return where the motion comes from at `now` [s], for diagnostics."""
+        if self.mode == NONE:
+            return 'configured gravity'
+        age = now - self._received
+        if abs(age) <= self._hold_time:
+            return 'IMU'
+        if np.isinf(age):
+            return 'no IMU yet: configured gravity'
+        return f'IMU silent for {age:.2f} s: configured gravity'
+
+    def reject(self, reason: str) -> None:
+        """Count a sample that could not be made."""
+        self.rejections += 1
+        self.last_rejection = reason
+
+    def offer(self, sample: ImuSample, now: float) -> None:
+        """Take a sample received at `now` [s].
+
+        Raises
+        ------
+        RejectedInputError
+            If it is older than the one before, or lacks the attitude that the mode needs.
+        """
+        if self.mode == NONE:
+            return
+        if self.mode == ATTITUDE and sample.attitude is None:
+            self._refuse("IMU: it gives no attitude, which mode 'attitude' needs: use 'full'")
+        step = sample.stamp - self._stamp
+        # A stamp far in the past is a clock that was set back: start anew.
+        if -1.0 < step <= 0.0:
+            self._refuse('IMU: a sample is not newer than the one before: one publisher only')
+        continues = 0.0 < step < self._hold_time
+        self._prediction = self._predict(sample, step if continues else None)
+        self._stamp, self._received = sample.stamp, now
+
+    def motion(self, now: float, ahead: float = 0.0) -> BaseMotion:
+        """Return the base's motion `ahead` [s] of `now` [s]; a negative lead is the past."""
+        if self.mode == NONE:
+            return self.configured
+        age = now - self._received
+        # A clock that was set back doesn't make an IMU fresh.
+        fresh = abs(age) <= self._hold_time
+        if self._updated is None:
+            self._weight = 1.0 if fresh else 0.0
+        elif self._weight != fresh:
+            change = (now - self._updated) / self._fade_time
+            self._weight = min(1.0, max(0.0, self._weight + (change if fresh else -change)))
+        self._updated = now
+        if self._weight == 0.0:
+            return self.configured
+        age = min(max(age, -self._hold_time), self._hold_time)
+        predicted = self._prediction.after(self._latency + age + ahead)
+        if self._weight == 1.0:
+            return predicted
+        w = self._weight
+        pairs = zip(predicted, self.configured, strict=True)
+        return BaseMotion(*(w * measured + (1.0 - w) * still for measured, still in pairs))
+
+    def _refuse(self, reason: str) -> None:
+        self.reject(reason)
+        raise RejectedInputError(reason)
+
+    def _predict(self, sample: ImuSample, step: float | None) -> BaseMotionPrediction:
+        """Return the motion from a sample on, `step` [s] after the one before."""
+        rotation = self._mount.rotation_imu_to_base
+        rate = rotation @ sample.angular_velocity
+        force = rotation @ sample.specific_force
+        if sample.attitude is None:
+            gravity = -force  # the best guess without attitude: what is felt is gravity
+        else:
+            gravity = rotation @ (rotation_matrix(sample.attitude).T @ _GRAVITY_IN_WORLD)
+        if self.mode == ATTITUDE:
+            return BaseMotionPrediction(BaseMotion.still(gravity), rate)
+        spin, jerk = self._angular_acceleration(rate, step)
+        # From the IMU to the origin of the base frame: rigid-body acceleration.
+        lever = -self._mount.imu_position_in_base
+        tangential: Array = np.cross(spin, lever)
+        centripetal: Array = np.cross(rate, np.cross(rate, lever))
+        motion = BaseMotion(gravity, force + tangential + centripetal, rate, spin)
+        if step is None:
+            self._force_slope.reset()
+        slope = self._force_slope.update(motion.specific_force, step or 0.0)
+        return BaseMotionPrediction(motion, rate, None if step is None else slope, jerk)
+
+    def _angular_acceleration(self, rate: Array, step: float | None) -> tuple[Array, Array]:
+        """Return angular acceleration and its rate; zeros if there is no sample before."""
+        if step is None:
+            self._spin.reset()
+            self._jerk.reset()
+            return self._spin.update(rate, 0.0), np.zeros(3)
+        spin = self._spin.update(rate, step)
+        jerk = self._jerk.update(spin, step)
+        # The derivative is that of a while ago: half a step, and the low-pass.
+        return spin + (0.5 * step + self._time_constant) * jerk, jerk

@@ -1,0 +1,108 @@
+"""Cartesian impedance of the tool."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.gains import finite, non_negative, non_negative_number, positive
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.motion.task_reference import TaskReference
+
+Array = npt.NDArray[np.float64]
+
+
+class CartesianImpedance:
+    """The tool as a spring and damper on the arm's own inertia (Hogan 1985; Khatib 1987).
+
+    With the task inertia `L = (J B^-1 J^T + s^2 1)^-1`, s a small regularisation that keeps
+    it finite where J loses rank::
+
+        F   = L ddpd + K (pd - p) + D (dpd - dp)
+        tau = n(q, dq) + J^T F + N^T (Kn (q_rest - q) - Dn dq)
+
+    so that a force f on the tool moves it as `L dde + D de + K e = -f` but for dJ dq. Inertia
+    isn't shaped, so no force needs to be measured. `N^T` projects the posture's torque so
+    that it doesn't move the tool.
+
+    Parameters
+    ----------
+    dynamics : MovingBaseDynamics
+    kinematics : Kinematics
+        Of the frame that is controlled.
+    stiffness, damping : (3,) array_like
+        K [N/m] and D [Ns/m] along the base's axes.
+    rest : (n,) array_like
+        [rad]
+    rest_stiffness, rest_damping : float
+        Kn [Nm/rad], Dn [Nms/rad]
+    friction : FrictionCompensation, optional
+        By measured velocity; its fraction must be below one.
+    regularisation : float
+        s [1/sqrt(kg)]: inertia beyond 1/s^2 isn't felt.
+
+    Attributes
+    ----------
+    stiffness, damping : (3,) ndarray
+        May be replaced at any time.
+
+    Raises
+    ------
+    ValueError
+        If a gain is negative, or the number of gains or of joints isn't right.
+    """
+
+    def __init__(
+        self,
+        dynamics: MovingBaseDynamics,
+        kinematics: Kinematics,
+        stiffness: npt.ArrayLike,
+        damping: npt.ArrayLike,
+        rest: npt.ArrayLike,
+        rest_stiffness: float = 2.0,
+        rest_damping: float = 0.3,
+        friction: FrictionCompensation | None = None,
+        regularisation: float = 0.1,
+    ) -> None:
+        self._dynamics = dynamics
+        self._kinematics = kinematics
+        self.stiffness = non_negative('stiffness', stiffness, 3)
+        self.damping = non_negative('damping', damping, 3)
+        self._rest = finite('rest', rest, dynamics.n)
+        self._rest_stiffness = non_negative_number('rest_stiffness', rest_stiffness)
+        self._rest_damping = non_negative_number('rest_damping', rest_damping)
+        self._friction = friction
+        self._floor = positive('regularisation', regularisation) ** 2 * np.eye(3)
+
+    def take_over(self, q: Array) -> None:
+        """Start at the present posture: there is nothing to remember."""
+
+    def update(
+        self,
+        state: ArmState,
+        reference: TaskReference,
+        dt: float,
+        base: BaseMotion | None = None,
+    ) -> JointCommand:
+        """Return the effort (n,) [Nm]; `dt` isn't used."""
+        q, dq, _ = state
+        jacobian = self._kinematics.position_jacobian(q)
+        inertia = self._dynamics.fixed.inertia_matrix(q)
+        # B^-1 J^T and the inertia the tool shows in the task.
+        mobility = np.linalg.solve(inertia, jacobian.T)
+        task_inertia = np.linalg.inv(jacobian @ mobility + self._floor)
+        force = self.stiffness * (reference.p - self._kinematics.position(q))
+        force += self.damping * (reference.dp - jacobian @ dq)
+        force += task_inertia @ reference.ddp
+        posture = self._rest_stiffness * (self._rest - q) - self._rest_damping * dq
+        # N^T = 1 - J^T (L J B^-1), dynamically consistent.
+        force -= task_inertia @ (mobility.T @ posture)
+        bias = self._dynamics.bias(q, dq, base)
+        tool: Array = jacobian.T @ force
+        u = bias + tool + posture
+        if self._friction is not None:
+            u += self._friction.torque(dq, bias)
+        return JointCommand(tau=u)

@@ -1,0 +1,99 @@
+"""Position control by gravity compensation, thesis 2.6.1."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.gains import non_negative, positive
+from aerarm_ros.control.compensation.fade import Fade
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.motion.joint_reference import JointReference
+
+Array = npt.NDArray[np.float64]
+
+HAND_GUIDING_DAMPING = 0.02
+"""Part of Kd left when a person guides the arm: enough that a released arm stops."""
+
+
+class GravityCompensation:
+    """Thesis (2.14): `u = g(q) + Kp (qd - q) + Kd (dqd - dq)` plus friction.
+
+    With `hand_guiding` the gains fade to (almost) nothing and the arm floats: gravity and
+    part of the friction are still compensated, so that a person can move it. Gains fade over
+    `fade_time` both ways, so torque never jumps; a caller that ends hand guiding must let the
+    reference start at the present posture.
+
+    Parameters
+    ----------
+    dynamics : MovingBaseDynamics
+    kp : (n,) array_like
+        [Nm/rad]
+    kd : (n,) array_like
+        [Nms/rad]
+    friction : FrictionCompensation, optional
+        Driven by the reference velocity: at rest it is zero and can't chatter.
+    hand_friction : FrictionCompensation, optional
+        Driven by the measured velocity while hand guiding; its fraction must be below one.
+    fade_time : float
+        [s]
+
+    Attributes
+    ----------
+    hand_guiding : bool
+    kp, kd : (n,) ndarray
+        May be replaced at any time.
+
+    Raises
+    ------
+    ValueError
+        If a gain is negative or their number isn't n.
+    """
+
+    def __init__(
+        self,
+        dynamics: MovingBaseDynamics,
+        kp: npt.ArrayLike,
+        kd: npt.ArrayLike,
+        friction: FrictionCompensation | None = None,
+        hand_friction: FrictionCompensation | None = None,
+        fade_time: float = 0.5,
+    ) -> None:
+        self._dynamics = dynamics
+        self.kp = non_negative('kp', kp, dynamics.n)
+        self.kd = non_negative('kd', kd, dynamics.n)
+        self._friction = friction
+        self._hand_friction = hand_friction
+        self._fade = Fade(positive('fade_time', fade_time), share=1.0)
+        self.hand_guiding = False
+
+    @property
+    def stiffness(self) -> float:
+        """Part of the gains in effect, 0 (hand guiding) to 1."""
+        return self._fade.share
+
+    def take_over(self, q: Array) -> None:
+        """Start at the present posture: full gains at once, or none while hand guiding."""
+        self._fade.share = 0.0 if self.hand_guiding else 1.0
+
+    def update(
+        self,
+        state: ArmState,
+        reference: JointReference,
+        dt: float,
+        base: BaseMotion | None = None,
+    ) -> JointCommand:
+        """Return the effort (n,) [Nm] for this cycle of `dt` [s]."""
+        stiffness = self._fade.update(dt, not self.hand_guiding)
+        q, dq, _ = state
+        damping = stiffness + (1.0 - stiffness) * HAND_GUIDING_DAMPING
+        load = self._dynamics.gravity(q, base)
+        u = load + stiffness * self.kp * (reference.q - q)
+        u += damping * self.kd * (stiffness * reference.dq - dq)
+        if self._friction is not None:
+            u += stiffness * self._friction.torque(reference.dq, load)
+        if self._hand_friction is not None and stiffness < 1.0:
+            u += (1.0 - stiffness) * self._hand_friction.torque(dq, load)
+        return JointCommand(tau=u)

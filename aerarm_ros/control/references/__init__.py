@@ -1,0 +1,20 @@
+"""What the arm shall follow at each instant.
+
+In come checked trajectories, set points, streamed points and targets of the tool, each with its
+time; out goes a `JointReference` or `TaskReference` every cycle, continuous whatever came.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        'blend': ['Blend'],
+        'follower_tolerances': ['FollowerTolerances'],
+        'joint_trajectory': ['JointTrajectory'],
+        'reference_source': ['ReferenceSource'],
+        'streamed_point': ['StreamedPoint'],
+        'target_follower': ['TargetFollower'],
+        'trajectory_follower': ['TrajectoryFollower'],
+    },
+)

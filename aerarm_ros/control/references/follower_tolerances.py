@@ -1,0 +1,60 @@
+"""What a trajectory follower tolerates."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.checks.gains import non_negative, positive
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerTolerances:
+    """Tolerances of n joints, and times.
+
+    Attributes
+    ----------
+    start : (n,) ndarray
+        Distance [rad] of a trajectory's first point from the present reference.
+    path : (n,) ndarray
+        Error [rad] under way beyond which the motion is aborted; positive.
+    goal : (n,) ndarray
+        Error [rad] at which the goal counts as reached; positive.
+    goal_time : float
+        Time [s] after the end to reach the goal.
+    stream_timeout : float
+        Silence [s] after which a streamed reference brakes.
+    """
+
+    start: Array
+    path: Array
+    goal: Array
+    goal_time: float
+    stream_timeout: float
+
+    @classmethod
+    def uniform(
+        cls,
+        n: int,
+        start: float = 0.1,
+        path: float = 0.3,
+        goal: float = 0.01,
+        goal_time: float = 1.0,
+        stream_timeout: float = 0.1,
+    ) -> 'FollowerTolerances':
+        """Return the same tolerances for each of n joints.
+
+        Raises
+        ------
+        ValueError
+            If a value isn't positive.
+        """
+        return cls(
+            start=non_negative('start', start, n),
+            path=np.full(n, positive('path', path)),
+            goal=np.full(n, positive('goal', goal)),
+            goal_time=positive('goal_time', goal_time),
+            stream_timeout=positive('stream_timeout', stream_timeout),
+        )

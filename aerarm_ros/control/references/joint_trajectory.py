@@ -1,0 +1,149 @@
+"""A trajectory as a planner sends it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+
+Array = npt.NDArray[np.float64]
+Rows = Sequence[Sequence[float]]
+
+
+class JointTrajectory:
+    """Points that joints pass at given times; checked, and in the arm's joint order.
+
+    Parameters
+    ----------
+    limits : JointLimits
+    names : sequence of str
+        Joints of the columns: the arm's, in any order.
+    times : sequence of float
+        Time of each point from the start [s], strictly increasing, not negative.
+    positions : (M, n) sequence
+        [rad]
+    velocities, accelerations : (M, n) sequences, optional
+        [rad/s], [rad/s^2]; missing ones (or empty rows) are filled in by `path`.
+
+    Attributes
+    ----------
+    times : (M,) ndarray
+    q : (M, n) ndarray
+    dq, ddq : (M, n) ndarray or None
+
+    Raises
+    ------
+    RejectedInputError
+        If names, numbers or times are wrong, or a point is outside the limits.
+    """
+
+    def __init__(
+        self,
+        limits: JointLimits,
+        names: Sequence[str],
+        times: Sequence[float],
+        positions: Rows,
+        velocities: Rows | None = None,
+        accelerations: Rows | None = None,
+    ) -> None:
+        order = limits.order(names)
+        self.times = _check_times(times)
+        q = _rows('positions', positions, len(self.times), limits.n, order)
+        if q is None:
+            raise RejectedInputError('trajectory: the points have no positions')
+        self.q = q
+        self.dq = _rows('velocities', velocities, len(self.times), limits.n, order)
+        self.ddq = _rows('accelerations', accelerations, len(self.times), limits.n, order)
+        if self.ddq is not None and self.dq is None:
+            raise RejectedInputError('trajectory: accelerations are given without velocities')
+        limits.check_position('trajectory', self.q)
+        if self.dq is not None:
+            limits.check_velocity('trajectory', self.dq)
+        if self.ddq is not None:
+            limits.check_acceleration('trajectory', self.ddq)
+        self._limits = limits
+
+    @property
+    def is_single_point(self) -> bool:
+        """Whether it is one point for now: a streamed reference."""
+        return len(self.times) == 1 and self.times[0] == 0.0
+
+    def path(self, start: Array, interpolation: str) -> PolynomialPath:
+        """Return the motion along the points.
+
+        A trajectory whose first point lies in the future begins at rest at `start`. Missing
+        velocities and accelerations are the slopes between neighbouring points, zero at the
+        ends.
+
+        Parameters
+        ----------
+        start : (n,) ndarray
+            Present reference [rad].
+        interpolation : str
+            'cubic' (continuous velocity) or 'quintic' (continuous acceleration).
+
+        Raises
+        ------
+        RejectedInputError
+            If the motion leaves the limits between points, or doesn't end at rest.
+        """
+        times, q, dq, ddq = self.times, self.q, self.dq, self.ddq
+        if times[0] > 0.0:
+            times = np.concatenate([[0.0], times])
+            q = np.vstack([start, q])
+            dq = None if dq is None else np.vstack([np.zeros_like(start), dq])
+            ddq = None if ddq is None else np.vstack([np.zeros_like(start), ddq])
+        if dq is not None and np.any(np.abs(dq[-1]) > 1e-3 * self._limits.velocity_max):
+            raise RejectedInputError(
+                'trajectory: the last point has a velocity: end at rest, or stream single points'
+            )
+        if dq is None:
+            dq = _slopes(times, q)
+        if interpolation == 'quintic':
+            path = PolynomialPath.quintic(times, q, dq, _slopes(times, dq) if ddq is None else ddq)
+        else:
+            path = PolynomialPath.cubic(times, q, dq)
+        samples = path.sample()
+        limits = self._limits.including(start)
+        limits.check_position('trajectory between its points', samples.q)
+        self._limits.check_velocity('trajectory between its points', samples.dq)
+        self._limits.check_acceleration('trajectory between its points', samples.ddq)
+        return path
+
+
+def _check_times(times: Sequence[float]) -> Array:
+    t = np.array(times, dtype=float)
+    if t.ndim != 1 or not t.size:
+        raise RejectedInputError('trajectory: it has no points')
+    if not np.all(np.isfinite(t)) or t[0] < 0.0:
+        raise RejectedInputError('trajectory: times must be finite and not negative')
+    if np.any(np.diff(t) <= 0.0):
+        index = int(np.argmax(np.diff(t) <= 0.0)) + 1
+        raise RejectedInputError(
+            f'trajectory: point {index} at {t[index]:g} s does not follow point {index - 1} at '
+            f'{t[index - 1]:g} s: times must increase'
+        )
+    return t
+
+
+def _rows(what: str, rows: Rows | None, points: int, n: int, order: list[int]) -> Array | None:
+    """Return (M, n) numbers in the arm's order, None where all rows are empty."""
+    if rows is None or all(len(row) == 0 for row in rows):
+        return None
+    if len(rows) != points or any(len(row) != n for row in rows):
+        raise RejectedInputError(f'trajectory: every point needs {n} {what}, or none does')
+    values = np.array(rows, dtype=float)[:, order]
+    if not np.all(np.isfinite(values)):
+        raise RejectedInputError(f'trajectory: {what} must be finite numbers')
+    return values
+
+
+def _slopes(times: Array, values: Array) -> Array:
+    """Return the slope at each point from its neighbours, zero at both ends."""
+    slopes = np.zeros_like(values)
+    if len(times) > 2:
+        slopes[1:-1] = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, np.newaxis]
+    return slopes

@@ -1,0 +1,119 @@
+"""A smooth motion of the tool toward targets that come one by one."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.checks.gains import positive
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.task_reference import TaskReference
+
+Array = npt.NDArray[np.float64]
+
+# Targets further apart in time are separate targets, not samples of a path.
+_STREAM_GAP = 0.25
+# Of its own periods, how long a stream may be silent before it counts as ended.
+_SILENT_PERIODS = 2.0
+
+
+class TargetFollower:
+    """Reference generator of thesis 2.5: second order, critically damped, limited.
+
+    A single target is approached without overshoot; a stream of them is followed with the
+    velocity between them, so that a constant velocity is tracked without lag. When it ends the
+    tool stays at its last target.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+        Of the frame that is moved.
+    frequency : float
+        Natural frequency [rad/s].
+    velocity_max, acceleration_max : float
+        [m/s], [m/s^2]
+    reach : float
+        Largest distance [m] of a target from the base.
+
+    Raises
+    ------
+    ValueError
+        If a value isn't positive.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        frequency: float = 15.0,
+        velocity_max: float = 0.8,
+        acceleration_max: float = 4.0,
+        reach: float = np.inf,
+    ) -> None:
+        self._kinematics = kinematics
+        self._frequency = positive('frequency', frequency)
+        self._velocity_max = positive('velocity_max', velocity_max)
+        self._acceleration_max = positive('acceleration_max', acceleration_max)
+        self._reach = reach
+        self.take_over(np.zeros(kinematics.robot.n))
+
+    def take_over(self, q: Array) -> None:
+        """Stay where the tool is at `q` (n,) [rad] until a target comes."""
+        self._p = self._kinematics.position(q)
+        self._v = np.zeros(3)
+        self._target = self._p
+        self._target_velocity = np.zeros(3)
+        self._target_time: float | None = None
+        self._moving_until = -np.inf
+
+    def set_target(self, p: npt.ArrayLike, now: float) -> None:
+        """Take the target `p` (3,) [m], in the base frame, valid at `now` [s].
+
+        Raises
+        ------
+        RejectedInputError
+            If it isn't finite or out of reach.
+        """
+        target = np.array(p, dtype=float)
+        if target.shape != (3,) or not np.all(np.isfinite(target)):
+            raise RejectedInputError(f'tool target {target} must be three finite numbers [m]')
+        distance = float(np.linalg.norm(target))
+        if distance > self._reach:
+            raise RejectedInputError(
+                f'tool target {target} is {distance:.3g} m from the base, the arm reaches '
+                f'{self._reach:.3g} m: check the frame and the unit'
+            )
+        velocity, self._moving_until = np.zeros(3), -np.inf
+        period = np.inf if self._target_time is None else now - self._target_time
+        if 1e-4 < period < _STREAM_GAP:
+            velocity = _limited((target - self._target) / period, self._velocity_max)
+            self._moving_until = now + _SILENT_PERIODS * period
+        self._target, self._target_velocity, self._target_time = target, velocity, now
+
+    def update(self, q: Array, now: float, dt: float) -> TaskReference:
+        """Return the reference after a cycle of `dt` [s] that ends at `now` [s].
+
+        The arm's posture `q` isn't used: the reference doesn't follow the arm.
+        """
+        target, target_velocity = self._target, self._target_velocity
+        if now > self._moving_until or self._target_time is None:
+            target_velocity = np.zeros(3)
+        else:
+            target = target + max(0.0, now - self._target_time) * target_velocity
+        error = target - self._p
+        w = self._frequency
+        # The speed from which the tool can still stop at the target.
+        speed = min(
+            self._velocity_max,
+            float(np.sqrt(self._acceleration_max * (np.linalg.norm(error) + 1e-12))),
+        )
+        approach = _limited(0.5 * w * error, speed)
+        wanted = 2.0 * w * (approach + target_velocity - self._v)
+        acceleration = _limited(wanted, self._acceleration_max)
+        self._p = self._p + dt * (self._v + (0.5 * dt) * acceleration)
+        self._v = self._v + dt * acceleration
+        return TaskReference(self._p, self._v, acceleration)
+
+
+def _limited(vector: Array, length: float) -> Array:
+    """Return `vector`, shortened to `length` if it is longer."""
+    norm = float(np.linalg.norm(vector))
+    return vector if norm <= length else (length / norm) * vector

@@ -1,0 +1,164 @@
+"""The motion of a motor bench: velocity steps and acceleration runs, one joint at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
+from aerarm_ros.excitation.feasibility.stop_checker import StopChecker
+from aerarm_ros.excitation.planning.bench_measurement import BenchMeasurement
+from aerarm_ros.excitation.planning.bench_plan import BenchPlan
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.excitation.settings.motion_limits import MotionLimits
+from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
+from aerarm_ros.excitation.trajectory.steady_stroke import SteadyStroke
+from aerarm_ros.excitation.trajectory.transfer import transfer
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_motion import JointMotion
+from aerarm_ros.motion.smooth_step import rest_to_rest_duration
+
+_TRANSFER_SHARE = 0.2  # of the limits of velocity and acceleration between the measurements
+_SHORTEST_TRANSFER = 0.5  # [s]
+_SETTLE = 0.1  # [s] at constant speed before it counts: the velocity loop has to arrive
+_SHORTEST_STEADY = 0.15  # [s] at constant speed that is worth measuring
+_REST = 0.2  # [s] between two strokes
+
+
+class BenchMotion:
+    """Plans the bench's motion and knows which stretches of it are measured.
+
+    Each joint in turn goes through its strokes while the others hold the posture. Both
+    directions of a speed pass the same postures, so that gravity cancels between them.
+
+    Parameters
+    ----------
+    plan : what to measure.
+    limits : what the joints may do.
+    start : (n,) posture at the beginning and the end [rad].
+    posture : (n,) posture about which is measured [rad].
+    joints : indices of the joints to measure.
+
+    Raises
+    ------
+    ExcitationError
+        If a joint's limits leave no room, or a speed has no part at constant velocity.
+    """
+
+    def __init__(
+        self,
+        plan: BenchPlan,
+        limits: MotionLimits,
+        start: FloatArray,
+        posture: FloatArray,
+        joints: Sequence[int],
+    ) -> None:
+        self._plan = plan
+        self._limits = limits
+        self._posture = np.array(posture, dtype=float)
+        self._stages: list[Stage] = []
+        self._time = 0.0
+        self._at = np.array(start, dtype=float)
+        self.measurements: list[BenchMeasurement] = []
+        for joint in joints:
+            self._check(joint)
+            self._measure(joint)
+        self._move(start)
+        self.sequence = MotionSequence(self._stages)
+
+    def require_feasible(self, checker: FeasibilityChecker) -> None:
+        """Raise InfeasibleError if the motion breaks a limit."""
+        checker.check(self.sequence, stop_early=True).require('the motion of the bench')
+
+    def _check(self, joint: int) -> None:
+        limits, plan = self._limits, self._plan
+        name, middle = limits.joint_names[joint], self._posture[joint]
+        room = 2.0 * min(middle - limits.position_min[joint], limits.position_max[joint] - middle)
+        if room < plan.span:
+            raise ExcitationError(
+                f'{name} has {max(room, 0.0):.3g} rad about {middle:.3g} rad, the span is '
+                f'{plan.span:.3g} rad: choose a smaller span or another posture'
+            )
+        if max(plan.speeds) > limits.velocity[joint]:
+            raise ExcitationError(
+                f'{name} may turn at {limits.velocity[joint]:.3g} rad/s, not at '
+                f'{max(plan.speeds):.3g}: choose lower speeds'
+            )
+
+    def _measure(self, joint: int) -> None:
+        plan, name = self._plan, self._limits.joint_names[joint]
+        half = np.zeros(len(self._posture))
+        half[joint] = 0.5 * plan.span
+        self._move(self._posture - half)
+        for speed in sorted(set(plan.speeds)):
+            for travel in (plan.span, -plan.span):
+                self._stroke(joint, travel, speed, name)
+        begin = self._time
+        for _ in range(plan.runs):
+            for end in (self._posture + half, self._posture - half):
+                self._run(joint, end, name)
+        if plan.runs:
+            self.measurements.append(BenchMeasurement(joint, None, begin, self._time))
+
+    def _stroke(self, joint: int, travel: float, speed: float, name: str) -> None:
+        acceleration = self._plan.acceleration_share * float(self._limits.acceleration[joint])
+        try:
+            stroke = SteadyStroke(self._at, joint, travel, speed, acceleration)
+        except ExcitationError as error:
+            raise ExcitationError(f'{name}: {error}: choose a larger span') from None
+        steady = stroke.steady_time - _SETTLE
+        if steady < _SHORTEST_STEADY:
+            raise ExcitationError(
+                f'{name} runs at {speed:.3g} rad/s for {stroke.steady_time:.2f} s only, less than '
+                f'{_SETTLE + _SHORTEST_STEADY:g} s: choose a larger span or lower speeds'
+            )
+        begin = self._time + stroke.ramp_time + _SETTLE
+        signed = float(np.copysign(speed, travel))
+        self.measurements.append(BenchMeasurement(joint, signed, begin, begin + steady))
+        self._add(f'{name} {signed:+.2f} rad/s', stroke)
+        self._rest(name)
+
+    def _run(self, joint: int, end: FloatArray, name: str) -> None:
+        plan, limits = self._plan, self._limits
+        duration = rest_to_rest_duration(
+            end - self._at,
+            plan.velocity_share * limits.velocity,
+            plan.acceleration_share * limits.acceleration,
+            minimum=0.1,
+        )
+        self._add(f'{name} acceleration', transfer(self._at, end, duration))
+
+    def _move(self, end: FloatArray) -> None:
+        """Go to a posture without measuring."""
+        duration = rest_to_rest_duration(
+            end - self._at,
+            _TRANSFER_SHARE * self._limits.velocity,
+            _TRANSFER_SHARE * self._limits.acceleration,
+            _SHORTEST_TRANSFER,
+        )
+        self._add('transfer', transfer(self._at, end, duration))
+
+    def _rest(self, name: str) -> None:
+        self._add(name, transfer(self._at, self._at, _REST))
+
+    def _add(self, name: str, motion: JointMotion) -> None:
+        self._stages.append(Stage(name, motion))
+        self._time += motion.duration
+        # Rounding must not add up from stroke to stroke.
+        self._at = np.array(motion.evaluate(motion.duration).q)
+
+
+def bench_checker(setup: ExcitationSetup, mounted: bool) -> FeasibilityChecker:
+    """Return the checks of a bench's motion, a smooth stop anywhere on it included.
+
+    Parameters
+    ----------
+    setup : the arm.
+    mounted : False for bare motors, which carry nothing and collide with nothing.
+    """
+    limits = setup.limits
+    if not mounted:
+        return FeasibilityChecker(limits, stops=StopChecker(limits, None, setup.config.stop_time))
+    return FeasibilityChecker(limits, setup.clearance, setup.effort_model, stops=setup.stops)

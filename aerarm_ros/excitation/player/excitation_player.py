@@ -1,0 +1,170 @@
+"""Plays a planned motion against measured states."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+import numpy as np
+
+from aerarm_ros.excitation.player.command_law import CommandLaw
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.path_clock import PathClock
+
+
+class PlayState(Enum):
+    """Where a player is."""
+
+    RUNNING = 'running'
+    STOPPING = 'stopping'
+    FINISHED = 'finished'
+    STOPPED = 'stopped'
+
+
+class ExcitationPlayer:
+    """Answers every measured state with one command until the motion ends.
+
+    Time is the stamp of the states: a lost message leaves a gap in the commands but does not
+    delay the motion.
+
+    Parameters
+    ----------
+    motion : what is played, starting at rest in the posture of the first state.
+    law : command mode.
+    joint_names : for messages.
+    tracking_limit : largest |q_d - q| of a joint before the motion is stopped [rad].
+    largest_gap : largest time between two states [s].
+    stop_time : duration of a smooth stop [s].
+
+    Raises
+    ------
+    ExcitationError
+        If a limit or time is not positive.
+    """
+
+    START_TOLERANCE = 0.05
+    """How far a joint may have moved since the motion was planned [rad]."""
+
+    def __init__(
+        self,
+        motion: MotionSequence,
+        law: CommandLaw,
+        joint_names: tuple[str, ...],
+        tracking_limit: float = 0.3,
+        largest_gap: float = 0.1,
+        stop_time: float = 0.5,
+    ) -> None:
+        if min(tracking_limit, largest_gap, stop_time) <= 0.0:
+            raise ExcitationError('tracking limit, largest gap and stop time must be positive')
+        self.motion = motion
+        self._law = law
+        self._joint_names = joint_names
+        self._tracking_limit = tracking_limit
+        self._largest_gap_ns = round(largest_gap * 1e9)
+        self._clock = PathClock(stop_time)
+        self._start_ns: int | None = None
+        self._last_ns = 0
+        self.state = PlayState.RUNNING
+        self.fault: str | None = None
+        """Why the motion was broken off, None if it was not."""
+        self.path_time = 0.0
+        """Time along the motion at the last state [s]."""
+        self.largest_error = np.zeros(len(joint_names))
+        """Largest |q_d - q| so far (n,) [rad]."""
+
+    @property
+    def done(self) -> bool:
+        """Whether the reference is at rest and nothing more is to be commanded."""
+        return self.state in (PlayState.FINISHED, PlayState.STOPPED)
+
+    @property
+    def progress(self) -> float:
+        """Share of the motion that was played, 0 to 1."""
+        return min(self.path_time / self.motion.duration, 1.0)
+
+    @property
+    def stage(self) -> str:
+        """Name of the running stage."""
+        return self.motion.stage_at(self.path_time).name
+
+    def stop(self) -> None:
+        """Bring the arm to rest on its path; takes effect at the next state."""
+        if self.state is PlayState.RUNNING:
+            self.state = PlayState.STOPPING
+
+    def update(self, stamp_ns: int, position: FloatArray) -> JointCommand:
+        """Return the command that answers one state.
+
+        Parameters
+        ----------
+        stamp_ns : stamp of the state [ns].
+        position : measured posture (n,) [rad].
+
+        Raises
+        ------
+        ExcitationError
+            If the stamp jumps or the posture is not finite: what the arm does is not known then,
+            so no command can be right. Or if the first posture is not where the motion starts.
+        """
+        if self._start_ns is None:
+            self._require_start(position)
+        now = self._elapsed(stamp_ns)
+        if self.state is PlayState.STOPPING:
+            self._clock.stop(now)
+        reference = self._reference(now)
+        self._check_tracking(reference.q - position)
+        if self._clock.stopped(now):
+            self.state = PlayState.STOPPED
+        elif self.path_time >= self.motion.duration:
+            self.state = PlayState.FINISHED
+        return self._law.command(reference, position)
+
+    def _require_start(self, position: FloatArray) -> None:
+        moved = np.abs(self.motion.evaluate(0.0).q - position)
+        worst = int(moved.argmax())
+        if moved[worst] > self.START_TOLERANCE:
+            raise ExcitationError(
+                f'{self._joint_names[worst]} moved by {moved[worst]:.3f} rad since the motion was '
+                'planned: check that the arm is held and that nobody else moves it, then try again'
+            )
+
+    def _elapsed(self, stamp_ns: int) -> float:
+        if self._start_ns is None:
+            self._start_ns = self._last_ns = stamp_ns
+        gap = stamp_ns - self._last_ns
+        if not 0 <= gap <= self._largest_gap_ns:
+            raise ExcitationError(
+                f'joint state stamps jump by {gap * 1e-9:.3f} s: check that one bridge publishes '
+                'joint_states without pauses and that its clock is not being set'
+            )
+        self._last_ns = stamp_ns
+        return (stamp_ns - self._start_ns) * 1e-9
+
+    def _reference(self, now: float) -> JointReference:
+        path = self._clock.at(now)
+        self.path_time = path.value
+        along = self.motion.evaluate(path.value)
+        if not self._clock.stopping:
+            return along
+        return JointReference(
+            along.q,
+            path.rate * along.dq,
+            path.rate**2 * along.ddq + path.rate_change * along.dq,
+        )
+
+    def _check_tracking(self, error: FloatArray) -> None:
+        distance = np.abs(error)
+        worst = int(distance.argmax())  # the first NaN, if there is one
+        if np.isnan(distance[worst]):
+            raise ExcitationError('a joint state holds NaN: check the encoders and the bridge')
+        np.maximum(self.largest_error, distance, out=self.largest_error)
+        if distance[worst] > self._tracking_limit and self.fault is None:
+            self.fault = (
+                f'{self._joint_names[worst]} is {distance[worst]:.3f} rad off its reference in '
+                f'the {self.stage} (limit {self._tracking_limit:g} rad): check for contact, '
+                'saturated motors and the tracking_limit parameter'
+            )
+            self.stop()

@@ -1,0 +1,102 @@
+"""The moving-base model against the fixed-base model, and against the physics engine."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.description.robot import load_robot
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+
+
+def test_agrees_with_the_fixed_base_at_rest(dynamics, postures) -> None:
+    random = np.random.default_rng(0)
+    for q in postures:
+        dq, ddq = random.normal(size=(2, 4))
+        fixed = dynamics.fixed
+        np.testing.assert_allclose(
+            dynamics.inverse(q, dq, ddq), fixed.inverse(q, dq, ddq), atol=1e-12
+        )
+        np.testing.assert_allclose(dynamics.gravity(q), fixed.gravity(q), atol=1e-12)
+        np.testing.assert_allclose(dynamics.bias(q, dq), fixed.bias(q, dq), atol=1e-12)
+
+
+def test_tilting_the_base_is_turning_gravity(robot, dynamics, postures) -> None:
+    gravity = Rotation.from_euler('xyz', [0.4, -0.7, 0.2]).inv().apply(GRAVITY)
+    tilted = MovingBaseDynamics(load_robot(gravity_in_base=gravity))
+    for q in postures:
+        np.testing.assert_allclose(
+            dynamics.gravity(q, BaseMotion.still(gravity)), tilted.gravity(q), atol=1e-12
+        )
+
+
+def test_a_falling_base_leaves_no_gravity_torque(dynamics, postures) -> None:
+    falling = BaseMotion(GRAVITY, np.zeros(3), np.zeros(3), np.zeros(3))
+    for q in postures:
+        np.testing.assert_allclose(dynamics.gravity(q, falling), 0.0, atol=1e-12)
+
+
+def test_torques_match_the_physics_engine_on_a_moving_base(dynamics, make_flying_arm) -> None:
+    flying = make_flying_arm()
+    random = np.random.default_rng(1)
+    for _ in range(20):
+        attitude = Rotation.random(random_state=random)
+        twist, acceleration = random.normal(scale=3.0, size=(2, 6))
+        joints = random.normal(scale=2.0, size=(3, 4))
+        engine = flying.inverse(attitude.as_quat()[[3, 0, 1, 2]], twist, acceleration, joints)
+        to_base = attitude.inv()
+        base = BaseMotion(
+            to_base.apply(GRAVITY),
+            to_base.apply(acceleration[:3] - GRAVITY),
+            twist[3:],
+            acceleration[3:],
+        )
+        np.testing.assert_allclose(dynamics.inverse(*joints, base), engine, atol=1e-9)
+
+
+def test_inertia_rate_minus_twice_coriolis_is_skew_symmetric(dynamics, postures) -> None:
+    random = np.random.default_rng(2)
+    step = 1e-6
+    for q in postures:
+        dq = random.normal(size=4)
+        after = dynamics.fixed.inertia_matrix(q + step * dq).copy()
+        before = dynamics.fixed.inertia_matrix(q - step * dq).copy()
+        n = (after - before) / (2.0 * step) - 2.0 * dynamics.fixed.coriolis_matrix(q, dq)
+        np.testing.assert_allclose(n, -n.T, atol=1e-7)
+
+
+def test_composite_inertia_is_the_sum_of_the_links(robot, dynamics, postures) -> None:
+    model, data = robot.model, robot.model.createData()
+    for q in postures:
+        mass, com, inertia = dynamics.composite_inertia(q)
+        np.testing.assert_allclose(com, pin.centerOfMass(model, data, q), atol=1e-12)
+        assert mass == pytest.approx(robot.inertial_parameters[:, 0].sum())
+        pin.forwardKinematics(model, data, q)
+        about_com = np.zeros((3, 3))
+        for index in range(1, model.njoints):
+            body, pose = model.inertias[index], data.oMi[index]
+            turned = pose.rotation @ body.inertia @ pose.rotation.T
+            arm = pose.act(body.lever) - com
+            about_com += turned + body.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        np.testing.assert_allclose(inertia, about_com, atol=1e-12)
+
+
+def test_a_negative_rotor_inertia_is_refused(robot) -> None:
+    with pytest.raises(ValueError, match='rotor'):
+        MovingBaseDynamics(robot, -0.01)
+
+
+def test_a_payload_is_felt_by_joints_and_base() -> None:
+    robot = load_robot()
+    payload = np.zeros(10)
+    payload[0] = 0.2  # a point at the last joint
+    alone, carrying = MovingBaseDynamics(robot), MovingBaseDynamics(robot)
+    carrying.carry(payload)
+    q, zero = np.array([0.1, 0.4, -0.2, 0.3]), np.zeros(4)
+    more = carrying.mount_wrench(q, zero, zero) - alone.mount_wrench(q, zero, zero)
+    np.testing.assert_allclose(more[:3], [0.0, 0.0, 0.2 * 9.81], atol=1e-9)
+    np.testing.assert_allclose(carrying.gravity(q), carrying.fixed.gravity(q), atol=1e-12)
+    assert carrying.composite_inertia(q)[0] == pytest.approx(alone.composite_inertia(q)[0] + 0.2)

@@ -1,0 +1,32 @@
+"""Feed-forward from the host, feedback on the boards."""
+
+import numpy as np
+
+from aerarm_ros.control.compensation.error_integral import ErrorIntegral
+from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
+
+CYCLE = 1e-3
+UPRIGHT = np.array([0.0, 1.5708, 0.0, 0.0])
+
+
+def test_commands_the_reference_and_the_torque_that_makes_it(dynamics) -> None:
+    reference = JointReference(UPRIGHT + 0.1, np.full(4, 0.3), np.full(4, 2.0))
+    state = ArmState(UPRIGHT, np.zeros(4), np.zeros(4))
+    command = BoardComputedTorque(dynamics).update(state, reference, CYCLE)
+    np.testing.assert_array_equal(command.q, reference.q)
+    np.testing.assert_array_equal(command.dq, reference.dq)
+    # Applied to the arm on the reference, it gives the wanted acceleration.
+    ddq = dynamics.fixed.forward(reference.q, reference.dq, command.tau)
+    np.testing.assert_allclose(ddq, reference.ddq, atol=1e-9)
+
+
+def test_the_integral_pushes_toward_the_reference(dynamics) -> None:
+    law = BoardComputedTorque(dynamics, ErrorIntegral(np.full(4, 50.0), np.full(4, 10.0)))
+    reference = JointReference.at_rest(UPRIGHT + [0.1, 0.0, 0.0, 0.0])
+    state = ArmState(UPRIGHT, np.zeros(4), np.zeros(4))
+    first = law.update(state, reference, CYCLE).tau
+    for _ in range(100):
+        last = law.update(state, reference, CYCLE).tau
+    assert last[0] > first[0]

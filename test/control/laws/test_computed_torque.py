@@ -1,0 +1,80 @@
+"""Thesis (2.21): the error obeys (2.22), in every joint, whatever the arm does meanwhile."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.control.compensation.error_integral import ErrorIntegral
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
+
+CYCLE = 1e-3
+KP, KD = 100.0, 20.0
+UPRIGHT = np.array([0.0, 1.5708, 0.0, 0.0])
+AMPLITUDE = np.array([0.5, 0.4, 0.6, 0.7])
+RATE = np.array([2.0, 3.0, 2.5, 3.5])
+
+
+def sine_reference(now: float) -> JointReference:
+    angle = RATE * now
+    return JointReference(
+        UPRIGHT + AMPLITUDE * np.sin(angle),
+        AMPLITUDE * RATE * np.cos(angle),
+        -AMPLITUDE * RATE**2 * np.sin(angle),
+    )
+
+
+def test_error_decays_as_the_error_dynamics_predict(dynamics, frictionless_bench) -> None:
+    law = ComputedTorque(dynamics, KP, KD)
+    offset = np.array([0.1, -0.05, 0.1, -0.1])
+    arm = frictionless_bench(UPRIGHT - offset)
+    arm.plant.reset(UPRIGHT - offset, AMPLITUDE * RATE)
+    run = arm.run(lambda state, now: law.update(state, sine_reference(now), CYCLE), 1.0)
+    error = np.array([sine_reference(t).q for t in run.time]) - run.q
+    # Critically damped with w = 10 rad/s, from rest: e = e0 (1 + w t) exp(-w t).
+    w = np.sqrt(KP)
+    predicted = np.outer((1.0 + w * run.time) * np.exp(-w * run.time), offset)
+    # The torque is held for 1 ms, so the loop is 0.5 ms late.
+    np.testing.assert_allclose(error, predicted, atol=0.01 * np.abs(offset).max())
+
+
+def test_tracks_below_a_milliradian_with_friction(dynamics, bench, config) -> None:
+    friction = FrictionCompensation(config.column('viscous'), config.column('coulomb'))
+    law = ComputedTorque(dynamics, 400.0, 40.0, friction=friction)
+    arm = bench(UPRIGHT)
+    arm.plant.reset(UPRIGHT, AMPLITUDE * RATE)
+    run = arm.run(lambda state, now: law.update(state, sine_reference(now), CYCLE), 4.0)
+    error = np.array([sine_reference(t).q for t in run.time]) - run.q
+    assert np.all(np.sqrt((error[500:] ** 2).mean(axis=0)) < 1e-3)
+
+
+def test_the_integral_removes_a_constant_error(dynamics, frictionless_bench) -> None:
+    reference = JointReference.at_rest(UPRIGHT)
+    final = []
+    for integral in (None, ErrorIntegral(np.full(4, 400.0), np.full(4, 100.0))):
+        law = ComputedTorque(dynamics, KP, KD, integral)
+        law.take_over(UPRIGHT)
+        run = frictionless_bench(UPRIGHT).run(
+            lambda state, now: law.update(state, reference, CYCLE),  # noqa: B023
+            3.0,
+            disturbance=np.array([0.3, 0.5, 0.1, 0.1]),
+        )
+        final.append(np.abs(run.q[-1] - UPRIGHT))
+    assert np.all(final[0] > 1e-2)
+    assert np.all(final[1] < 0.01 * final[0])
+
+
+def test_taking_over_forgets_the_integral(dynamics) -> None:
+    law = ComputedTorque(dynamics, KP, KD, ErrorIntegral(np.full(4, 400.0), np.full(4, 100.0)))
+    state = ArmState(UPRIGHT, np.zeros(4), np.zeros(4))
+    away = JointReference.at_rest(UPRIGHT + 0.1)
+    first = law.update(state, away, CYCLE).tau
+    assert not np.allclose(law.update(state, away, CYCLE).tau, first)
+    law.take_over(UPRIGHT)
+    np.testing.assert_allclose(law.update(state, away, CYCLE).tau, first)
+
+
+def test_gains_must_be_one_a_joint(dynamics) -> None:
+    with pytest.raises(ValueError, match='3 values'):
+        ComputedTorque(dynamics, [1.0, 1.0, 1.0], KD)

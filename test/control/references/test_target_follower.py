@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.references.target_follower import TargetFollower
+from aerarm_ros.model.kinematics import Kinematics
+
+CYCLE = 1e-3
+POSTURE = np.array([0.3, 1.1, 0.4, 0.9])
+
+
+@pytest.fixture
+def follower(robot) -> TargetFollower:
+    follower = TargetFollower(Kinematics(robot), reach=1.2)
+    follower.take_over(POSTURE)
+    return follower
+
+
+def play(follower, seconds, start=0.0):
+    cycles = range(1, round(seconds / CYCLE) + 1)
+    return np.array([follower.update(POSTURE, start + i * CYCLE, CYCLE) for i in cycles])
+
+
+def test_stays_where_the_tool_is(follower, robot) -> None:
+    rows = play(follower, 0.1)
+    np.testing.assert_allclose(rows[-1, 0], Kinematics(robot).position(POSTURE))
+    assert not rows[:, 1:].any()
+
+
+def test_reaches_a_target_without_overshoot_and_within_limits(follower) -> None:
+    start = play(follower, 0.001)[-1, 0]
+    goal = start + [0.2, -0.1, 0.1]
+    follower.set_target(goal, 0.0)
+    rows = play(follower, 2.0)
+    progress = (rows[:, 0] - start) @ (goal - start) / ((goal - start) @ (goal - start))
+    assert progress[-1] == pytest.approx(1.0, abs=1e-3)
+    assert progress.max() < 1.005
+    assert np.linalg.norm(rows[:, 1], axis=1).max() <= 0.81
+    assert np.linalg.norm(rows[:, 2], axis=1).max() <= 4.001
+    slope = np.gradient(rows[:, 0], CYCLE, axis=0)
+    np.testing.assert_allclose(slope[1:-1], rows[1:-1, 1], atol=5e-3)
+
+
+def test_a_moving_target_is_followed_without_lag(follower) -> None:
+    start = play(follower, 0.001)[-1, 0]
+    velocity = np.array([0.0, 0.1, 0.05])
+    for k in range(100):
+        follower.set_target(start + 0.02 * k * velocity, 0.02 * k)
+        last = play(follower, 0.02, start=0.02 * k)[-1]
+    np.testing.assert_allclose(last[0], start + 2.0 * velocity, atol=1e-3)
+    np.testing.assert_allclose(last[1], velocity, atol=1e-3)
+
+
+def test_a_stream_that_ends_leaves_the_tool_at_its_last_target(follower) -> None:
+    start = play(follower, 0.001)[-1, 0]
+    for k in range(50):
+        last = start + [0.0, 0.01 * k, 0.0]
+        follower.set_target(last, 0.02 * k)
+        play(follower, 0.02, start=0.02 * k)
+    rows = play(follower, 3.0, start=1.0)
+    np.testing.assert_allclose(rows[-1, 0], last, atol=1e-3)
+    assert np.linalg.norm(rows[-1, 1]) < 1e-3
+    # Beyond it only by what 0.5 m/s need to be braked.
+    assert (rows[:, 0] - last)[:, 1].max() < 0.06
+
+
+def test_two_single_targets_in_a_row_are_no_path_beyond_the_second(follower) -> None:
+    start = play(follower, 0.001)[-1, 0]
+    follower.set_target(start, 0.0)
+    play(follower, 0.2)
+    follower.set_target(start + [0.0, 0.2, 0.0], 0.2)
+    rows = play(follower, 3.0, start=0.2)
+    np.testing.assert_allclose(rows[-1, 0], start + [0.0, 0.2, 0.0], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ('target', 'message'), [([0, np.nan, 0], 'finite'), ([650.0, 0, 0], 'reaches'), ([1], 'three')]
+)
+def test_a_wrong_target_is_rejected(follower, target, message) -> None:
+    before = play(follower, 0.001)[-1]
+    with pytest.raises(RejectedInputError, match=message):
+        follower.set_target(target, 0.0)
+    np.testing.assert_array_equal(play(follower, 0.1)[-1], before)

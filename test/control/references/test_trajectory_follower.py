@@ -1,0 +1,159 @@
+"""References never step, whatever comes; wrong ones change nothing."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.joint_trajectory import JointTrajectory
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+
+NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
+HOME = np.array([0.0, 1.5, 0.0, 0.0])
+AWAY = np.array([0.8, 1.0, -0.6, 0.7])
+CYCLE = 1e-3
+
+
+@pytest.fixture
+def follower(limits) -> TrajectoryFollower:
+    follower = TrajectoryFollower(limits, FollowerTolerances.uniform(4))
+    follower.take_over(HOME)
+    return follower
+
+
+def play(follower, seconds, start=0.0, events=None, lag=0.0):
+    """Return references (M, 3, n) of a run in which the arm follows with an error `lag`."""
+    rows = []
+    for cycle in range(round(seconds / CYCLE)):
+        now = start + cycle * CYCLE
+        if events and cycle in events:
+            events[cycle](now)
+        rows.append(follower.update(follower.reference.q + lag, now, CYCLE))
+    return np.array(rows)
+
+
+def assert_continuous(rows, limits) -> None:
+    q, dq, ddq = rows[:, 0], rows[:, 1], rows[:, 2]
+    assert np.all(np.abs(np.diff(q, axis=0)) <= 1.5 * CYCLE * limits.velocity_max)
+    assert np.all(np.abs(np.diff(dq, axis=0)) <= 1.5 * CYCLE * limits.acceleration_max)
+    # Velocity and acceleration belong to the positions.
+    np.testing.assert_allclose(np.gradient(q, CYCLE, axis=0)[1:-1], dq[1:-1], atol=5e-3)
+    np.testing.assert_allclose(np.gradient(dq, CYCLE, axis=0)[1:-1], ddq[1:-1], atol=0.5)
+
+
+def test_holds_after_taking_over(follower) -> None:
+    rows = play(follower, 0.1)
+    np.testing.assert_array_equal(rows[:, 0], np.tile(HOME, (100, 1)))
+    assert follower.status == 'holding'
+
+
+def test_goes_to_a_set_point_within_the_limits(follower, limits) -> None:
+    follower.go_to(AWAY, 0.0)
+    rows = play(follower, 3.0)
+    assert_continuous(rows, limits)
+    np.testing.assert_allclose(rows[-1, 0], AWAY, atol=1e-12)
+    assert np.all(np.abs(rows[:, 1]).max(axis=0) <= 0.51 * limits.velocity_max)
+    assert follower.status == 'holding'
+    assert follower.outcome.startswith('reached')
+
+
+def test_executes_a_trajectory_in_time_and_holds(follower, limits) -> None:
+    middle = 0.5 * (HOME + AWAY)
+    follower.follow(JointTrajectory(limits, NAMES, [0.0, 0.7, 1.5], [HOME, middle, AWAY]), 0.0)
+    rows = play(follower, 2.0)
+    assert_continuous(rows, limits)
+    np.testing.assert_allclose(rows[700, 0], middle, atol=1e-9)
+    np.testing.assert_allclose(rows[1500:, 0], np.tile(AWAY, (500, 1)))
+
+
+@pytest.mark.parametrize('delay', [0.3, -0.2])
+def test_a_trajectory_starts_when_it_says(follower, limits, delay) -> None:
+    slow = JointTrajectory(limits, NAMES, [0.0, 2.0], [HOME, AWAY])
+    expected = slow.path(HOME, 'quintic')
+    follower.follow(slow, 0.0, start=delay)
+    rows = play(follower, 2.5)
+    assert_continuous(rows, limits)
+    for cycle in (1000, 1800):
+        now = cycle * CYCLE - delay
+        np.testing.assert_allclose(rows[cycle, 0], expected.evaluate(now).q, atol=1e-9)
+
+
+def test_a_newer_trajectory_replaces_the_running_one_smoothly(follower, limits) -> None:
+    first = JointTrajectory(limits, NAMES, [1.0], [AWAY])
+    second = JointTrajectory(limits, NAMES, [1.5], [HOME])
+    events = {
+        0: lambda now: follower.follow(first, now),
+        500: lambda now: follower.follow(second, now),
+    }
+    rows = play(follower, 2.5, events=events)
+    assert_continuous(rows, limits)
+    np.testing.assert_allclose(rows[-1, 0], HOME, atol=1e-9)
+
+
+def test_a_small_offset_at_the_start_is_blended_out(follower, limits) -> None:
+    near = HOME + 0.05
+    follower.follow(JointTrajectory(limits, NAMES, [0.0, 1.0], [near, AWAY]), 0.0)
+    rows = play(follower, 1.5)
+    assert_continuous(rows, limits)
+    np.testing.assert_allclose(rows[-1, 0], AWAY, atol=1e-9)
+
+
+def test_a_streamed_sine_is_followed(follower, limits) -> None:
+    def point(now):
+        q = HOME + 0.3 * (1 - np.cos(2 * now))
+        velocity, acceleration = 0.6 * np.sin(2 * now), 1.2 * np.cos(2 * now)
+        follower.follow(
+            JointTrajectory(limits, NAMES, [0.0], [q], [[velocity] * 4], [[acceleration] * 4]), now
+        )
+
+    rows = play(follower, 2.0, events=dict.fromkeys(range(0, 2000, 10), point))
+    assert_continuous(rows, limits)
+    time = np.arange(2000) * CYCLE
+    expected = HOME + 0.3 * (1 - np.cos(2 * time))[:, np.newaxis]
+    assert np.abs(rows[500:, 0] - expected[500:]).max() < 1e-3
+
+
+def test_a_silent_stream_brakes(follower, limits) -> None:
+    point = JointTrajectory(limits, NAMES, [0.0], [HOME], [[0.5, 0.0, 0.0, -0.5]])
+    follower.follow(point, 0.0)
+    rows = play(follower, 1.5)
+    assert_continuous(rows, limits)
+    assert not rows[-1, 1:].any()
+    assert 'no streamed point' in follower.outcome
+
+
+def test_an_arm_that_lags_stops_the_motion_where_it_is(follower, limits) -> None:
+    follower.follow(JointTrajectory(limits, NAMES, [0.0, 2.0], [HOME, AWAY]), 0.0)
+    rows = []
+    for cycle in range(3000):
+        rows.append(follower.update(HOME, cycle * CYCLE, CYCLE))
+    assert_continuous(np.array(rows), limits)
+    assert follower.status == 'holding'
+    assert 'off path' in follower.outcome
+    np.testing.assert_allclose(rows[-1].q, HOME)
+
+
+def test_a_missed_goal_is_said(follower, limits) -> None:
+    follower.go_to(AWAY, 0.0)
+    play(follower, 4.0, lag=0.02)
+    assert follower.outcome.startswith('missed: joint1 0.02')
+
+
+def test_rejected_input_changes_nothing(follower, limits) -> None:
+    follower.go_to(AWAY, 0.0)
+    before = play(follower, 0.3)[-1]
+    far = JointTrajectory(limits, NAMES, [0.0, 1.0], [HOME + 0.9, AWAY])
+    with pytest.raises(RejectedInputError, match='start where the arm is'):
+        follower.follow(far, 0.3)
+    with pytest.raises(RejectedInputError, match='joint2 at 9 rad'):
+        follower.go_to(np.array([0.0, 9.0, 0.0, 0.0]), 0.3)
+    with pytest.raises(RejectedInputError, match='slow the motion down'):
+        follower.follow(JointTrajectory(limits, NAMES, [0.05], [AWAY]), 0.3)
+    rows = play(follower, 3.0, start=0.3)
+    np.testing.assert_allclose(rows[0, 0], before[0], atol=5 * CYCLE)
+    np.testing.assert_allclose(rows[-1, 0], AWAY)
+
+
+def test_an_unknown_interpolation_is_refused(limits) -> None:
+    with pytest.raises(ValueError, match='quintic'):
+        TrajectoryFollower(limits, FollowerTolerances.uniform(4), 'linear')

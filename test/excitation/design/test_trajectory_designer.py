@@ -1,0 +1,167 @@
+"""A designed trajectory is feasible, better than its start, and repeatable."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.excitation.design.design_result import DesignResult, Quality
+from aerarm_ros.excitation.design.design_specification import SCALED, DesignSpecification
+from aerarm_ros.excitation.design.parallel_design import design_all
+from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings.excitation_config import ExcitationConfig
+from aerarm_ros.excitation.settings.excitation_error import (
+    DesignStoppedError,
+    ExcitationError,
+    InfeasibleError,
+)
+from aerarm_ros.model.regressor import Regressor
+
+
+def test_condition_number_by_the_thesis_definition(designed: DesignResult, robot: Robot) -> None:
+    """Thesis (5.2) on the exact regressor along one period; it has 47."""
+    time = np.arange(0.0, 10.0, 0.005)
+    regressor = Regressor(robot)
+    singular = np.linalg.svd(regressor.stack(*designed.trajectory.evaluate(time)), compute_uv=False)
+    assert singular[30] < 1e-9 * singular[0]
+    assert singular[0] / singular[29] < 25.0
+    assert designed.quality.condition_number == pytest.approx(singular[0] / singular[29], rel=0.02)
+
+
+def test_beats_its_start_and_keeps_every_limit(
+    designer: TrajectoryDesigner, designed: DesignResult, setup: ExcitationSetup
+) -> None:
+    start = designer.initial(0)
+    assert designed.report.feasible
+    assert setup.checker.check_trajectory(designed.trajectory, setup.config.ramp_time).feasible
+    # Deviations shrink by e^0.6 = 1.8 times against this start, in the geometric mean.
+    assert designed.quality.log_deviation < start.quality.log_deviation - 0.5
+
+
+def test_can_be_planned_and_played_from_rest(
+    designed: DesignResult, setup: ExcitationSetup, arm
+) -> None:
+    plan = setup.planner.plan(designed.trajectory, 2, np.array(arm.rest_position))
+    assert plan.duration > 24.0
+
+
+def test_results_do_not_depend_on_the_workers(designer: TrajectoryDesigner) -> None:
+    specification = replace(designer.specification, harmonics=2, objective=SCALED)
+    one, two = (
+        {o.start: o.quality.objective for o in design_all(specification, 2, workers)}
+        for workers in (1, 2)
+    )
+    assert one == pytest.approx(two, rel=1e-9)
+    assert one[0] != one[1]
+
+
+def test_a_stop_ends_the_search(designer: TrajectoryDesigner) -> None:
+    assert list(design_all(designer.specification, 4, 1, stop=lambda: True)) == []
+
+
+def test_a_stop_in_the_middle_of_a_start_keeps_its_best(
+    designer: TrajectoryDesigner, setup: ExcitationSetup
+) -> None:
+    calls = 0
+
+    def stop() -> bool:
+        nonlocal calls
+        calls += 1
+        return calls > 70
+
+    start, stopped = designer.initial(0), designer.design(0, stop)
+    assert stopped.report.feasible
+    assert setup.checker.check_trajectory(stopped.trajectory, setup.config.ramp_time).feasible
+    assert stopped.quality.objective < start.quality.objective
+    assert 'stopped' in stopped.remark
+
+
+def test_a_search_without_time_for_a_step_blames_no_limit(designer: TrajectoryDesigner) -> None:
+    calls = 0
+
+    def stop() -> bool:
+        nonlocal calls
+        calls += 1
+        return calls > 1 + drawn
+
+    drawn = 0
+
+    def count() -> bool:
+        nonlocal drawn
+        drawn += 1
+        return False
+
+    designer.initial(0, count)
+    stopped = designer.design(0, stop)
+    assert stopped.stopped
+    assert stopped.remark == 'nothing better than the random start'
+
+
+def test_deviations_are_told_as_a_ratio() -> None:
+    better, worse = Quality(0.0, 20.0, 5.0, -3.7), Quality(0.0, 50.0, 9.0, -3.0)
+    assert better.compared_with(worse, 'random') == 'deviations 2.01 times smaller than random'
+    assert worse.compared_with(better, 'random') == 'deviations 2.01 times larger than random'
+    assert worse.compared_with(worse, 'random') == 'deviations as large as random'
+
+
+def test_a_stop_before_anything_is_feasible_says_so(designer: TrajectoryDesigner) -> None:
+    with pytest.raises(DesignStoppedError, match='stopped before a feasible'):
+        designer.design(0, lambda: True)
+
+
+@pytest.mark.parametrize(
+    ('urdf', 'locked'),
+    [('ur10_robot.urdf', ()), ('panda.urdf', ('panda_finger_joint1', 'panda_finger_joint2'))],
+)
+def test_other_arms(
+    example_urdf: Callable[[str], Path], urdf: str, locked: tuple[str, ...]
+) -> None:
+    robot = load_robot(example_urdf(urdf), locked=locked)
+    setup = ExcitationSetup.of_robot(robot, ExcitationConfig())
+    designer = TrajectoryDesigner(DesignSpecification(setup, harmonics=3, objective=SCALED))
+    start, designed = designer.initial(0), designer.design(0)
+    assert designed.report.feasible
+    assert designed.quality.scaled_condition_number < 0.5 * start.quality.scaled_condition_number
+
+
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        ({'fundamental': 0.5}, 'exceeds 2 Hz, highest_frequency of the excitation configuration'),
+        ({'harmonics': 6000}, 'exceeds 500 Hz, half the control rate'),
+    ],
+)
+def test_harmonics_too_high_name_the_limit_that_binds(
+    setup: ExcitationSetup, change: dict, message: str
+) -> None:
+    with pytest.raises(InfeasibleError, match=message):
+        DesignSpecification(setup, **change)
+
+
+def test_infeasible_limits_name_the_one_that_binds(setup: ExcitationSetup) -> None:
+    crawling = replace(setup.limits, velocity=np.full(4, 1e-3))
+    slow = ExcitationSetup(
+        setup.robot, setup.config, crawling, setup.rotor_inertia, setup.torque_per_ampere
+    )
+    with pytest.raises(InfeasibleError, match=r'of 0.35 rad is .* velocity of joint\d binds'):
+        TrajectoryDesigner(DesignSpecification(slow)).initial(0)
+
+
+@pytest.mark.parametrize(
+    'change',
+    [
+        {'objective': 'beauty'},
+        {'condition_limit': 0.5},
+        {'seed': -1},
+        {'harmonics': 0},
+        {'fundamental': float('nan')},
+        {'amplitude': 0.0},
+    ],
+)
+def test_wrong_specifications_are_refused(setup: ExcitationSetup, change: dict) -> None:
+    with pytest.raises(ExcitationError):
+        DesignSpecification(setup, **change)

@@ -1,0 +1,88 @@
+"""Round trips, and errors that name file and key."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile, describe_margins
+from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+
+NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
+
+
+@pytest.fixture
+def path(tmp_path: Path, trajectory: FourierTrajectory) -> Path:
+    path = tmp_path / 'trajectory.yaml'
+    TrajectoryFile(trajectory, NAMES, {'seed': 3}).save(path)
+    return path
+
+
+def test_round_trip_is_exact(path: Path, trajectory: FourierTrajectory) -> None:
+    loaded = TrajectoryFile.load(path)
+    assert loaded.joint_names == NAMES
+    assert loaded.made_with == {'seed': 3}
+    assert loaded.periods is None
+    assert loaded.trajectory.f0 == trajectory.f0
+    for field in ('q0', 'alpha', 'beta'):
+        np.testing.assert_array_equal(getattr(loaded.trajectory, field), getattr(trajectory, field))
+
+
+def test_the_file_says_how_many_periods(tmp_path: Path, trajectory: FourierTrajectory) -> None:
+    path = tmp_path / 'three.yaml'
+    TrajectoryFile(trajectory, NAMES, periods=3).save(path)
+    assert TrajectoryFile.load(path).periods == 3
+    for wrong in ('0', '-1', '1.5'):
+        path.write_text(path.read_text().replace('periods: 3', f'periods: {wrong}'))
+        with pytest.raises(ExcitationError, match='periods'):
+            TrajectoryFile.load(path)
+        path.write_text(path.read_text().replace(f'periods: {wrong}', 'periods: 3'))
+
+
+def test_rows_follow_the_names(path: Path, trajectory: FourierTrajectory) -> None:
+    swapped = TrajectoryFile.load(path).for_joints(NAMES[::-1])
+    np.testing.assert_array_equal(swapped.alpha, trajectory.alpha[::-1])
+    with pytest.raises(ExcitationError, match='the arm has a, b'):
+        TrajectoryFile.load(path).for_joints(('a', 'b'))
+
+
+def test_margins_can_be_written(
+    tmp_path: Path, trajectory: FourierTrajectory, checker: FeasibilityChecker
+) -> None:
+    margins = describe_margins(checker.check_trajectory(trajectory, 2.0))
+    path = tmp_path / 'with_margins.yaml'
+    TrajectoryFile(trajectory, NAMES, {'margins': margins}).save(path)
+    read_back = TrajectoryFile.load(path).made_with['margins']
+    assert read_back == margins
+    assert read_back['ground clearance']['reached'] > read_back['ground clearance']['allowed']
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'message'),
+    [
+        ('fourier_trajectory/1', 'fourier_trajectory/9', 'format is'),
+        ('fundamental_frequency: 0.1', 'fundamental_frequency: -0.1', 'must be positive'),
+        ('fundamental_frequency: 0.1\n', '', 'fundamental_frequency is missing'),
+        ('bias:', 'bais:', 'bais'),
+        ('cosine: [', 'cosine: [0.1, ', 'one value a harmonic'),
+        ('sine: [', 'sine: [.nan, ', 'finite|harmonic'),
+        ('joints:', 'joints: [', 'not valid YAML'),
+    ],
+)
+def test_what_is_wrong_is_named(path: Path, old: str, new: str, message: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(ExcitationError, match=message) as caught:
+        TrajectoryFile.load(path)
+    assert str(caught.value).startswith(str(path))
+    assert '\n' not in str(caught.value)
+
+
+def test_missing_file_and_unwritable_folder(tmp_path: Path, trajectory: FourierTrajectory) -> None:
+    with pytest.raises(ExcitationError, match='No such file'):
+        TrajectoryFile.load(tmp_path / 'none.yaml')
+    with pytest.raises(ExcitationError, match='cannot be written'):
+        TrajectoryFile(trajectory, NAMES).save(tmp_path / 'no_folder' / 'x.yaml')

@@ -1,0 +1,40 @@
+"""Torque of a motion against statics and energy."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.feasibility.effort_model import EffortModel
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+
+
+def test_holding_the_arm_level_takes_its_weight_times_its_lever(
+    robot: Robot, setup: ExcitationSetup
+) -> None:
+    rest = np.zeros((1, 4))
+    effort = setup.effort_model.effort(rest, rest, rest)[0]
+    pi = robot.inertial_parameters
+    # First moments about joint 2 of links 2, 3 and 4, stretched along the base's x axis.
+    moment = pi[1, 1] + (pi[2, 3] + 0.325 * pi[2, 0]) + (pi[3, 1] + 0.65 * pi[3, 0])
+    assert effort[1] == pytest.approx(9.81 * moment, rel=1e-6)
+
+
+def test_a_period_only_dissipates(
+    robot: Robot, setup: ExcitationSetup, trajectory: FourierTrajectory
+) -> None:
+    time = np.arange(0.0, trajectory.period, 1e-3)
+    reference = trajectory.evaluate(time)
+    effort = setup.effort_model.effort(*reference)
+    work = (effort * reference.dq).sum() * 1e-3
+    friction = (robot.viscous * reference.dq**2 + robot.coulomb * np.abs(reference.dq)).sum() * 1e-3
+    assert work == pytest.approx(friction, rel=1e-3)
+
+
+def test_current_follows_the_drive_train(
+    robot: Robot, arm: ArmConfig, setup: ExcitationSetup
+) -> None:
+    full = setup.effort_model.current(arm.column('effort_max'))
+    np.testing.assert_allclose(full, arm.column('motor.current_max'), rtol=0.01)
+    assert (EffortModel(robot).current(np.ones(4)) == 0.0).all()

@@ -1,0 +1,97 @@
+"""What the motor bench commands, and which parts of it are measured."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
+from aerarm_ros.excitation.planning.bench_measurement import split
+from aerarm_ros.excitation.planning.bench_motion import BenchMotion, bench_checker
+from aerarm_ros.excitation.planning.bench_plan import BenchPlan
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError, InfeasibleError
+from aerarm_ros.excitation.settings.motion_limits import MotionLimits
+
+LIMITS = MotionLimits.of_arm(load_arm_config())
+REST = np.array(load_arm_config().rest_position)
+
+
+def motion(plan: BenchPlan | None = None, joints=range(4), posture=REST) -> BenchMotion:
+    return BenchMotion(plan or BenchPlan(), LIMITS, REST, np.array(posture), joints)
+
+
+def test_every_speed_is_measured_both_ways_at_constant_velocity() -> None:
+    bench = motion()
+    speeds = [m.speed for m in bench.measurements if m.joint == 2 and m.speed is not None]
+    assert sorted(speeds) == sorted(s * v for v in BenchPlan().speeds for s in (1, -1))
+    for measurement in bench.measurements:
+        time = np.linspace(measurement.start, measurement.end, 50)
+        states = bench.sequence.evaluate(time)
+        still = np.delete(states.dq, measurement.joint, axis=1)
+        np.testing.assert_allclose(still, 0.0, atol=1e-12)
+        if measurement.speed is not None:
+            moving = states.dq[:, measurement.joint]
+            np.testing.assert_allclose(moving, measurement.speed, atol=1e-12)
+
+
+def test_it_keeps_the_limits_and_ends_where_it_began() -> None:
+    bench = motion()
+    bench.require_feasible(FeasibilityChecker(LIMITS))
+    end = bench.sequence.evaluate(bench.sequence.duration)
+    np.testing.assert_allclose(end.q, REST, atol=1e-9)
+    np.testing.assert_allclose(end.dq, 0.0, atol=1e-9)
+
+
+def test_acceleration_runs_use_their_share_of_the_limits() -> None:
+    bench = motion(joints=[3])
+    (run,) = [m for m in bench.measurements if m.speed is None]
+    states = bench.sequence.evaluate(np.arange(run.start, run.end, 1e-3))
+    velocity = np.abs(states.dq[:, 3]).max() / LIMITS.velocity[3]
+    acceleration = np.abs(states.ddq[:, 3]).max() / LIMITS.acceleration[3]
+    assert velocity <= 0.6 + 1e-9
+    assert acceleration <= 0.5 + 1e-9
+    assert max(velocity / 0.6, acceleration / 0.5) == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ('plan', 'message'),
+    [
+        ({'speeds': (0.5,)}, 'two or more different'),
+        ({'speeds': (0.5, -1.0)}, 'positive'),
+        ({'span': 0.0}, 'span'),
+        ({'span': 6.0}, 'joint1 has 5.93 rad about 0 rad'),
+        ({'speeds': (0.5, 6.0)}, 'joint1 may turn at 5 rad/s'),
+        ({'speeds': (0.5, 4.0), 'span': 0.5}, 'choose a larger span'),
+    ],
+)
+def test_plans_that_make_no_sense_are_refused(plan: dict, message: str) -> None:
+    with pytest.raises(ExcitationError, match=message):
+        motion(BenchPlan(**plan))
+
+
+def test_a_broken_limit_is_named() -> None:
+    slow = LIMITS.scaled(1.0, 0.1, 1.0)
+    with pytest.raises(InfeasibleError, match='the motion of the bench'):
+        motion().require_feasible(FeasibilityChecker(slow))
+
+
+@pytest.mark.parametrize('mounted', [True, False])
+def test_a_stop_anywhere_on_it_is_checked(setup: ExcitationSetup, mounted: bool) -> None:
+    motion().require_feasible(bench_checker(setup, mounted))
+    config = replace(setup.config, stop_time=0.1)
+    hard = ExcitationSetup(
+        setup.robot, config, setup.limits, setup.rotor_inertia, setup.torque_per_ampere
+    )
+    with pytest.raises(InfeasibleError, match='stop acceleration of joint'):
+        motion().require_feasible(bench_checker(hard, mounted))
+
+
+def test_samples_are_split_by_time_along_the_motion() -> None:
+    bench = motion(joints=[1])
+    time = np.arange(0.0, bench.sequence.duration, 1e-2)
+    for measurement, rows in split(bench.measurements, time):
+        assert time[rows][0] >= measurement.start
+        assert time[rows][-1] < measurement.end
+        assert len(time[rows]) == pytest.approx((measurement.end - measurement.start) * 100, abs=1)

@@ -1,0 +1,85 @@
+"""From the present posture into the trajectory and back, inside the limits."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
+from aerarm_ros.excitation.planning.excitation_planner import EXCITATION, ExcitationPlanner
+from aerarm_ros.excitation.settings.excitation_error import InfeasibleError
+from aerarm_ros.excitation.settings.motion_limits import MotionLimits
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence
+
+RAMP = 2.0
+
+
+@pytest.fixture(scope='module')
+def transfer_checker(checker: FeasibilityChecker, arm: ArmConfig) -> FeasibilityChecker:
+    return FeasibilityChecker(MotionLimits.of_arm(arm), checker.clearance, checker.effort_model)
+
+
+@pytest.fixture(scope='module')
+def planner(checker: FeasibilityChecker, transfer_checker: FeasibilityChecker) -> ExcitationPlanner:
+    return ExcitationPlanner(checker, transfer_checker, RAMP)
+
+
+@pytest.fixture(scope='module')
+def plan(planner: ExcitationPlanner, trajectory: FourierTrajectory) -> MotionSequence:
+    return planner.plan(trajectory, 2, np.array([0.5, 1.0, -0.5, 0.3]))
+
+
+def test_starts_and_ends_at_rest_where_the_arm_is(plan: MotionSequence) -> None:
+    for time in (0.0, plan.duration):
+        reference = plan.evaluate(time)
+        np.testing.assert_allclose(reference.q, [0.5, 1.0, -0.5, 0.3], atol=1e-12)
+        np.testing.assert_allclose(reference.dq, 0.0, atol=1e-12)
+
+
+def test_is_continuous_up_to_acceleration(plan: MotionSequence) -> None:
+    time = np.linspace(0.0, plan.duration, 60001)
+    reference = plan.evaluate(time)
+    numeric = np.gradient(reference.q, time, axis=0)
+    np.testing.assert_allclose(numeric[1:-1], reference.dq[1:-1], atol=1e-4)
+    steps = np.abs(np.diff(reference.ddq, axis=0)).max()
+    assert steps < 0.05
+
+
+def test_holds_two_whole_periods(plan: MotionSequence, trajectory: FourierTrajectory) -> None:
+    start = plan.boundaries[[stage.name for stage in plan.stages].index(EXCITATION)]
+    time = start + RAMP + np.linspace(0.0, 20.0, 101)
+    np.testing.assert_allclose(
+        plan.evaluate(time).q, trajectory.evaluate(np.linspace(0.0, 20.0, 101)).q, atol=1e-9
+    )
+
+
+def test_the_whole_plan_keeps_the_limits(
+    plan: MotionSequence, transfer_checker: FeasibilityChecker
+) -> None:
+    assert transfer_checker.check(plan).feasible
+
+
+def test_a_blocked_straight_way_is_gone_around(
+    planner: ExcitationPlanner,
+    trajectory: FourierTrajectory,
+    transfer_checker: FeasibilityChecker,
+) -> None:
+    # Folded over on the far side: the way down is blocked by the ground unless it goes back up.
+    start = np.array([0.0, 3.0, 0.0, 0.9])
+    plan = planner.plan(trajectory, 1, start)
+    assert transfer_checker.check(plan).feasible
+
+
+def test_a_start_in_collision_is_named(
+    planner: ExcitationPlanner, trajectory: FourierTrajectory
+) -> None:
+    with pytest.raises(InfeasibleError, match='start posture is infeasible: ground clearance'):
+        planner.plan(trajectory, 1, np.array([0.0, -0.4, 0.0, 0.0]))
+    with pytest.raises(InfeasibleError, match='start posture is infeasible: position of joint4'):
+        planner.plan(trajectory, 1, np.array([0.0, 1.5, 0.0, 2.2]))
+
+
+def test_an_infeasible_trajectory_is_never_planned(planner: ExcitationPlanner) -> None:
+    wild = FourierTrajectory(0.1, np.array([0.0, 1.5, 0.0, 0.0]), *np.full((2, 4, 5), 0.7))
+    with pytest.raises(InfeasibleError, match='the trajectory is infeasible: '):
+        planner.plan(wild, 1, np.array([0.0, 1.5, 0.0, 0.0]))

@@ -1,0 +1,125 @@
+"""Playing against an ideal, a drifting, a blocked and a silent arm."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer, PlayState
+from aerarm_ros.excitation.player.feed_forward_law import FeedForwardLaw
+from aerarm_ros.excitation.player.velocity_law import VelocityLaw
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
+from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
+
+NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
+MILLISECOND = 1_000_000
+
+
+@pytest.fixture
+def motion(trajectory: FourierTrajectory) -> MotionSequence:
+    return MotionSequence([Stage('excitation', RampedExcitation(trajectory, 1, 1.0))])
+
+
+def play(player: ExcitationPlayer, q: np.ndarray, bias: float = 0.0, blocked: bool = False):
+    """Integrate velocity commands as an arm with a velocity bias would; yield (stamp, q)."""
+    stamp = 5_000_000_000
+    while not player.done:
+        command = player.update(stamp, q)
+        yield stamp, q, command
+        if not blocked:
+            q = q + 1e-3 * (command.dq + bias)
+        stamp += MILLISECOND
+
+
+def test_an_ideal_arm_ends_where_the_motion_ends(motion: MotionSequence) -> None:
+    player = ExcitationPlayer(motion, VelocityLaw(0.0), NAMES)
+    *_, (_, q, command) = play(player, motion.evaluate(0.0).q)
+    assert player.state is PlayState.FINISHED
+    assert player.progress == 1.0
+    # Explicit Euler: half a cycle behind wherever it moves, and nothing left at rest.
+    np.testing.assert_allclose(q, motion.evaluate(motion.duration).q, atol=1e-6)
+    np.testing.assert_allclose(command.dq, 0.0, atol=1e-9)
+
+
+def test_a_small_gain_bounds_the_drift(motion: MotionSequence) -> None:
+    drift = 0.02
+    errors = {}
+    for gain in (0.0, 1.0):
+        player = ExcitationPlayer(motion, VelocityLaw(gain), NAMES)
+        for _ in play(player, motion.evaluate(0.0).q, bias=drift):
+            pass
+        errors[gain] = player.largest_error.max()
+    assert errors[0.0] == pytest.approx(drift * motion.duration, rel=0.05)
+    assert errors[1.0] < 1.1 * drift
+
+
+def test_lost_messages_do_not_distort_the_motion(motion: MotionSequence) -> None:
+    law = VelocityLaw(0.0)
+    every, some = (ExcitationPlayer(motion, law, NAMES) for _ in range(2))
+    for stamp in range(0, 3000 * MILLISECOND, MILLISECOND):
+        full = every.update(stamp, motion.evaluate(stamp * 1e-9).q)
+        if stamp // MILLISECOND % 7 == 0:
+            sparse = some.update(stamp, motion.evaluate(stamp * 1e-9).q)
+            np.testing.assert_array_equal(sparse.dq, full.dq)
+
+
+def test_a_stop_comes_to_rest_on_the_path_without_a_jump(motion: MotionSequence) -> None:
+    player = ExcitationPlayer(motion, VelocityLaw(0.0), NAMES, stop_time=0.5)
+    velocity = []
+    for stamp, _, command in play(player, motion.evaluate(0.0).q):
+        velocity.append(command.dq)
+        if stamp == 8_000_000_000:
+            player.stop()
+    assert player.state is PlayState.STOPPED
+    assert player.fault is None
+    assert len(velocity) == pytest.approx(3500, abs=3)
+    np.testing.assert_allclose(velocity[-1], 0.0, atol=1e-9)
+    # 0.5 s from 2.7 rad/s along a quintic step: 10 rad/s^2, and the trajectory's own 5.
+    assert np.abs(np.diff(velocity, axis=0)).max() < 0.02
+
+
+def test_a_blocked_arm_is_given_up_with_the_joint_named(motion: MotionSequence) -> None:
+    player = ExcitationPlayer(motion, VelocityLaw(1.0), NAMES, tracking_limit=0.2)
+    for _ in play(player, motion.evaluate(0.0).q, blocked=True):
+        pass
+    assert player.state is PlayState.STOPPED
+    assert 'joint' in player.fault
+    assert 'tracking_limit' in player.fault
+
+
+@pytest.mark.parametrize('jump', [-MILLISECOND, 200 * MILLISECOND])
+def test_jumping_stamps_are_refused(motion: MotionSequence, jump: int) -> None:
+    player = ExcitationPlayer(motion, VelocityLaw(1.0), NAMES)
+    q = motion.evaluate(0.0).q
+    player.update(10**9, q)
+    with pytest.raises(ExcitationError, match='stamps jump'):
+        player.update(10**9 + jump, q)
+
+
+def test_an_arm_that_moved_since_the_plan_is_left_alone(motion: MotionSequence) -> None:
+    start = motion.evaluate(0.0).q
+    player = ExcitationPlayer(motion, VelocityLaw(1.0), NAMES)
+    with pytest.raises(ExcitationError, match='joint3 moved by 0.060 rad since'):
+        player.update(0, start + [0.0, 0.0, 0.06, 0.0])
+    assert player.update(MILLISECOND, start + [0.0, 0.0, 0.04, 0.0]).dq is not None
+
+
+def test_nan_is_refused(motion: MotionSequence) -> None:
+    player = ExcitationPlayer(motion, VelocityLaw(1.0), NAMES)
+    with pytest.raises(ExcitationError, match='NaN'):
+        player.update(0, np.full(4, np.nan))
+
+
+def test_feed_forward_commands_all_three(motion: MotionSequence, setup: ExcitationSetup) -> None:
+    model = setup.effort_model
+    player = ExcitationPlayer(motion, FeedForwardLaw(model), NAMES)
+    player.update(0, motion.evaluate(0.0).q)
+    for stamp in range(0, 2_000 * MILLISECOND, 50 * MILLISECOND):
+        command = player.update(stamp, motion.evaluate(stamp * 1e-9).q)
+    reference = motion.evaluate(stamp * 1e-9)
+    np.testing.assert_allclose(command.q, reference.q)
+    np.testing.assert_allclose(command.dq, reference.dq)
+    np.testing.assert_allclose(
+        command.tau, model.effort(*(part[np.newaxis] for part in reference))[0]
+    )

@@ -1,0 +1,27 @@
+import numpy as np
+from derivatives import assert_derivatives_agree
+
+from aerarm_ros.motion.joint_reference import JointReference
+
+
+def test_at_rest_keeps_a_copy() -> None:
+    q = np.array([0.1, -0.2])
+    reference = JointReference.at_rest(q)
+    q[:] = 9.0
+    np.testing.assert_array_equal(reference.q, [0.1, -0.2])
+    assert not reference.dq.any()
+    assert not reference.ddq.any()
+
+
+def test_a_paced_path_has_the_derivatives_of_its_new_time() -> None:
+    time = np.linspace(0.0, 1.0, 2001)
+    # Along q(s) = (sin 2 s, s^3) with s(t) = t^2.
+    s, rate, rate_change = time**2, 2.0 * time, np.full_like(time, 2.0)
+    along = JointReference(
+        np.column_stack([np.sin(2.0 * s), s**3]),
+        np.column_stack([2.0 * np.cos(2.0 * s), 3.0 * s**2]),
+        np.column_stack([-4.0 * np.sin(2.0 * s), 6.0 * s]),
+    )
+    paced = along.paced(rate[:, np.newaxis], rate_change[:, np.newaxis])
+    np.testing.assert_array_equal(paced.q, along.q)
+    assert_derivatives_agree(time, paced, of_position=1e-5, of_velocity=1e-4)

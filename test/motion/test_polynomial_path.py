@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+from derivatives import assert_derivatives_agree
+from scipy.interpolate import BPoly
+
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+
+TIMES = (0.0, 0.5, 1.5, 1.8)
+
+
+@pytest.fixture
+def knots() -> np.ndarray:
+    """Return positions, velocities and accelerations at the times, (3, 4, 2)."""
+    return np.random.default_rng(0).normal(size=(3, 4, 2))
+
+
+@pytest.mark.parametrize('degree', ['cubic', 'quintic'])
+def test_passes_its_knots(knots, degree) -> None:
+    count = 2 if degree == 'cubic' else 3
+    path = getattr(PolynomialPath, degree)(TIMES, *knots[:count])
+    for index, time in enumerate(TIMES[:-1]):
+        reference = np.array(path.evaluate(time))
+        np.testing.assert_allclose(reference[:count], knots[:count, index], atol=1e-12)
+    np.testing.assert_allclose(path.evaluate(TIMES[-1]).q, knots[0, -1], atol=1e-12)
+
+
+def test_a_quintic_meets_both_boundary_states() -> None:
+    start, end = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 3, 4))
+    path = PolynomialPath.quintic((0.0, 1.7), *np.stack([start, end], axis=1))
+    # From its very end on the path holds.
+    for time, state in ((0.0, start), (np.nextafter(1.7, 0.0), end)):
+        np.testing.assert_allclose(path.evaluate(time), state, atol=1e-12)
+
+
+def test_derivatives_are_consistent_along_a_whole_segment() -> None:
+    states = np.random.default_rng(3).uniform(-1.0, 1.0, (3, 2, 4))
+    time = np.linspace(0.0, 2.0, 4001)[:-1]
+    reference = PolynomialPath.quintic((0.0, 2.0), *states).evaluate(time)
+    assert_derivatives_agree(time, reference, of_position=1e-5, of_velocity=1e-5)
+
+
+@pytest.mark.parametrize('degree', ['cubic', 'quintic'])
+def test_many_times_agree_with_one_at_a_time(knots, degree) -> None:
+    path = getattr(PolynomialPath, degree)(TIMES, *knots[: 2 if degree == 'cubic' else 3])
+    time = np.concatenate([np.linspace(-0.5, 2.5, 301), TIMES])
+    one_by_one = np.array([path.evaluate(t) for t in time])
+    np.testing.assert_allclose(path.evaluate(time), one_by_one.swapaxes(0, 1), atol=1e-12)
+    assert path.evaluate(np.array([])).q.shape == (0, 2)
+    np.testing.assert_array_equal(path.evaluate(1).q, path.evaluate(1.0).q)
+
+
+@pytest.mark.parametrize('degree', ['cubic', 'quintic'])
+def test_agrees_with_scipy(knots, degree) -> None:
+    count = 2 if degree == 'cubic' else 3
+    path = getattr(PolynomialPath, degree)(TIMES, *knots[:count])
+    scipy = BPoly.from_derivatives(TIMES, knots[:count].swapaxes(0, 1))
+    time = np.linspace(0.0, 1.8, 101)[:-1]
+    for order, rows in enumerate(path.evaluate(time)):
+        np.testing.assert_allclose(rows, scipy.derivative(order)(time), atol=1e-9)
+
+
+def test_velocity_and_acceleration_are_the_derivatives(knots) -> None:
+    path = PolynomialPath.quintic(TIMES, *knots)
+    step = 1e-5
+    for time in (0.1, 0.49, 0.77, 1.6):
+        before, here, after = (path.evaluate(time + s) for s in (-step, 0.0, step))
+        np.testing.assert_allclose((after.q - before.q) / (2 * step), here.dq, rtol=1e-6)
+        np.testing.assert_allclose((after.dq - before.dq) / (2 * step), here.ddq, rtol=1e-6)
+
+
+def test_quintic_joins_without_a_step_in_acceleration(knots) -> None:
+    path = PolynomialPath.quintic(TIMES, *knots)
+    before, after = path.evaluate(0.5 - 1e-9), path.evaluate(0.5 + 1e-9)
+    np.testing.assert_allclose(before.ddq, after.ddq, atol=1e-5)
+
+
+def test_holds_before_and_after(knots) -> None:
+    path = PolynomialPath.quintic(TIMES, *knots)
+    for time, end in ((-1.0, 0), (5.0, -1)):
+        reference = path.evaluate(time)
+        np.testing.assert_allclose(reference.q, knots[0, end], atol=1e-12)
+        assert not reference.dq.any()
+        assert not reference.ddq.any()
+
+
+def test_samples_lie_on_the_path(knots) -> None:
+    path = PolynomialPath.quintic(TIMES, *knots)
+    samples = path.sample(per_segment=11)
+    assert samples.q.shape == (33, 2)
+    np.testing.assert_allclose(samples.q[5], path.evaluate(0.25).q)
+    np.testing.assert_allclose(samples.dq[16], path.evaluate(1.0).dq)
