@@ -32,10 +32,10 @@ from aerarm_ros.excitation.player.velocity_law import VelocityLaw  # noqa: E402
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config  # noqa: E402
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory  # noqa: E402
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation  # noqa: E402
-from aerarm_ros.hardware.alignment_timing import AlignmentTiming  # noqa: E402
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle  # noqa: E402
-from aerarm_ros.hardware.emulation import make_emulated_transport  # noqa: E402
-from aerarm_ros.hardware.offered_command import OfferedCommand  # noqa: E402
+from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming  # noqa: E402
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport  # noqa: E402
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand  # noqa: E402
 from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402
 from aerarm_ros.identification.recording.recording import Recording  # noqa: E402
 from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402

@@ -4,22 +4,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.hardware.answer import Answer
-from aerarm_ros.hardware.arm_measurements import ArmMeasurements
-from aerarm_ros.hardware.board_link import make_links
-from aerarm_ros.hardware.board_mode import BoardMode
+from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
+from aerarm_ros.hardware.boards.board_link import make_links
+from aerarm_ros.hardware.boards.board_mode import BoardMode
+from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
+from aerarm_ros.hardware.boards.homing import Homing
+from aerarm_ros.hardware.boards.motor_power import MotorPower
+from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.bridge_report import BridgeReport
-from aerarm_ros.hardware.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.command_buffer import Array, CommandBuffer
-from aerarm_ros.hardware.command_intake import CommandIntake
-from aerarm_ros.hardware.encoder_monitor import EncoderMonitor
-from aerarm_ros.hardware.frame_profile import FrameProfile, load_profile
-from aerarm_ros.hardware.homing import Homing
-from aerarm_ros.hardware.motor_power import MotorPower
-from aerarm_ros.hardware.motor_references import MotorReferences
-from aerarm_ros.hardware.offered_command import OfferedCommand
-from aerarm_ros.hardware.safety_gate import SafetyGate
-from aerarm_ros.hardware.transport import Transport
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
+from aerarm_ros.hardware.gate.answer import Answer
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.gate.command_buffer import Array, CommandBuffer
+from aerarm_ros.hardware.gate.command_intake import CommandIntake
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.hardware.gate.safety_gate import SafetyGate
+from aerarm_ros.hardware.transports.transport import Transport
 
 MODES = (
     'disconnected',

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from aerarm_ros.hardware.board_link import BoardLink
-from aerarm_ros.hardware.board_mode import BoardMode
-from aerarm_ros.hardware.command_intake import REJECTIONS, CommandIntake
-from aerarm_ros.hardware.joint_limiter import LIMITED
-from aerarm_ros.hardware.safety_gate import SafetyGate
+from aerarm_ros.hardware.boards.board_link import BoardLink
+from aerarm_ros.hardware.boards.board_mode import BoardMode
+from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake
+from aerarm_ros.hardware.gate.joint_limiter import LIMITED
+from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 
 _RECENT = 1.0  # [s] how long a rejection or a limit stays in the list of faults
 

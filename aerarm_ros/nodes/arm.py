@@ -15,8 +15,8 @@ from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
 from aerarm_ros.hardware.bridge_cycle import MODES
-from aerarm_ros.hardware.fault_injection import FAULTS
-from aerarm_ros.hardware.fault_request import FORM
+from aerarm_ros.hardware.emulation.fault_injection import FAULTS
+from aerarm_ros.hardware.emulation.fault_request import FORM
 from aerarm_ros.nodes.arm_client import BRIDGES, ArmClient, ArmClientError
 from aerarm_ros.nodes.bridge_services import ACTIONS
 from aerarm_ros.nodes.node_main import run_node

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.command_publishers import CommandPublishers
+from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
 from aerarm_ros.nodes.bridge_timing import BridgeTiming
 from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.nodes.publisher_watch import PublisherWatch

@@ -9,9 +9,9 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.hardware.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.frame_field import ProfileError
-from aerarm_ros.hardware.frame_profile import FrameProfile, load_profile
+from aerarm_ros.hardware.frames.frame_field import ProfileError
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.nodes.arm_files import ARM_FILES
 from aerarm_ros.nodes.parameter import Parameter
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.answer import Answer
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.nodes.cycle_requests import Action
 
 ACTIONS: dict[str, Action] = {

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
-from aerarm_ros.hardware.answer_watch import AnswerWatch
+from aerarm_ros.hardware.emulation.answer_watch import AnswerWatch
 from aerarm_ros.nodes.bridge_streams import BridgeStreams, Command
 from aerarm_ros.nodes.cycle_requests import CycleRequests
 from aerarm_ros.nodes.parameter import Parameter

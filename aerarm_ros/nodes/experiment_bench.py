@@ -25,9 +25,9 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulated_base import mount_on_base
-from aerarm_ros.hardware.emulation import make_emulated_transport
-from aerarm_ros.hardware.offered_command import OfferedCommand
+from aerarm_ros.hardware.emulation.emulated_base import mount_on_base
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.model.gravity_load import largest_gravity_load
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.motion.joint_reference import JointReference

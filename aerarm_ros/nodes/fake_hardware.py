@@ -13,14 +13,14 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.hardware.answer import Answer
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulated_base import mount_on_base
-from aerarm_ros.hardware.emulated_transport import EmulatedTransport
-from aerarm_ros.hardware.emulation import make_emulated_transport
-from aerarm_ros.hardware.fault_injection import FAULTS
-from aerarm_ros.hardware.fault_request import FORM, FaultRequest
-from aerarm_ros.hardware.frame_profile import FrameProfile
+from aerarm_ros.hardware.emulation.emulated_base import mount_on_base
+from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.emulation.fault_injection import FAULTS
+from aerarm_ros.hardware.emulation.fault_request import FORM, FaultRequest
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile
+from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.nodes.bridge_parameters import BRIDGE_PARAMETERS
 from aerarm_ros.nodes.bridge_streams import Command
 from aerarm_ros.nodes.cycle_requests import Action

@@ -8,7 +8,7 @@ from math import inf
 
 from rclpy.node import Node
 
-from aerarm_ros.hardware.command_intake import REJECTIONS, CommandIntake
+from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake
 
 # Two publishers have been looked up by then, so that they can be named [s].
 _PATIENCE = 0.5

@@ -25,6 +25,13 @@ INNER_ROOMS = {
         'player',
         'preview',
     ),
+    'aerarm_ros/hardware': (
+        'frames',
+        'transports',
+        'gate',
+        'boards',
+        'emulation',
+    ),
     'aerarm_ros/identification': (
         'recording',
         'conditioning',
@@ -47,7 +54,6 @@ INNER_ROOMS = {
 MOST_MODULES = 20
 # Larger ones, until they have rooms inside.
 TO_BE_SPLIT = {
-    'aerarm_ros/hardware',
     'aerarm_ros/nodes',
 }
 

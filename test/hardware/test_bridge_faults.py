@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.fault_injection import FAULTS, FaultInjectionError, inject
+from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FaultInjectionError, inject
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.gravity_load import largest_gravity_load
 

@@ -14,9 +14,9 @@ from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
 from aerarm_ros.excitation.player.velocity_law import VelocityLaw
 from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.emulation import make_emulated_transport
-from aerarm_ros.hardware.offered_command import OfferedCommand
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 CYCLE = 1e-3

@@ -12,8 +12,8 @@ from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.command_publishers import CommandPublishers
-from aerarm_ros.hardware.emulation import make_emulated_transport
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
 from aerarm_ros.nodes.bridge_diagnostics import BridgeDiagnostics, Watched
 from aerarm_ros.nodes.bridge_timing import BridgeTiming
 from aerarm_ros.nodes.publisher_watch import PublisherWatch

@@ -1,8 +1,8 @@
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.answer import Answer
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.nodes.bridge_services import BridgeServices
 from aerarm_ros.nodes.cycle_requests import Action
 from aerarm_ros.nodes.spinning import spin_until

@@ -2,7 +2,7 @@ import threading
 
 import pytest
 
-from aerarm_ros.hardware.answer import Answer
+from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.nodes.cycle_requests import CycleRequests
 
 

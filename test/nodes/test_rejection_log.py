@@ -5,8 +5,8 @@ import pytest
 import rclpy
 from rclpy.node import Node
 
-from aerarm_ros.hardware.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.command_intake import REJECTIONS, CommandIntake
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake
 from aerarm_ros.nodes.rejection_log import RejectionLog
 
 PERIOD = 1e-3

@@ -1,0 +1,101 @@
+"""What the boards report, as arrays over the joints."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.boards.board_link import BoardLink
+from aerarm_ros.hardware.gate.command_buffer import Array, Mask
+from aerarm_ros.model.drive_train import DriveTrain
+
+
+class ArmMeasurements:
+    """Measurements of n joints and their motors; the last good ones of each board.
+
+    Attributes
+    ----------
+    q, dq, tau
+        (n,) joint positions [rad], velocities [rad/s], torques [Nm] as the mean of the last
+        cycle; NaN until the first good frame.
+    motor_position, motor_velocity, motor_current, motor_voltage
+        (n,) motor side [rad], [rad/s], [A], [V]. Positions count from the motors' zeros.
+    reported_position
+        (n,) motor positions as the boards count them [rad].
+    index_toggle
+        (n,) bits that flip at an encoder's index pulse.
+    fresh
+        (n,) whether the motor's board answered in the last cycle.
+    """
+
+    def __init__(self, config: ArmConfig) -> None:
+        def unknown() -> Array:
+            return np.full(config.n, np.nan)
+
+        self.q, self.dq, self.tau = unknown(), unknown(), unknown()
+        self.motor_position, self.motor_velocity = unknown(), unknown()
+        self.motor_current, self.motor_voltage = unknown(), unknown()
+        self.reported_position = unknown()
+        self.index_toggle: Mask = np.zeros(config.n, dtype=bool)
+        self.fresh: Mask = np.zeros(config.n, dtype=bool)
+        self._drive = DriveTrain(config)
+        self._last_velocity = unknown()
+
+    def read(
+        self,
+        links: Sequence[BoardLink],
+        zero: Array,
+        gains: tuple[Array, Array],
+        hold: float = 0.0,
+        lag: float = 0.0,
+    ) -> None:
+        """Take the boards' last states.
+
+        A board holds its references for a cycle while the motor turns on, so its current
+        falls by Kp times the angle and Kd times the change of velocity (4.4), and the frame
+        samples it at the end of the hold. Without a correction every moving joint seems to
+        have negative viscous friction, and too little inertia.
+
+        Parameters
+        ----------
+        links
+            The boards.
+        zero
+            (n,) reported angles of motor zero [rad].
+        gains
+            Kp and Kd of the boards, (n,) each, motor side [A/rad], [A s/rad].
+        hold
+            Time since the last call, for which the references were held [s]; 0 for a second
+            look at the same states.
+        lag
+            Time constant of the boards' current loop [s].
+        """
+        self._last_velocity[:] = self.motor_velocity
+        for link in links:
+            state = link.state
+            for joint, channel in link.joints:
+                self.fresh[joint] = link.fresh
+                if link.fresh:
+                    self.reported_position[joint] = state.position[channel]
+                    self.motor_velocity[joint] = state.velocity[channel]
+                    self.motor_current[joint] = state.current[channel]
+                    self.motor_voltage[joint] = state.quadrature_voltage[channel]
+                    self.index_toggle[joint] = state.index_toggle[channel]
+        np.subtract(self.reported_position, zero, out=self.motor_position)
+        self.q[:] = self._drive.motor_to_joint_position(self.motor_position)
+        self.dq[:] = self._drive.motor_to_joint_velocity(self.motor_velocity)
+        self.tau[:] = self._drive.current_to_effort(
+            self.motor_current + self._droop(gains, hold, lag)
+        )
+
+    def _droop(self, gains: tuple[Array, Array], hold: float, lag: float) -> Array | float:
+        """Return by how much the sampled currents lie below the cycle's mean [A]."""
+        # In the middle of the hold the current equals its mean; the current loop's lag has
+        # already made up for a part of the way from there to the sample.
+        share = 0.5 * hold - lag
+        if share <= 0.0:
+            return 0.0
+        kp, kd = gains
+        change = self.motor_velocity - self._last_velocity
+        change[np.isnan(change)] = 0.0  # of a first frame
+        return share * (kp * self.motor_velocity + kd / hold * change)

@@ -1,0 +1,178 @@
+"""Follows what state a board is in."""
+
+from collections.abc import Sequence
+from math import inf
+
+from aerarm_ros.hardware.boards.board_mode import BoardMode
+from aerarm_ros.hardware.frames.board_state import BoardState
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+
+
+class BoardMonitor:
+    """State machine of one board, driven by its frames; a fault is latched.
+
+    disconnected -> idle once it answers well; idle -> aligning -> ready when the system is
+    enabled and until every motor in use is aligned; ready <-> running while a command is
+    followed. Back to idle when it is disabled. An error code, too many bad frames, silence,
+    frozen data, a slow bus or motors that are no longer ready lead to fault.
+
+    Parameters
+    ----------
+    name
+        For the texts.
+    profile
+        Meaning of error codes.
+    channels
+        The motors in use, 0 and 1.
+    settings
+        Tolerances.
+
+    Attributes
+    ----------
+    mode
+        The state.
+    fault
+        What happened and what to check; '' unless the mode is fault.
+    good_frames, bad_frames, lost_commands, slow_exchanges
+        Counts since start. A command is lost if the board does not echo its index.
+    """
+
+    def __init__(
+        self, name: str, profile: FrameProfile, channels: Sequence[int], settings: BridgeSettings
+    ) -> None:
+        self.name = name
+        self.mode = BoardMode.DISCONNECTED
+        self.fault = ''
+        self.good_frames = self.bad_frames = self.lost_commands = self.slow_exchanges = 0
+        self._profile = profile
+        self._channels = tuple(channels)
+        self._settings = settings
+        self._good_in_row = self._bad_in_row = self._slow_in_row = 0
+        self._good_time = self._fresh_time = -inf
+        self._timestamp = -1.0
+        self._index: int | None = None
+        self._enabled_since: float | None = None
+
+    def sent(self, index: int) -> None:
+        """Note the index of the command that has just been sent."""
+        self._index = index
+
+    def slow(self, duration: float) -> None:
+        """Judge the duration of an exchange [s]."""
+        if duration <= self._settings.exchange_time_max:
+            self._slow_in_row = 0
+            return
+        self.slow_exchanges += 1
+        self._slow_in_row += 1
+        if self._slow_in_row >= self._settings.slow_exchanges_max:
+            self.fail(
+                f'exchanges take {1e3 * duration:.2f} ms, allowed are '
+                f'{1e3 * self._settings.exchange_time_max:.2f}: check clock_hz, and '
+                'polling_limit_us of the SPI driver'
+            )
+
+    def missed(self, now: float, problem: str = '') -> None:
+        """Take note of a bad frame or of none; `problem` is what the bus says about it."""
+        self.bad_frames += 1
+        self._bad_in_row += 1
+        self._good_in_row = 0
+        silence = now - self._good_time
+        if self._bad_in_row < self._settings.bad_frames_max and silence < (
+            self._settings.state_age_max
+        ):
+            return
+        if self.mode in (BoardMode.DISCONNECTED, BoardMode.IDLE):
+            self.mode = BoardMode.DISCONNECTED
+        else:
+            why = problem or 'no frame with a correct check: check supply, wires and SPI mode'
+            self.fail(f'{self._bad_in_row} frames in a row were bad, {why}')
+
+    def received(self, state: BoardState, now: float, enable: bool, running: bool) -> None:
+        """Take note of a good frame.
+
+        Parameters
+        ----------
+        state
+            What the board reports.
+        now
+            Time [s].
+        enable
+            Whether the commands sent enable the board.
+        running
+            Whether the commands sent follow a controller.
+        """
+        self.good_frames += 1
+        self._good_in_row += 1
+        self._bad_in_row = 0
+        self._good_time = now
+        if self._index is not None and state.index != self._index:
+            self.lost_commands += 1
+        if state.timestamp != self._timestamp:
+            self._timestamp, self._fresh_time = state.timestamp, now
+        if self.mode is BoardMode.DISCONNECTED:
+            if self._good_in_row < self._settings.connect_frames:
+                return
+            self.mode = BoardMode.IDLE
+        if state.error:
+            self.fail(self._profile.error_text(state.error))
+        elif now - self._fresh_time > self._settings.state_age_max:
+            self.fail('its frames are correct but their data is frozen: power-cycle it')
+        if self.mode is not BoardMode.FAULT:
+            self._follow(state, now, enable, running)
+
+    def fail(self, text: str) -> None:
+        """Enter the fault state; the first fault stays."""
+        if self.mode is not BoardMode.FAULT:
+            self.mode = BoardMode.FAULT
+            self.fault = f'{self.name}: {text}'
+
+    def counters(self) -> dict[str, int]:
+        """Return the counts by name."""
+        return {
+            'good frames': self.good_frames,
+            'bad frames': self.bad_frames,
+            'lost commands': self.lost_commands,
+            'slow exchanges': self.slow_exchanges,
+        }
+
+    def clear(self, state: BoardState, now: float) -> str:
+        """Leave the fault state; return why it cannot be left, or ''."""
+        if self.mode is not BoardMode.FAULT:
+            return ''
+        silent = self.is_silent(now)
+        if not silent and state.error:
+            return f'{self.name}: {self._profile.error_text(state.error)}'
+        if self._slow_in_row >= self._settings.slow_exchanges_max:
+            return self.fault
+        self.fault = ''
+        self._enabled_since = None
+        self.mode = BoardMode.DISCONNECTED if silent else BoardMode.IDLE
+        return ''
+
+    def is_silent(self, now: float) -> bool:
+        """Whether the board has not answered for the largest age of a state."""
+        return now - self._good_time > self._settings.state_age_max
+
+    def is_aligned(self, state: BoardState) -> bool:
+        """Whether every motor in use is driven and aligned."""
+        return state.system_enabled and all(
+            state.motor_enabled[i] and state.motor_ready[i] for i in self._channels
+        )
+
+    def _follow(self, state: BoardState, now: float, enable: bool, running: bool) -> None:
+        if not enable:
+            self.mode = BoardMode.IDLE
+            self._enabled_since = None
+        elif self.is_aligned(state):
+            self.mode = BoardMode.RUNNING if running else BoardMode.READY
+        elif self.mode in (BoardMode.READY, BoardMode.RUNNING):
+            self.fail('its motors are no longer driven: did it restart? check its supply')
+        else:
+            self.mode = BoardMode.ALIGNING
+            self._enabled_since = now if self._enabled_since is None else self._enabled_since
+            if now - self._enabled_since > self._settings.alignment_timeout:
+                self.fail(
+                    f'its motors are not aligned after {self._settings.alignment_timeout:g} s: '
+                    'support the arm, check the motor cables, and enable again'
+                )

@@ -1,0 +1,143 @@
+"""From what the joints shall do to what the boards' law (4.4) is given."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.boards.motor_reference import MotorReference
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile
+from aerarm_ros.hardware.gate.command_buffer import Array, CommandBuffer, Mask
+from aerarm_ros.model.drive_train import DriveTrain
+
+
+class MotorReferences:
+    """References and gains of the n motors, in the joints' order.
+
+    For a joint commanded by velocity alone the velocity is integrated into a position
+    reference: with it the boards' proportional and derivative gains are the integral and
+    proportional gains of the PI velocity loop, thesis (4.5). The integrated reference stays
+    so close to the measured position that its share of the torque does not exceed the
+    joint's effort limit (anti-windup), and within the position limits.
+
+    Parameters
+    ----------
+    config
+        Gains, limits and drive train.
+    profile
+        Says which gains the boards' frames hold.
+    reach_max
+        Largest distance of an integrated reference from the arm [rad].
+
+    Attributes
+    ----------
+    motors
+        One `MotorReference` a joint.
+    zero
+        (n,) angles [rad] that the boards report where the motors' angle is zero.
+    """
+
+    def __init__(self, config: ArmConfig, profile: FrameProfile, reach_max: float) -> None:
+        drive = DriveTrain(config)
+        ones, zeros = np.ones(config.n), np.zeros(config.n)
+        columns = (
+            drive.joint_to_motor_velocity(ones),
+            drive.joint_to_motor_position(zeros),
+            drive.effort_to_current(ones),
+            config.column('position_min'),
+            config.column('position_max'),
+        )
+        self.motors = [MotorReference(*row) for row in np.transpose(columns).tolist()]
+        self.zero: Array = zeros
+        self._profile = profile
+        self._drive = drive
+        self._effort_max = config.column('effort_max')
+        self._reach_max = reach_max
+        self.set_gains(config.column('board_kp'), config.column('board_kd'))
+
+    @property
+    def gains(self) -> tuple[Array, Array]:
+        """Kp and Kd that the boards have now, (n,) each, motor side [A/rad], [A s/rad].
+
+        Zero where the joint is controlled by torque.
+        """
+        kp, kd = np.array([(motor.kp, motor.kd) for motor in self.motors]).T
+        return kp, kd
+
+    @property
+    def feed_forward(self) -> Array:
+        """Currents commanded as effort, (n,) [A], motor side."""
+        return np.array([motor.current for motor in self.motors])
+
+    def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
+        """Set the boards' gains, motor side: (n,) or one for all [A/rad], [A s/rad], [A/(rad s)].
+
+        Raises ValueError, and changes nothing, if the frame cannot hold one of them.
+        """
+        gains = self.check_gains(kp, kd, integral_gain)
+        stiffness = np.maximum(self._drive.motor_to_joint_gain(gains[0]), 1e-9)
+        reach = np.minimum(self._effort_max / stiffness, self._reach_max)
+        for motor, row in zip(self.motors, np.transpose([*gains, reach]).tolist(), strict=True):
+            motor.set_gains(*row)
+
+    def check_gains(
+        self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0
+    ) -> list[Array]:
+        """Return the three gains as (n,), or raise what `set_gains` would raise."""
+        named = zip(('kp', 'kd', 'integral_gain'), (kp, kd, integral_gain), strict=True)
+        return [self._checked(name, gain) for name, gain in named]
+
+    def set_zero(self, zero: Array) -> None:
+        """Change `zero` (n,) [rad] without moving the motors: the joints' angles change instead."""
+        self.zero[:] = zero
+        for motor, angle in zip(self.motors, zero.tolist(), strict=True):
+            motor.set_zero(angle)
+
+    def release(self) -> None:
+        """Ask for nothing: no current, no gains."""
+        for motor in self.motors:
+            motor.release()
+
+    def damp(self, trusted: Mask) -> None:
+        """Damp the joints to rest; those whose encoder is not trusted get no current."""
+        for motor, is_trusted in zip(self.motors, trusted.tolist(), strict=True):
+            if is_trusted:
+                motor.damp()
+            else:
+                motor.release()
+
+    def track(self, command: CommandBuffer, brake: Array, q: Array, dt: float) -> None:
+        """Follow a limited command.
+
+        Parameters
+        ----------
+        command
+            References of the joints.
+        brake
+            (n,) velocities to which torque-controlled joints are damped [rad/s], or NaN.
+        q
+            (n,) measured positions [rad].
+        dt
+            Time since the last call [s].
+        """
+        rows = zip(
+            self.motors,
+            command.q.tolist(),
+            command.dq.tolist(),
+            command.tau.tolist(),
+            brake.tolist(),
+            q.tolist(),
+            strict=True,
+        )
+        for motor, position, velocity, effort, speed, angle in rows:
+            motor.track(position, velocity, effort, speed, angle, dt)
+
+    def _checked(self, name: str, gain: ArrayLike) -> Array:
+        values, n = np.array(gain, dtype=float), len(self.motors)
+        if values.shape not in ((), (1,), (n,)):
+            raise ValueError(f'{name} has {values.size} values: give 1 or {n}')
+        most = self._profile.command.largest(name)
+        if not np.all((values >= 0.0) & (values <= most)):
+            raise ValueError(
+                f'{name} is {values}: frames of profile {self._profile.name} hold 0 to {most:.4g}'
+            )
+        return np.broadcast_to(values, (n,))

@@ -1,0 +1,32 @@
+"""Emulated boards whose arm hangs under, or stands on, a base that moves."""
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
+from aerarm_ros.simulation.base_profile import BaseProfile
+from aerarm_ros.simulation.moving_base_plant import MovingBasePlant
+
+
+def mount_on_base(
+    transport: EmulatedTransport, robot: Robot, profile: BaseProfile
+) -> MovingBasePlant:
+    """Put the arm of emulated boards, as it is, on a base that follows a profile.
+
+    Parameters
+    ----------
+    transport
+        Made by `make_emulated_transport`, before its first exchange.
+    robot
+        The arm as drawn.
+    profile
+        Motion of the base, which begins with the plant's `start`.
+
+    Returns
+    -------
+    MovingBasePlant
+        The transport's plant from now on, with the parameters of the one before.
+    """
+    before = transport.plant
+    plant = MovingBasePlant(robot, before.parameters, before.position, profile)
+    transport.plant = plant
+    transport.carry()
+    return plant

@@ -1,0 +1,82 @@
+"""Builds emulated boards on a simulated arm from the arm's description."""
+
+from collections.abc import Sequence
+
+from numpy.typing import ArrayLike
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.motor_config import MotorConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
+from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
+from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
+from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant
+from aerarm_ros.simulation.plant_parameters import PlantParameters, Spread
+
+# Stands in for the motor of a channel to which no joint is connected.
+_NO_MOTOR = MotorConfig('none', 12, 300.0, 1.0, 1e-5, 1.0)
+
+
+def make_emulated_transport(
+    config: ArmConfig,
+    robot: Robot,
+    seed: int | None = 0,
+    *,
+    position: ArrayLike | None = None,
+    spread: Spread | None = None,
+    alignment: AlignmentTiming | None = None,
+    encoder_zeros: Sequence[float] | None = None,
+    parameters: PlantParameters | None = None,
+    profile: FrameProfile | None = None,
+) -> EmulatedTransport:
+    """Return emulated boards that drive a simulated arm.
+
+    Parameters
+    ----------
+    config, robot
+        The arm as drawn.
+    seed
+        Of the arm's deviations from the drawing, and of noise; None for an arm as drawn.
+    position
+        Initial joint angles (n,) [rad]; the configuration's rest position if not given.
+    spread
+        Bounds of the deviations.
+    alignment
+        Durations of the boards' alignment.
+    encoder_zeros
+        True motor angles (n,) [rad] at which the encoders count zero, in joint order. Zero,
+        if not given, which is what the configuration's offsets assume; others need homing.
+    parameters
+        True parameters of the arm, in place of `seed` and `spread`.
+    profile
+        Frames of the boards; the configuration's if not given.
+
+    Raises
+    ------
+    ValueError
+        If configuration and URDF do not fit each other, or the profile cannot be read.
+    """
+    if parameters is None:
+        parameters = PlantParameters.nominal(config, robot)
+        if seed is not None:
+            parameters = parameters.perturbed(seed, spread)
+    plant = ArmPlant(robot, parameters, config.rest_position if position is None else position)
+    motors = [[_NO_MOTOR, _NO_MOTOR] for _ in config.boards]
+    zeros = [[0.0, 0.0] for _ in config.boards]
+    for i, joint in enumerate(config.joints):
+        motors[joint.board][joint.channel] = joint.motor
+        zeros[joint.board][joint.channel] = encoder_zeros[i] if encoder_zeros else 0.0
+    profile = profile or load_profile(config.profile)
+    boards = [
+        EmulatedBoard(
+            profile,
+            motors[number],
+            SUBSTEP,
+            seed=1000 * (seed or 0) + number,
+            alignment=alignment,
+            zeros=zeros[number],
+        )
+        for number in range(len(config.boards))
+    ]
+    return EmulatedTransport(boards, plant, config)

@@ -1,0 +1,147 @@
+"""Faults of the emulated boards by name, for a parameter, a service or a test."""
+
+from collections.abc import Callable
+from math import inf, pi
+from typing import NamedTuple
+
+from aerarm_ros.hardware.emulation.emulated_board import (
+    DRIVER_ERROR,
+    TEMPERATURE_ERROR,
+    EmulatedBoard,
+)
+from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
+
+
+class Fault(NamedTuple):
+    """What can go wrong with an emulated board.
+
+    Attributes
+    ----------
+    meaning
+        In words, with the unit of its strength.
+    apply
+        Makes it go wrong: board, motor, strength.
+    default, least, most
+        Strength if none is given, and its bounds; None for a fault without one.
+    """
+
+    meaning: str
+    apply: Callable[[EmulatedBoard, int, float], None]
+    default: float | None = None
+    least: float = -inf
+    most: float = inf
+
+
+class FaultInjectionError(ValueError):
+    """A fault that does not exist, or a board or motor that the arm does not have."""
+
+
+def inject(
+    transport: EmulatedTransport,
+    fault: str,
+    board: int = 0,
+    motor: int = 0,
+    value: float | None = None,
+) -> None:
+    """Make something go wrong with an emulated board.
+
+    Parameters
+    ----------
+    transport
+        The emulated boards.
+    fault
+        A key of `FAULTS`.
+    board, motor
+        Which board, and which of its motors (0 or 1) for the faults of an encoder.
+    value
+        Strength of the fault, in the unit that `FAULTS` gives; its default if None.
+
+    Raises
+    ------
+    FaultInjectionError
+        The text lists what there is.
+    """
+    check(fault, len(transport.boards), board, motor, value)
+    strength = FAULTS[fault].default if value is None else value
+    FAULTS[fault].apply(transport.boards[board], motor, strength or 0.0)
+
+
+def check(
+    fault: str, boards: int, board: int = 0, motor: int = 0, value: float | None = None
+) -> None:
+    """Raise FaultInjectionError unless there can be such a fault, there and so strong."""
+    if fault not in FAULTS:
+        raise FaultInjectionError(f'no fault {fault!r}: choose one of {", ".join(FAULTS)}')
+    if not 0 <= board < boards or motor not in (0, 1):
+        raise FaultInjectionError(
+            f'no board {board} with motor {motor}: the arm has boards 0 to {boards - 1} with '
+            'motors 0 and 1'
+        )
+    if value is None:
+        return
+    _, _, default, least, most = FAULTS[fault]
+    if default is None:
+        raise FaultInjectionError(f'{fault} takes no VALUE, here {value:g}')
+    if not least <= value <= most:
+        raise FaultInjectionError(f'{fault}: {value:g} is not from {least:g} to {most:g}')
+
+
+def _bit_errors(board: EmulatedBoard, _motor: int, value: float) -> None:
+    board.faults.bit_error_rate = value
+
+
+def _lost_frames(board: EmulatedBoard, _motor: int, value: float) -> None:
+    board.faults.lost_frame_rate = value
+
+
+def _dead_board(board: EmulatedBoard, _motor: int, _value: float) -> None:
+    board.cut_power()
+
+
+def _stuck_encoder(board: EmulatedBoard, motor: int, _value: float) -> None:
+    board.motors[motor].encoder.stuck = True
+
+
+def _encoder_jump(board: EmulatedBoard, motor: int, value: float) -> None:
+    board.motors[motor].encoder.jump(value)
+
+
+def _over_temperature(board: EmulatedBoard, _motor: int, _value: float) -> None:
+    board.raise_error(TEMPERATURE_ERROR)
+
+
+def _driver_error(board: EmulatedBoard, _motor: int, _value: float) -> None:
+    board.raise_error(DRIVER_ERROR)
+
+
+def _board_timeout(board: EmulatedBoard, _motor: int, _value: float) -> None:
+    board.faults.deaf = True
+
+
+def _slow_bus(board: EmulatedBoard, _motor: int, value: float) -> None:
+    board.faults.exchange_time = value
+
+
+def _power_cycle(board: EmulatedBoard, _motor: int, _value: float) -> None:
+    board.power_cycle()
+
+
+_SHARE_OF_FRAMES = (0.05, 0.0, 1.0)
+
+# The last one is the cure.
+FAULTS: dict[str, Fault] = {
+    'bit_errors': Fault(
+        'share of frames, each way, with flipped bits', _bit_errors, *_SHARE_OF_FRAMES
+    ),
+    'lost_frames': Fault(
+        'share of exchanges that the board misses', _lost_frames, *_SHARE_OF_FRAMES
+    ),
+    'dead_board': Fault('the board has no supply', _dead_board),
+    'stuck_encoder': Fault("a motor's count stands still", _stuck_encoder),
+    'encoder_jump': Fault("a motor's count jumps [rad, motor side]", _encoder_jump, pi),
+    'over_temperature': Fault('the board reports a critical temperature', _over_temperature),
+    'driver_error': Fault('the gate driver reports a fault', _driver_error),
+    'board_timeout': Fault('the board no longer receives', _board_timeout),
+    'slow_bus': Fault('duration of an exchange [s]', _slow_bus, 2e-3, 0.0, 1.0),
+    'power_cycle': Fault('no fault: supply off and on', _power_cycle),
+}

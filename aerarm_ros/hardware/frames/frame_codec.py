@@ -1,0 +1,180 @@
+"""Board records to frames and back."""
+
+from struct import Struct
+
+from aerarm_ros.hardware.frames.board_command import BoardCommand
+from aerarm_ros.hardware.frames.board_state import BoardState
+from aerarm_ros.hardware.frames.crc import crc32_mpeg2
+from aerarm_ros.hardware.frames.frame_field import FrameField
+from aerarm_ros.hardware.frames.frame_profile import (
+    FRAME_BYTES,
+    PAYLOAD_WORDS,
+    FrameLayout,
+    FrameProfile,
+)
+
+_CODES = {'u16': 'H', 'i16': 'h', 'u32': 'I', 'i32': 'i', 'bits': 'H'}
+_PAYLOAD_BYTES = 2 * PAYLOAD_WORDS
+_CRC = Struct('>I')
+
+
+class FrameError(ValueError):
+    """A record that must not be sent; the text says which value to check."""
+
+
+class FrameCodec:
+    """Encodes and decodes the frames of one profile, on the master's and on the board's side.
+
+    Encoding saturates a value that its field cannot hold, unless that is dangerous: a
+    position out of range, a value that is not finite, a zero time-out or a zero current
+    saturation raises FrameError. Decoding never raises, whatever is on the wire.
+    """
+
+    def __init__(self, profile: FrameProfile) -> None:
+        self.profile = profile
+        self._command = _LayoutCodec(profile.command)
+        self._sensor = _LayoutCodec(profile.sensor)
+
+    def encode(self, command: BoardCommand) -> bytes:
+        """Return the command frame (34 bytes), or raise FrameError."""
+        return self._command.encode(command)
+
+    def decode(self, frame: bytes, into: BoardState | None = None) -> BoardState | None:
+        """Return the state in a sensor frame, or None if its length or CRC is wrong.
+
+        With `into`, that record is filled and returned; it is left alone by a bad frame.
+        """
+        payload = self._sensor.payload(frame)
+        if payload is None:
+            return None
+        state = BoardState() if into is None else into
+        self._sensor.fill(state, payload)
+        return state
+
+    def encode_state(self, state: BoardState) -> bytes:
+        """Return the sensor frame that a board would send, or raise FrameError."""
+        return self._sensor.encode(state)
+
+    def decode_command(self, frame: bytes, into: BoardCommand | None = None) -> BoardCommand | None:
+        """Return the command in a frame as a board reads it, or None; `into` as in `decode`."""
+        payload = self._command.payload(frame)
+        if payload is None:
+            return None
+        command = BoardCommand() if into is None else into
+        self._command.fill(command, payload)
+        return command
+
+
+class _LayoutCodec:
+    """One direction of the exchange, its layout unrolled into tables for short loops.
+
+    A row of a table starts with the attribute's name, the motor (0, 1, or -1 for the whole
+    board) and the slot, which is the number of the struct's item that holds the field.
+    """
+
+    def __init__(self, layout: FrameLayout) -> None:
+        self._swap_crc = layout.crc_words == 'low_first'
+        self._struct, slots = _struct_of(layout)
+        self._blank = [0] * (max(slots.values()) + 1)
+        rows = [(e, e.name, e.motor - 1, slots[e.word], e.bit) for e in layout.fields]
+        self._integers = [
+            (name, motor, slot, shift, e.count_range[1])
+            for e, name, motor, slot, shift in rows
+            if e.is_count
+        ]
+        self._quantities = [
+            (name, motor, slot, shift, 1.0 / e.si_per_count, *e.count_range, e)
+            for e, name, motor, slot, shift in rows
+            if not e.is_count
+        ]
+        self._flags = [
+            (name, motor, slot, 1 << shift) for e, name, motor, slot, shift in rows if e.is_flag
+        ]
+        self._decoded = [
+            (name, motor, slot, shift, e.count_range[1] if e.is_bits else -1, _scale(e))
+            for e, name, motor, slot, shift in rows
+            if not e.is_flag
+        ]
+
+    def encode(self, record: BoardCommand | BoardState) -> bytes:
+        """Return the frame of a record, or raise FrameError."""
+        items = self._blank.copy()
+        for name, motor, slot, shift, mask in self._integers:
+            value = getattr(record, name)
+            items[slot] |= (value[motor] if motor >= 0 else value) << shift & mask << shift
+        for name, motor, slot, shift, counts_per_si, lowest, highest, entry in self._quantities:
+            value = getattr(record, name)
+            if motor >= 0:
+                value = value[motor]
+            try:
+                count = round(value * counts_per_si)
+            except (ValueError, OverflowError):
+                raise FrameError(f'{entry.label} is {value}: a frame needs numbers') from None
+            if not lowest <= count <= highest or (count == 0 and entry.nonzero):
+                count = _limited(count, value, entry)
+            items[slot] |= count << shift
+        payload = self._struct.pack(*items)
+        return payload + _CRC.pack(self._crc(payload))
+
+    def payload(self, frame: bytes) -> bytes | None:
+        """Return the payload of a frame whose length and CRC are right."""
+        if len(frame) != FRAME_BYTES:
+            return None
+        payload = bytes(frame[:_PAYLOAD_BYTES])
+        (check,) = _CRC.unpack_from(frame, _PAYLOAD_BYTES)
+        return payload if check == self._crc(payload) else None
+
+    def fill(self, record: BoardCommand | BoardState, payload: bytes) -> None:
+        """Write the fields of a checked payload into a record."""
+        items = self._struct.unpack(payload)
+        for name, motor, slot, mask in self._flags:
+            if motor >= 0:
+                getattr(record, name)[motor] = items[slot] & mask != 0
+            else:
+                setattr(record, name, items[slot] & mask != 0)
+        for name, motor, slot, shift, mask, scale in self._decoded:
+            value = (items[slot] >> shift & mask) * scale if mask >= 0 else items[slot] * scale
+            if motor >= 0:
+                getattr(record, name)[motor] = value
+            else:
+                setattr(record, name, value)
+
+    def _crc(self, payload: bytes) -> int:
+        """Return the check as it stands on the wire, a big-endian word."""
+        crc = crc32_mpeg2(payload)
+        return (crc & 0xFFFF) << 16 | crc >> 16 if self._swap_crc else crc
+
+
+def _struct_of(layout: FrameLayout) -> tuple[Struct, dict[int, int]]:
+    """Return the payload's struct, and the item of it that starts at each word."""
+    whole = {entry.word: entry for entry in layout.fields if not entry.is_bits}
+    codes: list[str] = []
+    slots: dict[int, int] = {}
+    word = 0
+    while word < PAYLOAD_WORDS:
+        slots[word] = len(codes)
+        entry = whole.get(word)
+        codes.append(_CODES[entry.type] if entry else 'H')
+        word += entry.words if entry else 1
+    return Struct('>' + ''.join(codes)), slots
+
+
+def _scale(entry: FrameField) -> float:
+    """Return the SI value of a count, an integer for plain integers."""
+    return 1 if entry.is_count else entry.si_per_count
+
+
+def _limited(count: int, value: float, entry: FrameField) -> int:
+    """Return the count held at the end of the field's range, or raise FrameError."""
+    lowest, highest = entry.count_range
+    if entry.nonzero and count == 0:
+        raise FrameError(
+            f'{entry.label} is {value:g}, which the frame rounds to 0 and the board takes for '
+            f'no limit: ask for {entry.si_per_count:g} or more'
+        )
+    if entry.overflow == 'refuse':
+        raise FrameError(
+            f'{entry.label} is {value:g}, beyond the +-{highest * entry.si_per_count:g} of the '
+            'frame, where it would wrap: check the reference and the zero of the encoder'
+        )
+    return highest if count > highest else lowest

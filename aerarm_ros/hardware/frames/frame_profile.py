@@ -1,0 +1,198 @@
+"""The layout of a board's frames, read from YAML."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from aerarm_ros.description.resources import resource
+from aerarm_ros.hardware.frames.board_command import BoardCommand
+from aerarm_ros.hardware.frames.board_state import BoardState
+from aerarm_ros.hardware.frames.frame_field import FrameField, ProfileError
+
+PAYLOAD_WORDS = 15
+FRAME_BYTES = 2 * PAYLOAD_WORDS + 4
+CRC_ORDERS = ('high_first', 'low_first')
+
+_POWER_OF_TWO = re.compile(r'2\^(-?\d+)')
+_FIELD_KEYS = frozenset(item.name for item in fields(FrameField))
+
+
+@dataclass(frozen=True)
+class FrameLayout:
+    """One direction of the exchange: its fields and the order of the CRC's two words."""
+
+    fields: tuple[FrameField, ...]
+    crc_words: str
+
+    def __post_init__(self) -> None:
+        """Check that the fields fit and are apart; raises ProfileError."""
+        if self.crc_words not in CRC_ORDERS:
+            raise ProfileError(f'crc_words is {self.crc_words!r}, must be one of {CRC_ORDERS}')
+        owners: dict[int, FrameField] = {}
+        for entry in self.fields:
+            for bit in _bits(entry):
+                if bit >= 16 * PAYLOAD_WORDS:
+                    raise ProfileError(
+                        f'{entry.label}: word {entry.word} leaves the {PAYLOAD_WORDS} payload words'
+                    )
+                if bit in owners:
+                    raise ProfileError(f'{entry.label} and {owners[bit].label} share bits')
+                owners[bit] = entry
+
+    def has(self, name: str) -> bool:
+        """Tell whether a quantity travels in this frame."""
+        return any(entry.name == name for entry in self.fields)
+
+    def largest(self, name: str) -> float:
+        """Return the largest SI value of a quantity that the frame holds, 0 if it has none."""
+        sizes = [e.count_range[1] * e.si_per_count for e in self.fields if e.name == name]
+        return min(sizes, default=0.0)
+
+
+@dataclass(frozen=True)
+class FrameProfile:
+    """The frames of one kind of board.
+
+    Attributes
+    ----------
+    name
+        Name of the profile.
+    command, sensor
+        Layouts master to board and board to master.
+    errors
+        Name and advice of each error code.
+    errors_until_power_cycle
+        True if the board keeps an error until its supply is switched off and on.
+    """
+
+    name: str
+    command: FrameLayout
+    sensor: FrameLayout
+    errors: Mapping[int, tuple[str, str]]
+    errors_until_power_cycle: bool
+
+    def error_text(self, code: int) -> str:
+        """Return what an error code of the board means and what to check."""
+        name, advice = self.errors.get(code, ('unknown', "see the firmware's list of errors"))
+        text = f'error {code} ({name}): {advice}'
+        return f'{text}; then power-cycle it' if self.errors_until_power_cycle else text
+
+    def with_lsb(self, name: str, lsb: float) -> 'FrameProfile':
+        """Return the profile with another scale for a quantity, in either direction.
+
+        Raises ProfileError if the profile does not carry the quantity.
+        """
+        if not (self.command.has(name) or self.sensor.has(name)):
+            raise ProfileError(f'profile {self.name} carries no {name!r}: check the name')
+
+        def rescaled(layout: FrameLayout) -> FrameLayout:
+            return replace(
+                layout,
+                fields=tuple(
+                    replace(entry, lsb=lsb) if entry.name == name else entry
+                    for entry in layout.fields
+                ),
+            )
+
+        return replace(self, command=rescaled(self.command), sensor=rescaled(self.sensor))
+
+
+def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
+    """Read a profile: one of `config/profiles/` by name, or any file by path.
+
+    Raises
+    ------
+    ProfileError
+        If the file is missing or a field of it cannot be used; the text says which.
+    """
+    document = _read(name_or_path)
+    try:
+        return FrameProfile(
+            name=str(document['name']),
+            command=_layout(document['command'], BoardCommand),
+            sensor=_layout(document['sensor'], BoardState),
+            errors={
+                int(code): (str(entry['name']), str(entry['advice']))
+                for code, entry in document.get('errors', {}).items()
+            },
+            errors_until_power_cycle=bool(document['errors_until_power_cycle']),
+        )
+    except ProfileError as error:
+        raise ProfileError(f'frame profile {name_or_path}: {error}') from None
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ProfileError(
+            f'frame profile {name_or_path}: {error!r}: compare with config/profiles/uomodri_v3.yaml'
+        ) from None
+
+
+def _read(name_or_path: str | Path) -> dict[str, Any]:
+    """Return a profile's document with what it extends filled in."""
+    path = Path(name_or_path)
+    try:
+        if path.suffix not in ('.yaml', '.yml'):
+            path = resource('config', 'profiles', f'{name_or_path}.yaml')
+        document = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ProfileError(f'cannot read frame profile {name_or_path}: {error}') from None
+    if not isinstance(document, dict):
+        raise ProfileError(f'frame profile {path} is no map of name, command, sensor')
+    base_name = document.pop('extends', None)
+    if base_name is None:
+        return document
+    if base_name == document.get('name'):
+        raise ProfileError(f'frame profile {path} extends itself')
+    base = _read(base_name)
+    try:
+        return _extended(base, document)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ProfileError(f'frame profile {path}: {error!r}: check its fields') from None
+
+
+def _extended(base: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
+    """Return `base` overridden by `document`; its fields replace those on the same bits."""
+    merged = {**base, **document}
+    merged['errors'] = {**base.get('errors', {}), **document.get('errors', {})}
+    for direction in ('command', 'sensor'):
+        own = document.get(direction, {})
+        taken = {bit for entry in own.get('fields', ()) for bit in _bits(_field(entry))}
+        kept = [
+            entry
+            for entry in base[direction]['fields']
+            if not taken.intersection(_bits(_field(entry)))
+        ]
+        merged[direction] = {**base[direction], **own, 'fields': [*kept, *own.get('fields', ())]}
+    return merged
+
+
+def _layout(document: Mapping[str, Any], record: type) -> FrameLayout:
+    known = {item.name for item in fields(record)}
+    entries = tuple(_field(entry) for entry in document['fields'])
+    for entry in entries:
+        if entry.name not in known:
+            raise ProfileError(f'{record.__name__} has no {entry.name!r}: check the name')
+    return FrameLayout(entries, document['crc_words'])
+
+
+def _field(entry: Mapping[str, Any]) -> FrameField:
+    unknown = set(entry) - _FIELD_KEYS
+    if unknown:
+        raise ProfileError(f'field {entry.get("name")!r} has unknown keys {sorted(unknown)}')
+    values = dict(entry)
+    power = _POWER_OF_TWO.fullmatch(str(values.get('lsb', '')))
+    if power:
+        values['lsb'] = 2.0 ** int(power[1])
+    if 'unit' in values:
+        values['unit'] = str(values['unit'])
+    return FrameField(**values)
+
+
+def _bits(entry: FrameField) -> range:
+    """Return the numbers of the bits that a field fills, word by word."""
+    first = 16 * entry.word
+    if entry.is_bits:
+        return range(first + entry.bit, first + entry.bit + entry.width)
+    return range(first, first + 16 * entry.words)

@@ -1,0 +1,21 @@
+"""What stands between a command and the motors.
+
+In comes what somebody offers, before anything about it is believed; out goes a command within the
+limits of position, velocity, acceleration and effort, or the reason why the arm is stopped.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        'answer': ['Answer'],
+        'bridge_settings': ['BridgeSettings'],
+        'command_buffer': ['CommandBuffer'],
+        'command_intake': ['CommandIntake', 'REJECTIONS'],
+        'command_publishers': ['CommandPublishers'],
+        'joint_limiter': ['JointLimiter'],
+        'offered_command': ['OfferedCommand'],
+        'safety_gate': ['SafetyGate'],
+    },
+)

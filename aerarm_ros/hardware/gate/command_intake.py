@@ -1,0 +1,164 @@
+"""Decides which joint commands are let in."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.gate.command_buffer import CommandBuffer
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand, Source
+
+# Why a command is not let in, and what to check.
+REJECTIONS: dict[str, str] = {
+    'unreadable': 'it is not a JointState: check what publishes it, and with which ROS',
+    'not_ready': 'the arm is not ready: enable it, or clear its fault',
+    'not_allowed': 'its publisher is not on the list of allowed ones: check allowed_publishers',
+    'source': 'another publisher is commanding the arm: stop one of the two',
+    'names': "it does not name each of the arm's joints once: compare with joint_states",
+    'length': 'its arrays do not have one value for each name',
+    'infinite': 'it holds an infinite value: check the controller',
+    'nan': 'it leaves a joint without any reference (NaN everywhere): check the controller',
+    'unsupported': 'the frame profile has no feed-forward current, so no effort can be commanded',
+    'stale': 'it answers a state that is too old: check the load of the controller and the clocks',
+    'future': 'its stamp lies in the future: check the clocks; an emulated arm has a time of its '
+    'own, on /clock',
+}
+
+_CLOCK_TOLERANCE = 0.005  # [s]
+_ORDERS_KEPT = 16
+
+
+class CommandIntake:
+    """Checks commands and keeps the last good one; what is rejected is counted by reason.
+
+    Parameters
+    ----------
+    joint_names
+        The n joints in the arm's order; a command may list them in any order.
+    settings
+        `command_timeout` and `stamp_age_max` are used here.
+    effort_supported
+        False if the boards' frames carry no feed-forward current.
+
+    Attributes
+    ----------
+    command
+        The last accepted command.
+    accepted
+        Number of accepted commands.
+    rejections
+        Number of rejected commands by reason, a key of `REJECTIONS`.
+    last_rejection, last_rejection_time
+        Reason and receipt [s] of the last rejected command; '' and -inf if there is none.
+    """
+
+    def __init__(
+        self,
+        joint_names: Sequence[str],
+        settings: BridgeSettings,
+        *,
+        effort_supported: bool = True,
+    ) -> None:
+        self.command = CommandBuffer(len(joint_names))
+        self.accepted = 0
+        self.rejections: Counter[str] = Counter()
+        self.last_rejection = ''
+        self.last_rejection_time = -np.inf
+        self._names = tuple(joint_names)
+        self._settings = settings
+        self._effort_supported = effort_supported
+        self._orders: dict[tuple[str, ...], NDArray[np.intp] | None] = {self._names: None}
+        self._candidate = CommandBuffer(len(joint_names))
+        self._received = -np.inf
+        self._source: Source = None
+
+    def age(self, now: float) -> float:
+        """Time since the last accepted command was received [s]; inf without one."""
+        return now - self._received
+
+    def is_fresh(self, now: float) -> bool:
+        """Whether the last accepted command may still be followed."""
+        return self.age(now) <= self._settings.command_timeout
+
+    def forget(self) -> None:
+        """Drop the last command and its publisher's claim."""
+        self._received = -np.inf
+        self._source = None
+
+    def offer(self, offered: OfferedCommand, now: float, *, ready: bool = True) -> bool:
+        """Take a command received at `now` [s] if it is in order and the arm is `ready`."""
+        reason = '' if ready else 'not_ready'
+        reason = reason or ('' if offered.allowed else 'not_allowed')
+        reason = reason or self._origin_fault(offered.age_of_stamp, now, offered.source)
+        reason = reason or self._content_fault(offered)
+        if reason:
+            self.reject(reason, now)
+            return False
+        self.command, self._candidate = self._candidate, self.command
+        self.accepted += 1
+        self._received = now
+        self._source = offered.source
+        return True
+
+    def reject(self, reason: str, now: float) -> None:
+        """Count a command received at `now` [s] that is not let in; a key of `REJECTIONS`."""
+        self.rejections[reason] += 1
+        self.last_rejection = reason
+        self.last_rejection_time = now
+
+    def _origin_fault(self, age_of_stamp: float, now: float, source: Source) -> str:
+        """Return why a command's age or publisher is not accepted, '' if it is."""
+        # A publisher keeps its claim for as long as its last command is followed.
+        if source is None or (source != self._source and self.is_fresh(now)):
+            return 'source'
+        if not age_of_stamp <= self._settings.stamp_age_max:
+            return 'stale'
+        return 'future' if age_of_stamp < -_CLOCK_TOLERANCE else ''
+
+    def _content_fault(self, offered: OfferedCommand) -> str:
+        """Write the values into the candidate; return why they are not accepted, or ''."""
+        names = offered.names
+        key = names if type(names) is tuple else tuple(names)
+        if key not in self._orders and not self._learn_order(key):
+            return 'names'
+        order = self._orders[key]
+        candidate = self._candidate
+        pairs = (
+            (candidate.q, offered.position),
+            (candidate.dq, offered.velocity),
+            (candidate.tau, offered.effort),
+        )
+        for target, values in pairs:
+            if values is None or len(values) == 0:
+                target[:] = np.nan
+            elif len(values) != len(target):
+                return 'length'
+            else:
+                target[:] = values
+                if order is not None:
+                    target[:] = target[order]
+        return self._value_fault(candidate)
+
+    def _value_fault(self, candidate: CommandBuffer) -> str:
+        without_position = np.isnan(candidate.q)
+        without_velocity = np.isnan(candidate.dq)
+        without_effort = np.isnan(candidate.tau)
+        if (without_position & without_velocity & without_effort).any():
+            return 'nan'
+        for values in (candidate.q, candidate.dq, candidate.tau):
+            if np.isinf(values).any():
+                return 'infinite'
+        if not self._effort_supported and not without_effort.all():
+            return 'unsupported'
+        return ''
+
+    def _learn_order(self, names: tuple[str, ...]) -> bool:
+        """Remember where each of the arm's joints stands in `names`; False if one is missing."""
+        if len(names) != len(self._names) or set(names) != set(self._names):
+            return False
+        if len(self._orders) >= _ORDERS_KEPT:
+            self._orders = {self._names: None}
+        self._orders[names] = np.array([names.index(name) for name in self._names])
+        return True

@@ -1,0 +1,180 @@
+import pytest
+
+from aerarm_ros.hardware.boards.board_mode import BoardMode
+from aerarm_ros.hardware.boards.board_monitor import BoardMonitor
+from aerarm_ros.hardware.frames.board_state import BoardState
+from aerarm_ros.hardware.frames.frame_profile import load_profile
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+
+SETTINGS = BridgeSettings()
+
+
+class Wire:
+    """Feeds a monitor with the frames of a board."""
+
+    def __init__(self, profile='uomodri_v3', channels=(0, 1)):
+        self.monitor = BoardMonitor('board0', load_profile(profile), channels, SETTINGS)
+        self.state = BoardState()
+        self.now = 0.0
+
+    def good(self, count=1, enable=False, running=False, frozen=False, **changes):
+        for name, value in changes.items():
+            setattr(self.state, name, value)
+        for _ in range(count):
+            self.now += 1e-3
+            if not frozen:
+                self.state.timestamp = self.now
+            self.monitor.received(self.state, self.now, enable, running)
+        return self.monitor.mode
+
+    def bad(self, count=1, problem=''):
+        for _ in range(count):
+            self.now += 1e-3
+            self.monitor.missed(self.now, problem)
+        return self.monitor.mode
+
+    def ready(self):
+        self.good(5)
+        self.good(enable=True, system_enabled=True, motor_enabled=[True, True])
+        assert self.good(enable=True, motor_ready=[True, True]) is BoardMode.READY
+        return self
+
+
+def test_the_way_to_running_and_back():
+    wire = Wire()
+    assert wire.monitor.mode is BoardMode.DISCONNECTED
+    assert wire.good(4) is BoardMode.DISCONNECTED
+    assert wire.good() is BoardMode.IDLE
+    assert wire.good(enable=True) is BoardMode.ALIGNING
+    wire.good(enable=True, system_enabled=True, motor_enabled=[True, True])
+    assert wire.monitor.mode is BoardMode.ALIGNING
+    assert wire.good(enable=True, motor_ready=[True, False]) is BoardMode.ALIGNING
+    assert wire.good(enable=True, motor_ready=[True, True]) is BoardMode.READY
+    assert wire.good(enable=True, running=True) is BoardMode.RUNNING
+    assert wire.good(enable=True, running=False) is BoardMode.READY
+    assert wire.good(enable=False) is BoardMode.IDLE
+
+
+def test_channels_without_a_motor_are_not_waited_for():
+    wire = Wire(channels=(1,))
+    wire.good(5)
+    changes = {'motor_enabled': [False, True], 'motor_ready': [False, True]}
+    assert wire.good(enable=True, system_enabled=True, **changes) is BoardMode.READY
+
+
+def test_single_bad_frames_are_counted_only():
+    wire = Wire().ready()
+    for _ in range(20):
+        wire.bad(5)
+        assert wire.good(enable=True) is BoardMode.READY
+    assert wire.monitor.bad_frames == 100
+    assert wire.monitor.counters()['bad frames'] == 100
+
+
+def test_too_many_bad_frames_are_a_fault_that_stays():
+    wire = Wire().ready()
+    assert wire.bad(9) is BoardMode.READY
+    assert wire.bad() is BoardMode.FAULT
+    assert 'board0: 10 frames in a row were bad' in wire.monitor.fault
+    assert wire.good(enable=True) is BoardMode.FAULT
+    assert wire.monitor.clear(wire.state, wire.now) == ''
+    assert wire.good(enable=True) is BoardMode.READY
+
+
+def test_what_the_bus_reports_is_in_the_text():
+    wire = Wire().ready()
+    wire.bad(10, problem='/dev/spidev0.0 reports: Input/output error')
+    assert 'Input/output error' in wire.monitor.fault
+
+
+def test_a_long_gap_is_a_fault_with_the_first_bad_frame():
+    wire = Wire().ready()
+    wire.now += 0.05
+    assert wire.bad() is BoardMode.FAULT
+
+
+def test_a_board_that_is_off_may_go_and_come():
+    wire = Wire()
+    wire.good(5)
+    assert wire.bad(10) is BoardMode.DISCONNECTED
+    assert wire.good(5) is BoardMode.IDLE
+    assert wire.monitor.fault == ''
+
+
+@pytest.mark.parametrize('code', [1, 2, 3, 5, 6, 7, 15])
+def test_error_codes_are_faults_with_their_text(code):
+    wire = Wire().ready()
+    assert wire.good(enable=True, error=code) is BoardMode.FAULT
+    assert f'error {code}' in wire.monitor.fault
+    assert 'power-cycle' in wire.monitor.fault
+
+
+def test_a_fault_whose_cause_is_there_cannot_be_cleared():
+    wire = Wire().ready()
+    wire.good(enable=True, error=7)
+    assert 'error 7' in wire.monitor.clear(wire.state, wire.now)
+    assert wire.monitor.mode is BoardMode.FAULT
+    wire.good(error=0)
+    assert wire.monitor.clear(wire.state, wire.now) == ''
+    assert wire.monitor.mode is BoardMode.IDLE
+
+
+def test_clearing_a_silent_board_leaves_it_disconnected():
+    wire = Wire().ready()
+    wire.bad(40)
+    assert wire.monitor.clear(wire.state, wire.now) == ''
+    assert wire.monitor.mode is BoardMode.DISCONNECTED
+
+
+def test_a_board_that_restarts_is_a_fault():
+    wire = Wire().ready()
+    off = {'system_enabled': False, 'motor_enabled': [False] * 2, 'motor_ready': [False] * 2}
+    assert wire.good(enable=True, **off) is BoardMode.FAULT
+    assert 'restart' in wire.monitor.fault
+
+
+def test_alignment_may_not_take_for_ever():
+    wire = Wire()
+    wire.good(5)
+    assert wire.good(6000, enable=True) is BoardMode.ALIGNING
+    assert wire.good(10, enable=True) is BoardMode.FAULT
+    assert 'not aligned after 6 s' in wire.monitor.fault
+
+
+def test_frozen_data_is_a_fault():
+    wire = Wire().ready()
+    assert wire.good(15, enable=True, frozen=True) is BoardMode.READY
+    assert wire.good(10, enable=True, frozen=True) is BoardMode.FAULT
+    assert 'frozen' in wire.monitor.fault
+
+
+def test_lost_commands_are_counted_by_the_echo():
+    wire = Wire()
+    for index, echo in ((1, 0), (2, 1), (3, 2), (4, 2), (5, 4), (6, 4)):
+        wire.good(index=echo)
+        wire.monitor.sent(index)
+    assert wire.monitor.lost_commands == 2
+
+
+def test_slow_exchanges_are_counted_and_many_in_a_row_are_a_fault():
+    monitor = Wire().ready().monitor
+    for _ in range(9):
+        monitor.slow(0.002)
+    monitor.slow(0.0001)
+    assert monitor.mode is BoardMode.READY
+    assert monitor.slow_exchanges == 9
+    for _ in range(10):
+        monitor.slow(0.002)
+    assert monitor.mode is BoardMode.FAULT
+    assert 'exchanges take 2.00 ms' in monitor.fault
+    assert monitor.clear(BoardState(), 0.01) == monitor.fault
+    monitor.slow(0.0001)
+    assert monitor.clear(BoardState(), 0.01) == ''
+
+
+def test_silence_is_measured_from_the_last_good_frame():
+    wire = Wire()
+    assert wire.monitor.is_silent(0.0)
+    wire.good()
+    assert not wire.monitor.is_silent(wire.now + 0.019)
+    assert wire.monitor.is_silent(wire.now + 0.021)

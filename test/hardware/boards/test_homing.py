@@ -1,0 +1,102 @@
+"""The encoders' zeros are found by their index pulses, wherever the count began."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.hardware.boards.homing import Homing
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+
+
+def switched_on_at(config, q):
+    """Return encoder zeros of an arm whose boards were switched on at q."""
+    return [
+        joint.sign * (angle - joint.offset) / joint.gear.ratio
+        for joint, angle in zip(config.joints, q, strict=True)
+    ]
+
+
+def until_homed(rig):
+    """Run until homing ends; return the largest joint speed seen [rad/s]."""
+    fastest = 0.0
+    for _ in range(5000):
+        rig.cycle()
+        fastest = max(fastest, rig.speed)
+        if rig.bridge.mode != 'homing':
+            break
+    return fastest
+
+
+@pytest.mark.parametrize('offset', [[0.03, -0.05, 0.05, -0.02], [0.0, 0.0, 0.0, 0.0]])
+def test_homing_finds_the_joints_angles(make_rig, config, offset):
+    q = np.array(config.rest_position) + offset
+    rig = make_rig(seed=4, position=q, encoder_zeros=switched_on_at(config, q)).bring_up()
+    assert rig.bridge.q == pytest.approx([0.0, 0.0, 0.0, 0.0], abs=0.01)
+    answer = rig.bridge.home()
+    assert answer.accepted
+    rig.run(0.05)
+    assert rig.bridge.mode == 'homing'
+    assert not rig.send(velocity=[0.1] * 4)
+    assert 0.1 < until_homed(rig) < 0.4
+    rig.run(0.2)
+    assert rig.bridge.mode == 'ready', rig.bridge.faults
+    assert rig.bridge.q == pytest.approx(rig.plant.position, abs=5e-4)
+    # It moved by a motor turn at most and holds still now.
+    assert np.abs(rig.plant.position - q).max() < 0.2
+    assert rig.speed < 5e-3
+
+
+def test_afterwards_the_arm_is_commanded_in_true_angles(make_rig, config):
+    q = config.rest_position
+    rig = make_rig(encoder_zeros=switched_on_at(config, q)).bring_up()
+    rig.bridge.home()
+    until_homed(rig)
+    wanted = np.array(q) + [0.2, -0.2, 0.2, 0.2]
+    for share in np.linspace(0.0, 1.0, 200):
+        rig.run(1e-3, lambda now, s=share: (q + s * (wanted - q), None, None))
+    rig.run(0.3, lambda now: (wanted, None, None))
+    assert rig.plant.position == pytest.approx(wanted, abs=0.03)
+
+
+def test_without_an_index_pulse_it_ends_in_a_fault(make_rig, config):
+    rig = make_rig().bring_up()
+    encoder = rig.boards.boards[1].motors[0].encoder
+    encoder._pass_index = lambda turn, compensate: None
+    rig.bridge.home()
+    rig.run(3.5)
+    assert rig.bridge.mode == 'fault'
+    assert 'no index pulse of joint3' in rig.bridge.faults[0]
+    assert np.abs(rig.plant.velocity[[0, 2]]).max() < 0.01
+
+
+def test_it_starts_only_from_an_arm_that_is_held(make_rig):
+    rig = make_rig(settings=BridgeSettings())
+    rig.run(0.02)
+    answer = rig.bridge.home()
+    assert not answer.accepted
+    assert 'idle' in answer.message
+
+
+def test_disabling_and_faults_end_it(rig):
+    rig.bridge.home()
+    rig.run(0.1)
+    rig.bridge.e_stop('test')
+    rig.run(0.1)
+    rig.bridge.clear_fault()
+    rig.run(0.1)
+    assert rig.bridge.mode == 'ready'
+    rig.bridge.home()
+    rig.run(0.1)
+    rig.bridge.disable()
+    rig.run(0.05)
+    assert rig.bridge.mode == 'idle'
+
+
+def test_the_multiple_of_a_turn_follows_from_the_rest_position(config):
+    reported = np.array([0.4, -0.6, 0.2, 0.1])
+    homing = Homing(config, reported, np.zeros(4, dtype=bool))
+    expected = np.array(switched_on_at(config, config.rest_position))
+    met = reported + [0.0, 1.0, -0.3, 0.2]
+    homing.update(met, np.ones(4, dtype=bool))
+    assert homing.is_done
+    turns = (met - homing.zero) / (2 * np.pi)
+    assert turns == pytest.approx(np.round((expected + met - reported) / (2 * np.pi)))

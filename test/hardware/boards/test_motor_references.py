@@ -1,0 +1,181 @@
+import math
+
+import numpy as np
+import pytest
+
+from aerarm_ros.hardware.boards.motor_references import MotorReferences
+from aerarm_ros.hardware.frames.frame_profile import load_profile
+from aerarm_ros.hardware.gate.command_buffer import CommandBuffer
+from aerarm_ros.model.drive_train import DriveTrain
+
+Q = np.array([0.1, 1.5, -0.2, 0.3])
+NO_BRAKE = np.full(4, math.nan)
+DT = 1e-3
+
+
+@pytest.fixture
+def references(config):
+    return MotorReferences(config, load_profile(), reach_max=0.5)
+
+
+@pytest.fixture
+def drive(config):
+    return DriveTrain(config)
+
+
+def get(references, name):
+    return np.array([getattr(motor, name) for motor in references.motors])
+
+
+def command(**values):
+    result = CommandBuffer(4)
+    for name, value in values.items():
+        getattr(result, name)[:] = value
+    return result
+
+
+def test_full_law_passes_everything_on_in_motor_units(references, drive, config):
+    p, v, e = Q + 0.01, np.array([1, -1, 2, -2.0]), np.array([0.1, 0.2, 0.3, 0.4])
+    references.track(command(q=p, dq=v, tau=e), NO_BRAKE, Q, DT)
+    assert get(references, 'position') == pytest.approx(drive.joint_to_motor_position(p))
+    assert get(references, 'velocity') == pytest.approx(drive.joint_to_motor_velocity(v))
+    assert get(references, 'current') == pytest.approx(drive.effort_to_current(e))
+    assert get(references, 'kp') == pytest.approx(config.column('board_kp'))
+    assert get(references, 'kd') == pytest.approx(config.column('board_kd'))
+
+
+def test_effort_alone_is_torque_control_without_gains(references, drive):
+    references.track(command(tau=1.0), NO_BRAKE, Q, DT)
+    assert not get(references, 'kp').any()
+    assert not get(references, 'kd').any()
+    assert not get(references, 'velocity').any()
+    assert get(references, 'current') == pytest.approx(drive.effort_to_current(np.ones(4)))
+    assert np.isnan(get(references, 'joint_position')).all()
+
+
+def test_velocity_alone_is_integrated_from_where_the_joint_is(references, drive):
+    velocity = np.array([0.5, -0.5, 1.0, -1.0])
+    for _ in range(10):
+        references.track(command(dq=velocity), NO_BRAKE, Q, DT)
+    assert get(references, 'joint_position') == pytest.approx(Q + 10 * DT * velocity)
+    assert get(references, 'position') == pytest.approx(
+        drive.joint_to_motor_position(Q + 10 * DT * velocity)
+    )
+    assert get(references, 'velocity') == pytest.approx(drive.joint_to_motor_velocity(velocity))
+    assert not get(references, 'current').any()
+
+
+def test_integrated_reference_never_asks_for_more_than_the_effort_limit(references, drive, config):
+    for _ in range(2000):
+        references.track(command(dq=4.0), NO_BRAKE, Q, DT)
+    stiffness = drive.motor_to_joint_gain(config.column('board_kp'))
+    pull = stiffness * (get(references, 'joint_position') - Q)
+    assert pull == pytest.approx(config.column('effort_max'))
+    references.track(command(dq=-4.0), NO_BRAKE, Q, DT)
+    assert np.all(stiffness * (get(references, 'joint_position') - Q) < pull)
+
+
+def test_integrated_reference_stays_within_position_limits(references, config):
+    q = config.column('position_max') - 0.01
+    for _ in range(100):
+        references.track(command(dq=4.0), NO_BRAKE, q, DT)
+    assert get(references, 'joint_position') == pytest.approx(config.column('position_max'))
+
+
+def test_integration_starts_anew_after_torque_control_or_damping(references):
+    for _ in range(50):
+        references.track(command(dq=1.0), NO_BRAKE, Q, DT)
+    references.track(command(tau=0.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
+    assert get(references, 'joint_position') == pytest.approx(Q)
+    references.track(command(dq=1.0), NO_BRAKE, Q, DT)
+    references.damp(np.ones(4, dtype=bool))
+    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
+    assert get(references, 'joint_position') == pytest.approx(Q)
+
+
+def test_from_position_to_velocity_without_a_jump(references):
+    references.track(command(q=Q + 0.05), NO_BRAKE, Q, DT)
+    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
+    assert get(references, 'joint_position') == pytest.approx(Q + 0.05)
+
+
+def test_each_joint_has_its_own_mode(references, drive):
+    given = command()
+    given.q[0], given.dq[1], given.tau[2] = 0.12, 1.0, 0.5
+    given.q[3], given.dq[3], given.tau[3] = 0.31, 0.2, 0.1
+    references.track(given, NO_BRAKE, Q, DT)
+    assert (get(references, 'kp') > 0).tolist() == [True, True, False, True]
+    assert (get(references, 'kd') > 0).tolist() == [True, True, False, True]
+    assert (get(references, 'current') != 0).tolist() == [False, False, True, True]
+    for name, gains in zip(('kp', 'kd'), references.gains, strict=True):
+        assert gains.tolist() == get(references, name).tolist()
+    assert get(references, 'joint_position') == pytest.approx(
+        [0.12, 1.501, math.nan, 0.31], nan_ok=True
+    )
+
+
+def test_braked_joint_is_damped_towards_the_given_velocity(references, drive, config):
+    brake = np.array([math.nan, 2.0, math.nan, math.nan])
+    references.track(command(tau=1.0), brake, Q, DT)
+    assert get(references, 'kd').tolist() == [0.0, config.joints[1].board_kd, 0.0, 0.0]
+    assert get(references, 'velocity') == pytest.approx(
+        drive.joint_to_motor_velocity(np.array([0.0, 2.0, 0.0, 0.0]))
+    )
+    assert not get(references, 'kp').any()
+
+
+def test_damping_has_no_stiffness_and_spares_untrusted_encoders(references, config):
+    references.track(command(q=Q, tau=1.0), NO_BRAKE, Q, DT)
+    references.damp(np.array([True, False, True, True]))
+    kd = config.column('board_kd')
+    assert get(references, 'kd').tolist() == [kd[0], 0.0, kd[2], kd[3]]
+    assert not get(references, 'kp').any()
+    assert not get(references, 'current').any()
+    assert not get(references, 'velocity').any()
+
+
+def test_zero_shifts_positions(references, drive):
+    references.set_zero(np.array([1.0, 2.0, 3.0, 4.0]))
+    references.track(command(q=Q), NO_BRAKE, Q, DT)
+    assert get(references, 'position') == pytest.approx(
+        drive.joint_to_motor_position(Q) + [1, 2, 3, 4]
+    )
+
+
+def test_a_new_zero_changes_the_joints_angles_and_not_the_motors(references, drive):
+    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
+    before = get(references, 'position').copy()
+    references.set_zero(np.array([10.0, -20.0, 5.0, 0.0]))
+    new_q = drive.motor_to_joint_position(before - references.zero)
+    assert get(references, 'joint_position') == pytest.approx(new_q)
+    references.track(command(dq=0.0), NO_BRAKE, new_q, DT)
+    assert get(references, 'position') == pytest.approx(before)
+
+
+def test_gains_are_set_whole_or_not_at_all(references):
+    references.set_gains(2.0, [0.1, 0.2, 0.3, 0.4])
+    references.track(command(q=Q), NO_BRAKE, Q, DT)
+    assert get(references, 'kp').tolist() == [2.0] * 4
+    assert get(references, 'kd').tolist() == [0.1, 0.2, 0.3, 0.4]
+    for kp, kd, ki, hint in (
+        (5.2, 0.1, 0.0, 'kp .* hold 0 to 5.09'),
+        (1.0, 0.7, 0.0, 'kd .* hold 0 to 0.61'),
+        (-1.0, 0.1, 0.0, 'kp'),
+        (math.nan, 0.1, 0.0, 'kp'),
+        ([1.0, 2.0], 0.1, 0.0, 'kp has 2 values: give 1 or 4'),
+        (1.0, 0.1, 0.5, 'integral_gain .* hold 0 to 0'),
+    ):
+        with pytest.raises(ValueError, match=hint):
+            references.set_gains(kp, kd, ki)
+    references.track(command(q=Q), NO_BRAKE, Q, DT)
+    assert get(references, 'kp').tolist() == [2.0] * 4
+
+
+def test_integral_gain_where_the_frame_carries_it(config):
+    references = MotorReferences(config, load_profile('laas_power'), reach_max=0.5)
+    references.set_gains(1.0, 0.1, 0.5)
+    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
+    assert get(references, 'integral_gain').tolist() == [0.5] * 4
+    references.damp(np.ones(4, dtype=bool))
+    assert not get(references, 'integral_gain').any()

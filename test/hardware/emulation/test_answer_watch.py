@@ -1,0 +1,63 @@
+import pytest
+
+from aerarm_ros.hardware.emulation.answer_watch import AnswerWatch
+
+MS = 1_000_000
+NOW = 1_000 * MS
+
+
+def test_awaits_nothing_of_who_never_answered() -> None:
+    assert not AnswerWatch(MS, 0).awaits(NOW)
+
+
+@pytest.mark.parametrize('lag', [0, 3])
+def test_awaits_an_answer_that_is_later_than_the_lag(lag: int) -> None:
+    watch = AnswerWatch(MS, lag)
+    watch.note(NOW, NOW)
+    assert not watch.awaits(NOW + lag * MS)
+    assert watch.awaits(NOW + (lag + 1) * MS)
+
+
+@pytest.mark.parametrize(
+    'stamp', [NOW + MS, NOW - MS // 2, NOW - 21 * MS, 0], ids=['future', 'own', 'stale', 'none']
+)
+def test_a_stamp_that_is_none_of_the_last_states_is_no_answer(stamp: int) -> None:
+    watch = AnswerWatch(MS, 0)
+    watch.note(NOW, NOW)
+    watch.note(stamp, NOW)
+    assert not watch.expects
+    assert not watch.awaits(NOW + 5 * MS)
+
+
+def test_who_is_given_up_is_expected_again_after_its_next_answer_with_more_patience() -> None:
+    watch = AnswerWatch(MS, 0)
+    watch.note(NOW, NOW)
+    watch.give_up()
+    assert not watch.awaits(NOW + 10 * MS)
+    watch.note(NOW + 10 * MS, NOW + 10 * MS)
+    assert not watch.awaits(NOW + 11 * MS)
+    assert watch.awaits(NOW + 12 * MS)
+
+
+def test_a_controller_of_every_tenth_state_is_not_waited_for_in_the_end() -> None:
+    watch = AnswerWatch(MS, 0)
+    given_up = 0
+    for state in range(200):
+        now = NOW + state * MS
+        if watch.awaits(now):
+            watch.give_up()
+            given_up += 1
+        if state % 10 == 0:
+            watch.note(now, now)
+    assert given_up <= 3
+
+
+def test_forgets_who_commanded() -> None:
+    watch = AnswerWatch(MS, 2)
+    watch.note(NOW, NOW)
+    watch.give_up()
+    watch.note(NOW, NOW)
+    watch.forget()
+    assert not watch.expects
+    watch.note(NOW, NOW)
+    assert watch.awaits(NOW + 3 * MS)

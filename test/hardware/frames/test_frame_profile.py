@@ -1,0 +1,121 @@
+import math
+
+import pytest
+
+from aerarm_ros.hardware.frames.frame_field import ProfileError
+from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES, load_profile
+
+MINIMAL = """
+name: mine
+errors_until_power_cycle: false
+command: {{crc_words: {order}, fields: [{command}]}}
+sensor: {{crc_words: high_first, fields: [{sensor}]}}
+"""
+
+
+def written(tmp_path, command='', sensor='', order='high_first'):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(MINIMAL.format(command=command, sensor=sensor, order=order))
+    return path
+
+
+@pytest.mark.parametrize('name', ['uomodri_v3', 'udriver_v2', 'laas_power'])
+def test_packaged_profiles_are_whole(name):
+    profile = load_profile(name)
+    assert profile.name == name
+    assert FRAME_BYTES == 34
+    for quantity in ('position', 'velocity', 'kp', 'kd', 'current_saturation', 'timeout', 'index'):
+        assert profile.command.has(quantity)
+    for quantity in ('position', 'velocity', 'current', 'error', 'timestamp', 'index'):
+        assert profile.sensor.has(quantity)
+
+
+def test_v2_differs_by_the_saturation_bytes_and_by_what_an_error_needs():
+    v2, v3 = load_profile('udriver_v2'), load_profile('uomodri_v3')
+
+    def bits(profile):
+        return {e.motor: e.bit for e in profile.command.fields if e.name == 'current_saturation'}
+
+    assert bits(v3) == {1: 8, 2: 0}
+    assert bits(v2) == {1: 0, 2: 8}
+    assert v3.errors_until_power_cycle
+    assert not v2.errors_until_power_cycle
+    assert 'power-cycle' in v3.error_text(2)
+    assert 'power-cycle' not in v2.error_text(2)
+
+
+def test_laas_power_carries_gain_and_voltages_in_the_slots_of_others():
+    profile = load_profile('laas_power')
+    assert profile.command.has('integral_gain')
+    assert not profile.command.has('current')
+    assert profile.sensor.has('quadrature_voltage')
+    assert profile.sensor.has('bus_voltage')
+    assert not profile.sensor.has('coil_resistance')
+    assert profile.sensor.has('current')
+
+
+def test_largest_gains_are_those_of_the_protocol():
+    profile = load_profile()
+    assert profile.command.largest('kp') == pytest.approx(5.09, abs=0.01)
+    assert profile.command.largest('kd') == pytest.approx(0.611, abs=0.001)
+    assert profile.command.largest('current_saturation') == 31.875
+    assert profile.command.largest('integral_gain') == 0.0
+
+
+def test_scales_are_parameters():
+    profile = load_profile('laas_power').with_lsb('bus_voltage', 0.01)
+    assert profile.sensor.largest('bus_voltage') == pytest.approx(655.35)
+    assert load_profile('laas_power').sensor.largest('bus_voltage') == pytest.approx(64, abs=0.01)
+    with pytest.raises(ProfileError, match='no .*tension'):
+        profile.with_lsb('tension', 0.01)
+
+
+def test_unknown_error_codes_have_a_text():
+    assert 'error 15' in load_profile().error_text(15)
+
+
+def test_own_profile_from_a_file(tmp_path):
+    path = written(
+        tmp_path, '{name: velocity, motor: 1, word: 2, type: i16, lsb: 2^-3, unit: krpm}'
+    )
+    (field,) = load_profile(path).command.fields
+    assert field.si_per_count == pytest.approx(2000 * math.pi / 60 / 8)
+
+
+@pytest.mark.parametrize(
+    ('command', 'hint'),
+    [
+        ('{name: speed, word: 1, type: i16}', "no 'speed'"),
+        ('{name: velocity, motor: 1, word: 14, type: i32}', '15 payload words'),
+        ('{name: index, word: 15, type: u16}', '15 payload words'),
+        ('{name: index, word: 1, type: u16, colour: red}', 'colour'),
+        ('{name: index, word: 1, type: u16}, {name: timeout, word: 1, type: u16}', 'share bits'),
+        ('{name: index, word: 1, type: u16, lsb: two}', 'mine'),
+        ('{word: 1, type: u16}', 'uomodri_v3.yaml'),
+        ('7', 'uomodri_v3.yaml'),
+    ],
+)
+def test_a_wrong_field_is_named(tmp_path, command, hint):
+    with pytest.raises(ProfileError, match=hint):
+        load_profile(written(tmp_path, command))
+
+
+def test_wrong_files_are_named(tmp_path):
+    with pytest.raises(ProfileError, match='uomodri_v3'):
+        load_profile('uomodri_v9')
+    with pytest.raises(ProfileError, match=r'nothing\.yaml'):
+        load_profile(tmp_path / 'nothing.yaml')
+    with pytest.raises(ProfileError, match='crc_words'):
+        load_profile(written(tmp_path, order='sideways'))
+    for text, hint in (
+        ('[1, 2]', 'no map'),
+        ('{', 'cannot read'),
+        ('{name: mine, extends: mine}', 'extends itself'),
+        ('{name: mine, extends: nobody}', 'nobody'),
+        ('{name: mine, extends: uomodri_v3, command: {fields: [{word: 1}]}}', 'check its fields'),
+        ('{name: mine}', 'command'),
+    ):
+        path = tmp_path / 'bad.yaml'
+        path.write_text(text)
+        with pytest.raises(ProfileError, match=hint):
+            load_profile(path)

@@ -1,0 +1,133 @@
+import math
+
+import numpy as np
+import pytest
+
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+
+NAMES = ('a', 'b', 'c')
+ONE = [0.1, 0.2, 0.3]
+NAN = math.nan
+
+
+@pytest.fixture
+def intake():
+    return CommandIntake(NAMES, BridgeSettings())
+
+
+def offer(intake, position=None, velocity=ONE, effort=None, now=5.0, ready=True, **options):
+    given = {'names': NAMES, 'age_of_stamp': 0.001, 'source': 'me', **options}
+    offered = OfferedCommand(position=position, velocity=velocity, effort=effort, **given)
+    return intake.offer(offered, now, ready=ready)
+
+
+def test_a_good_command_is_kept(intake):
+    assert offer(intake, position=[1, 2, 3], velocity=np.array([4.0, 5.0, 6.0]), effort=())
+    assert intake.command.q.tolist() == [1.0, 2.0, 3.0]
+    assert intake.command.dq.tolist() == [4.0, 5.0, 6.0]
+    assert np.isnan(intake.command.tau).all()
+    assert intake.accepted == 1
+    assert not intake.rejections
+
+
+def test_order_goes_by_name(intake):
+    assert offer(intake, names=['c', 'a', 'b'], velocity=[3.0, 1.0, 2.0], effort=[30.0, 10.0, 20.0])
+    assert intake.command.dq.tolist() == [1.0, 2.0, 3.0]
+    assert intake.command.tau.tolist() == [10.0, 20.0, 30.0]
+    assert offer(intake, velocity=[1.0, 2.0, 3.0])
+    assert intake.command.dq.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_each_joint_may_use_other_quantities(intake):
+    assert offer(intake, position=[1, NAN, NAN], velocity=[NAN, 2, NAN], effort=[NAN, NAN, 3])
+    assert intake.command.q[0] == 1.0
+    assert np.isnan(intake.command.q[1:]).all()
+
+
+@pytest.mark.parametrize(
+    ('reason', 'wrong'),
+    [
+        ('not_ready', {'ready': False}),
+        ('names', {'names': ('a', 'b', 'x')}),
+        ('names', {'names': ('a', 'b')}),
+        ('names', {'names': ('a', 'b', 'b')}),
+        ('names', {'names': ('a', 'b', 'c', 'd'), 'velocity': [1, 2, 3, 4]}),
+        ('names', {'names': ()}),
+        ('length', {'velocity': [1.0, 2.0]}),
+        ('length', {'velocity': [1.0, 2.0, 3.0, 4.0]}),
+        ('length', {'effort': [1.0]}),
+        ('nan', {'velocity': [1.0, NAN, 3.0]}),
+        ('nan', {'velocity': None}),
+        ('nan', {'position': [NAN, NAN, NAN], 'velocity': []}),
+        ('infinite', {'velocity': [1.0, math.inf, 3.0]}),
+        ('infinite', {'effort': [1.0, 2.0, -math.inf]}),
+        ('stale', {'age_of_stamp': 0.051}),
+        ('stale', {'age_of_stamp': NAN}),
+        ('future', {'age_of_stamp': -0.5}),
+    ],
+)
+def test_each_reason_is_counted_and_the_command_before_stays(intake, reason, wrong):
+    assert offer(intake, velocity=[7.0, 8.0, 9.0])
+    assert not offer(intake, now=5.01, **wrong)
+    assert intake.rejections == {reason: 1}
+    assert intake.last_rejection == reason
+    assert intake.last_rejection_time == 5.01
+    assert intake.command.dq.tolist() == [7.0, 8.0, 9.0]
+    assert intake.age(5.01) == pytest.approx(0.01)
+
+
+def test_every_reason_has_a_text():
+    assert set(REJECTIONS) >= {
+        'not_ready', 'not_allowed', 'source', 'names', 'length', 'infinite', 'nan', 'unsupported',
+        'stale', 'future', 'unreadable',
+    }  # fmt: skip
+
+
+def test_age_counts_from_receipt(intake):
+    assert not intake.is_fresh(5.0)
+    offer(intake)
+    assert intake.is_fresh(5.049)
+    assert not intake.is_fresh(5.051)
+
+
+def test_a_second_publisher_waits_until_the_first_is_silent(intake):
+    assert offer(intake, source='first', now=5.0)
+    assert not offer(intake, source='second', now=5.02)
+    assert intake.rejections == {'source': 1}
+    assert offer(intake, source='first', now=5.04)
+    assert not offer(intake, source='second', now=5.08)
+    assert offer(intake, source='second', now=5.10)
+    assert not offer(intake, source='first', now=5.11)
+    intake.forget()
+    assert offer(intake, source='first', now=5.12)
+
+
+def test_a_rejected_command_gives_no_claim(intake):
+    assert not offer(intake, velocity=None, source='broken')
+    assert offer(intake, source='good')
+
+
+def test_who_is_not_allowed_or_cannot_be_told_apart_is_rejected(intake):
+    assert not offer(intake, allowed=False)
+    assert not offer(intake, source=None)
+    assert intake.rejections == {'not_allowed': 1, 'source': 1}
+    assert offer(intake)
+
+
+def test_boards_without_feed_forward_take_no_effort():
+    intake = CommandIntake(NAMES, BridgeSettings(), effort_supported=False)
+    assert not offer(intake, effort=ONE)
+    assert intake.rejections == {'unsupported': 1}
+    assert offer(intake)
+
+
+def test_many_orders_of_names_do_not_grow_the_memory(intake):
+    for i in range(100):
+        assert not offer(intake, names=(f'x{i}', 'b', 'c'))
+    names = [tuple(order) for order in (('a', 'c', 'b'), ('b', 'a', 'c'), ('b', 'c', 'a'))]
+    for _ in range(20):
+        for order in names:
+            assert offer(intake, names=order)
+    assert len(intake._orders) <= 16

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.gate.command_buffer import CommandBuffer
+from aerarm_ros.hardware.gate.safety_gate import SafetyGate
+
+Q = np.array([0.0, 1.5, 0.0, 0.0])
+DQ = np.zeros(4)
+
+
+@pytest.fixture
+def gate(config):
+    return SafetyGate(config, BridgeSettings())
+
+
+def command(**values):
+    result = CommandBuffer(4)
+    for name, value in values.items():
+        getattr(result, name)[:] = value
+    return result
+
+
+def test_limits_each_joint_and_counts(gate):
+    out = gate.limit(command(dq=[1.0, 6.0, -6.0, 2.0]), Q, DQ, 1e-3, now=3.0)
+    assert out.dq.tolist() == [1.0, 5.0, -5.0, 2.0]
+    assert np.isnan(out.q).all()
+    assert gate.limited == {'velocity': 2}
+    assert (gate.last_limited, gate.last_limited_time) == ('velocity', 3.0)
+    assert gate.stop == ''
+
+
+def test_a_violation_latches_and_the_first_reason_stays(gate):
+    gate.limit(command(dq=[0.0, 0.0, 0.0, 9.0]), Q, DQ, 1e-3, now=3.0)
+    reason = gate.stop
+    assert 'joint4 was commanded a velocity of 9.00' in reason
+    gate.trip('joint2 is at 9.000 rad')
+    gate.limit(command(dq=0.0), Q, DQ, 1e-3, now=3.0)
+    assert gate.stop == reason
+    gate.release()
+    assert gate.stop == ''
+
+
+def test_state_is_checked(gate):
+    assert gate.state_violation(Q, DQ) == ''
+    assert gate.state_violation(Q, np.array([0.0, 0.0, 7.0, 0.0])).startswith('joint3 runs')
+    outside = np.array([0.0, 9.0, 0.0, 0.0])
+    assert gate.state_violation(outside, DQ).startswith('joint2 is at 9.000 rad')
+
+
+def test_is_inside_only_with_every_joint(gate):
+    assert gate.is_inside(Q)
+    assert not gate.is_inside(np.array([0.0, 1.5, 0.0, 2.2]))
+    assert not gate.is_inside(np.full(4, np.nan))
+
+
+def test_brakes_only_what_is_too_fast(gate):
+    gate.limit(command(tau=0.1), Q, np.array([0.0, 5.5, 0.0, -5.5]), 1e-3, now=0.0)
+    assert gate.brake[[1, 3]].tolist() == [5.0, -5.0]
+    assert np.isnan(gate.brake[[0, 2]]).all()
+
+
+def test_restart_forgets_the_effort(gate):
+    for _ in range(10):
+        gate.limit(command(tau=5.0), Q, DQ, 1e-3, now=0.0)
+    gate.restart()
+    out = gate.limit(command(tau=5.0), Q, DQ, 1e-3, now=0.0)
+    assert out.tau == pytest.approx([1.0, 1.0, 0.5, 0.5])
