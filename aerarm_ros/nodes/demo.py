@@ -26,6 +26,7 @@ from rclpy.signals import SignalHandlerOptions
 from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
 from aerarm_ros.nodes.demo_account import DemoAccount
 from aerarm_ros.nodes.discovery_profile import use_packaged_profile
+from aerarm_ros.nodes.emulated_world import KEEP_UP, LOCKSTEP
 from aerarm_ros.nodes.node_process import NodeProcess
 
 # Stands in the folder until everything in it is whole.
@@ -100,6 +101,12 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
         help='periods of 10 s in each trajectory (default: 2)',
     )
     parser.add_argument(
+        '--pace',
+        choices=(KEEP_UP, LOCKSTEP),
+        default=KEEP_UP,
+        help="how the emulated arm's time passes (default: %(default)s)",
+    )
+    parser.add_argument(
         '--priority', type=int, default=80, help='SCHED_FIFO priority of the bridge, 0 for none'
     )
     return parser.parse_args(arguments)
@@ -127,6 +134,7 @@ def _move_and_record(motions: list[Motion], out: Path, options: argparse.Namespa
         'fake_hardware',
         parameters={
             'seed': options.arm_seed,
+            'pace': options.pace,
             'truth_file': out / 'truth.yaml',
             'realtime_priority': options.priority,
         },

@@ -16,5 +16,5 @@ def test_the_mode_is_latched() -> None:
 
 def test_names_are_relative_so_that_a_namespace_moves_the_arm() -> None:
     absolute = [name for name in topics.TOPICS if name.startswith('/')]
-    assert absolute == ['/diagnostics']
+    assert absolute == ['/diagnostics', '/clock']
     assert all(topics.TOPICS[name].name == name for name in topics.TOPICS)

@@ -12,12 +12,19 @@ from aerarm_ros.nodes.node_process import NodeProcess
 
 
 @pytest.fixture
-def start_bridge(ros_domain: dict[str, str], tmp_path: Path) -> Iterator[StartBridge]:
-    """Return a function that starts fake_hardware with parameters; all are stopped at the end."""
+def start_bridge(
+    ros_domain: dict[str, str], tmp_path: Path, request: pytest.FixtureRequest
+) -> Iterator[StartBridge]:
+    """Return a function that starts fake_hardware with parameters; all are stopped at the end.
+
+    Its world is in lockstep, unless the test is marked with another pace.
+    """
+    marker = request.node.get_closest_marker('pace')
+    pace = marker.args[0] if marker else 'lockstep'
     with ExitStack() as stack:
 
         def start(**parameters: object) -> NodeProcess:
-            given = {'seed': 3, **parameters}
+            given = {'seed': 3, 'pace': pace, **parameters}
             process = NodeProcess('fake_hardware', (), given, log=tmp_path / 'log')
             return stack.enter_context(process)
 

@@ -1,7 +1,6 @@
 """The command line to the bridge, against the real bridge on emulated boards."""
 
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,12 +8,6 @@ from rclpy.node import Node
 
 from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
 from aerarm_ros.nodes.node_process import NodeProcess
-
-
-@pytest.fixture
-def bridge(ros_domain: dict[str, str], tmp_path: Path) -> Iterator[NodeProcess]:
-    with NodeProcess('fake_hardware', log=tmp_path / 'bridge.log') as process:
-        yield process
 
 
 def ask(log: Path, *arguments: str) -> tuple[int, str]:
@@ -58,6 +51,7 @@ def test_with_two_bridges_only_what_stops_goes_to_both(
         client.wait_for_mode(['fault'], 30.0)
 
 
+@pytest.mark.pace('keep_up')
 def test_an_injected_fault_and_the_way_back(bridge: NodeProcess, tmp_path: Path) -> None:
     log = tmp_path / 'arm.log'
     assert ask(log, 'enable', '--wait-before', 'idle', '--wait', 'ready')[0] == 0

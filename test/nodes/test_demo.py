@@ -23,7 +23,7 @@ DEMO = (sys.executable, '-m', 'aerarm_ros.nodes.demo')
 @pytest.fixture(scope='module')
 def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     out = tmp_path_factory.mktemp('demo') / 'out'
-    command = [*DEMO, '--out', str(out), '--periods', '1']
+    command = [*DEMO, '--out', str(out), '--periods', '1', '--pace', 'lockstep']
     run = subprocess.run(
         command, env=marked_environment(out), capture_output=True, text=True, timeout=240
     )

@@ -120,7 +120,8 @@ def assert_holds_a_period(time: np.ndarray, q: np.ndarray, trajectory: FourierTr
 
 
 def test_drives_the_emulated_boards(tmp_path: Path, environment, ros_node: Node) -> None:
-    hardware = NodeProcess('fake_hardware', (), {'seed': 3}, environment, tmp_path / 'hardware.log')
+    arm = {'seed': 3, 'pace': 'lockstep'}
+    hardware = NodeProcess('fake_hardware', (), arm, environment, tmp_path / 'hardware.log')
     with hardware:
         BridgeClient(ros_node).make_ready()
         status, log = run(environment, tmp_path)

@@ -23,6 +23,7 @@ from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
 from aerarm_ros.nodes.spinning import spin_until
 
 
+@pytest.mark.pace('keep_up')
 def test_publishes_states_of_all_joints_and_motors(client: BridgeClient) -> None:
     client.wait_for(lambda: len(client.states) > 100 and bool(client.powers))
     assert client.states[-1].name == JOINTS
@@ -33,6 +34,7 @@ def test_publishes_states_of_all_joints_and_motors(client: BridgeClient) -> None
     assert np.all(np.diff(stamps) > 0)
 
 
+@pytest.mark.pace('real_time')
 def test_cycles_lie_on_a_grid_of_a_millisecond(client: BridgeClient) -> None:
     client.wait_for(lambda: 'cycles' in client.diagnostics.get('timing', {}))
     first = client.diagnostics['timing'], client.diagnosed
@@ -62,8 +64,10 @@ def test_motors_stay_off_until_enabled_then_follow_a_velocity(client: BridgeClie
 
 
 def test_arm_is_damped_when_commands_stop_and_held_when_enabled_again(
-    client: BridgeClient,
+    start_bridge: StartBridge, ros_node: Node
 ) -> None:
+    start_bridge(answer_timeout=0.5)
+    client = BridgeClient(ros_node)
     client.make_ready()
     client.answer = lambda state: velocity_command(state, [0.5, 0.0, 0.0, 0.0])
     client.wait_for(lambda: client.states[-1].velocity[0] > 0.3)
@@ -189,6 +193,7 @@ def test_two_arms_can_be_told_apart(ros_node: Node, tmp_path: Path) -> None:
     assert {found[name] for name in names} == {'left/aerarm'}
 
 
+@pytest.mark.pace('keep_up')
 def test_everything_is_stamped_by_the_system_clock(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:

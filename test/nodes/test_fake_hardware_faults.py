@@ -90,6 +90,7 @@ def test_a_stuck_encoder_is_found_when_the_joint_moves(client: BridgeClient) -> 
     client.wait_for(lambda: max(np.abs(client.states[-1].velocity[:3])) < 0.05)
 
 
+@pytest.mark.pace('keep_up')
 def test_some_bad_frames_are_counted_only(client: BridgeClient) -> None:
     assert client.set_parameters(fault='bit_errors:1:0:0.1') == []
     client.wait_for(lambda: int(client.diagnostics['arm']['board1 bad frames']) > 50)
@@ -97,6 +98,7 @@ def test_some_bad_frames_are_counted_only(client: BridgeClient) -> None:
     assert client.diagnostics['arm']['board0 bad frames'] == '0'
 
 
+@pytest.mark.pace('keep_up')
 def test_faults_by_service_and_bad_requests(client: BridgeClient) -> None:
     answer = client.call('inject_fault')
     assert not answer.success

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import spi_boards
-from bridge_client import BridgeClient, velocity_command
+from bridge_client import BridgeClient, StartBridge, velocity_command
 from rclpy.node import Node
 from spi_boards import SpiBoards
 
@@ -46,7 +46,11 @@ def spi_bridge(
         yield process
 
 
-def test_when_the_controller_is_killed_the_arm_is_damped(client: BridgeClient) -> None:
+def test_when_the_controller_is_killed_the_arm_is_damped(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    start_bridge(answer_timeout=0.5)
+    client = BridgeClient(ros_node)
     client.make_ready()
     script = Path(__file__).with_name('velocity_controller.py')
     with subprocess.Popen([sys.executable, script], env=ros_environment()) as controller:
