@@ -16,11 +16,14 @@ from hypothesis import settings
 from rclpy.node import Node
 
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.nodes.log_directory import find_log_directory
 from aerarm_ros.nodes.node_process import ros_environment
 
 # The same examples each time, and no limit on their time: other work may share the machine.
 settings.register_profile('suite', deadline=None, derandomize=True)
 settings.load_profile('suite')
+# The tests may be started without HOME.
+find_log_directory()
 
 # A shell script's background job ignores Ctrl-C, and so would every process that a test starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

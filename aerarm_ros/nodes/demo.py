@@ -27,6 +27,7 @@ from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
 from aerarm_ros.nodes.demo_account import DemoAccount
 from aerarm_ros.nodes.discovery_profile import use_packaged_profile
 from aerarm_ros.nodes.emulated_world import KEEP_UP, LOCKSTEP
+from aerarm_ros.nodes.log_directory import find_log_directory
 from aerarm_ros.nodes.node_process import NodeProcess
 
 # Stands in the folder until everything in it is whole.
@@ -173,6 +174,7 @@ def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
 @contextmanager
 def _arm_client() -> Iterator[ArmClient]:
     use_packaged_profile()
+    find_log_directory()
     # Ctrl-C and SIGTERM end the demo as KeyboardInterrupt, with the context still valid.
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('demo')

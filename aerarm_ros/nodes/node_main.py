@@ -14,6 +14,7 @@ from rclpy.executors import ExternalShutdownException
 from aerarm_ros.nodes.command_line import CommandLine
 from aerarm_ros.nodes.discovery_profile import use_packaged_profile
 from aerarm_ros.nodes.local_discovery import stay_on_this_host
+from aerarm_ros.nodes.log_directory import find_log_directory
 from aerarm_ros.nodes.parameters import ParameterTable
 from aerarm_ros.nodes.ros_arguments import RosArguments, UsageError
 
@@ -74,6 +75,7 @@ def run_node(
     node = None
     try:
         use_packaged_profile()
+        find_log_directory()
         rclpy.init(args=args)
         try:
             node = create()

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import IO
 
 from aerarm_ros.nodes.discovery_profile import use_packaged_profile
+from aerarm_ros.nodes.log_directory import find_log_directory
 
 # Longer than any node's own shut-down (a bag's last chunk, the boards' last frames).
 STOP_TIMEOUT = 10.0
@@ -122,6 +123,7 @@ def ros_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
     """Environment of a node: this process's, the Fast DDS profile, and `extra`."""
     environment = dict(os.environ)
     use_packaged_profile(environment)
+    find_log_directory(environment)
     environment.update(extra or {})
     return environment
 
