@@ -2,7 +2,8 @@
 
 First, in this process: the frame codec, the cycle with emulated boards, and 100,000 cycles of
 it, whose memory and cost must not grow. Then three processes over real DDS: fake_hardware,
-computed_torque, and a client that gets and sets parameters of the bridge ten times a second.
+computed_torque, and a client that gets and sets parameters of the bridge ten times a second,
+while the emulated world goes on in real time; beside them a loop that does nothing, and cyclictest.
 """
 
 import argparse
@@ -16,6 +17,7 @@ from contextlib import ExitStack
 
 import numpy as np
 import rclpy
+from bare_loop import BareLoops
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -162,10 +164,11 @@ def real_time_run(seconds: float) -> None:
     diagnosed, arm = Diagnosed(node), ArmClient(node, [BRIDGE])
     with ExitStack() as stack:
         bridge, controller = (
-            stack.enter_context(
-                NodeProcess(name, (), {'realtime_priority': priority, 'lock_memory': True})
+            stack.enter_context(NodeProcess(name, (), {'lock_memory': True, **parameters}))
+            for name, parameters in (
+                (BRIDGE, {'realtime_priority': 80, 'pace': 'real_time'}),
+                (CONTROLLER, {'realtime_priority': 70}),
             )
-            for name, priority in ((BRIDGE, 80), (CONTROLLER, 70))
         )
         arm.wait_for_mode(['idle'], 30.0)
         arm.call('enable')
@@ -175,11 +178,13 @@ def real_time_run(seconds: float) -> None:
         processes = {'bridge': bridge, 'controller': controller}
         used = {name: processor_time(process) for name, process in processes.items()}
         before, start = dict(diagnosed.values['timing']), time.monotonic()
+        bare = BareLoops(seconds)
         answers = diagnosed.use_parameters(seconds)
         diagnosed.spin(1.1)
         passed = time.monotonic() - start
         used = {name: processor_time(p) - used[name] for name, p in processes.items()}
         report(diagnosed, before, answers)
+        print(*bare.lines(), sep='\n')
         for name, share in used.items():
             print(f'{"CPU of the " + name:38}{100.0 * share / passed:8.1f} % of a core')
         print(f'{"mode at the end":38}{diagnosed.values["arm"]["mode"]:>8}')
@@ -195,7 +200,8 @@ def report(diagnosed: Diagnosed, before: dict[str, str], answers: int) -> None:
 
     cycles, missed = counted('cycles'), counted('missed cycles')
     fresh = counted('commands answering the last state')
-    print(f'{"cycles run, missed":38}{cycles:8d} {missed:7d}')
+    share = 100.0 * missed / max(cycles + missed, 1)
+    print(f'{"cycles run, missed":38}{cycles:8d} {missed:7d} ({share:.2f} %)')
     print(f'{"fresh commands":38}{100.0 * fresh / max(cycles, 1):8.2f} % (goal 99.9, idle machine)')
     print(f'{"parameter answers":38}{answers:8d}')
     print(f'{"[us]":38}' + ''.join(f'{name:>8}' for name in STATISTICS))

@@ -22,6 +22,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_sample import JointSample
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_ros.control.base.base_motion_estimator import FULL, NONE
@@ -99,9 +100,9 @@ def start_arm(
         log = folder / f'{name}.log'
         stack.enter_context(NodeProcess(name, (), parameters, log=log))
     client = ArmClient(node)
-    client.wait_for_mode(['idle'], 20.0)
+    client.wait_for_mode(['idle'], 60.0)
     client.call('enable')
-    client.wait_for_mode(['running'], 20.0)
+    client.wait_for_mode(['running'], 60.0)
     return client
 
 
@@ -114,22 +115,41 @@ def require_running(client: ArmClient, folder: Path) -> None:
         raise SystemExit(f'tracking: {error}\n' + ''.join(logs)) from None
 
 
-def go_to(node: Node, names: tuple[str, ...], q: np.ndarray) -> None:
+class States:
+    """The arm's joint states, whose stamps are the time."""
+
+    def __init__(self, node: Node, names: tuple[str, ...]) -> None:
+        self._reader = RawReader(node, topics.JOINT_STATES)
+        self._codec = JointStateCdr(names)
+
+    @property
+    def publishers(self) -> int:
+        return self._reader.publishers()
+
+    def next(self) -> JointSample:
+        """Return the next state."""
+        for _ in range(100):
+            message = self._reader.take_newest() if self._reader.wait(0.1) else None
+            sample = self._codec.unpack(message[0]) if message else None
+            if sample is not None:
+                return sample
+        raise SystemExit('tracking: no joint states for 10 s')
+
+    def until(self, stamp_ns: int) -> list[JointSample]:
+        """Return the states that come until a time [ns]."""
+        samples = [self.next()]
+        while samples[-1].stamp_ns < stamp_ns:
+            samples.append(self.next())
+        return samples
+
+
+def go_to(node: Node, states: States, names: tuple[str, ...], q: np.ndarray) -> None:
     """Send the arm to a posture and give it the time."""
     publisher = node.create_publisher(JointState, topics.SET_POINT.name, topics.SET_POINT.qos)
     while not publisher.get_subscription_count():
         time.sleep(0.05)
     publisher.publish(JointState(name=names, position=q.tolist()))
-    time.sleep(4.0)
-
-
-def record(states: RawReader, until_ns: int) -> list[bytes]:
-    """Return the states that come until a time."""
-    payloads = []
-    while time.time_ns() < until_ns:
-        if states.wait(0.1) and (message := states.take_newest()):
-            payloads.append(message[0])
-    return payloads
+    states.until(states.next().stamp_ns + 4_000_000_000)
 
 
 def track(
@@ -140,21 +160,19 @@ def track(
     node = rclpy.create_node('tracking')
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         client = start_arm(stack, node, Path(folder), feedback, base, awareness)
-        go_to(node, names, motion.evaluate(0.0).q)
+        states = States(node, names)
+        go_to(node, states, names, motion.evaluate(0.0).q)
         topic = topics.JOINT_TRAJECTORY
         publisher = node.create_publisher(topic.type, topic.name, topic.qos)
         while not publisher.get_subscription_count():
             time.sleep(0.05)
-        begin = time.time_ns() + round(LEAD * 1e9)
+        begin = states.next().stamp_ns + round(LEAD * 1e9)
         publisher.publish(as_message(motion, names, begin))
-        states = RawReader(node, topics.JOINT_STATES)
-        payloads = record(states, begin + round(motion.duration * 1e9))
+        samples = states.until(begin + round(motion.duration * 1e9))
         require_running(client, Path(folder))
-        if states.publishers() > 1:
+        if states.publishers > 1:
             raise SystemExit('tracking: another bridge is in this ROS domain: try again')
     node.destroy_node()
-    codec = JointStateCdr(names)
-    samples = [sample for payload in payloads if (sample := codec.unpack(payload))]
     when = np.array([(sample.stamp_ns - begin) * 1e-9 for sample in samples])
     moving = (when > motion.ramp_time) & (when < motion.duration - motion.ramp_time)
     q = np.array([sample.position for sample in samples])

@@ -1,0 +1,91 @@
+"""What the machine itself keeps of a period: the operating system's own figure, beside ours.
+
+Used by the benchmarks that measure time, and a program of its own. A loop that does nothing but
+sleep to its next deadline, at the priority of a bridge; and cyclictest (package rt-tests), the
+operating system's own test, where it is installed.
+"""
+
+import argparse
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.realtime.scheduling import freeze_garbage_collector, set_fifo
+
+PERIOD = 1e-3
+PRIORITY = 80
+
+
+def run_loop(seconds: float) -> dict[str, float]:
+    """Return shares and times of a bare loop: missed [%], lateness p50, p99.9, max [us]."""
+    set_fifo(PRIORITY)
+    freeze_garbage_collector()
+    loop = PeriodicLoop(PERIOD)
+    cycles = round(seconds / PERIOD)
+
+    def cycle(now_ns: int, index: int) -> None:
+        if index >= cycles:
+            loop.stop()
+
+    loop.run(cycle)
+    late = loop.lateness.summary()
+    return {
+        'missed': 100.0 * loop.missed / (loop.cycles + loop.missed),
+        'p50': 1e6 * late.p50,
+        'p99.9': 1e6 * late.p999,
+        'max': 1e6 * late.maximum,
+    }
+
+
+class BareLoops:
+    """Runs the bare loop, and cyclictest if it is there, in processes beside a measurement.
+
+    Parameters
+    ----------
+    seconds
+        How long.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        command = [sys.executable, str(Path(__file__)), '--seconds', str(seconds), '--json']
+        self._loop = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self._cyclic = None
+        if shutil.which('cyclictest'):
+            options = ['-q', '-i', '1000', '-p', str(PRIORITY), '-D', f'{max(1, round(seconds))}s']
+            self._cyclic = subprocess.Popen(
+                ['cyclictest', *options], stdout=subprocess.PIPE, text=True
+            )
+
+    def lines(self) -> list[str]:
+        """Wait for their end; return a line for each."""
+        figures = json.loads(self._loop.communicate()[0])
+        lines = [
+            f'{"bare loop beside it":38}{figures["missed"]:8.2f} % missed, woken '
+            f'{figures["p50"]:.0f} us late (median), {figures["p99.9"]:.0f} us (99.9 %), '
+            f'{figures["max"]:.0f} us at most'
+        ]
+        if self._cyclic is not None:
+            text = self._cyclic.communicate()[0]
+            found = re.search(r'Avg:\s*(\d+)\s+Max:\s*(\d+)', text)
+            said = f'{found[1]} us late on average, {found[2]} us at most' if found else text
+            lines.append(f'{"cyclictest beside it":38}{said:>8}')
+        return lines
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--seconds', type=float, default=10.0, help='length of the run')
+    parser.add_argument('--json', action='store_true', help='the bare loop alone, as JSON')
+    options, _ = parser.parse_known_args()
+    if options.json:
+        print(json.dumps(run_loop(options.seconds)))
+    else:
+        print(*BareLoops(options.seconds).lines(), sep='\n')
+
+
+if __name__ == '__main__':
+    main()
