@@ -148,7 +148,8 @@ class EmulatedWorld:
             and self._mode in _STANDING
             and self._is_still(self._mode, 1e-9 * (self.loop.world_ns - self._mode_since_ns))
         )
-        self._look()
+        if not (self._in_lockstep and self._watch.awaits(self.now_ns())):
+            self._look()  # else it is waited for
         if self._stands:
             self._wait(lambda: self._command is None, None)
             return True
@@ -193,7 +194,8 @@ class EmulatedWorld:
             return
         if command is not None and not self._is_early(command[1].stamp_ns):
             self._command = command
-            self._publishers = self._streams.commands.publishers()
+            if not self._watch.expects:
+                self._publishers = self._streams.commands.publishers()
             self._watch.note(command[1].stamp_ns, self.now_ns())
 
     def _is_early(self, stamp_ns: int) -> bool:
