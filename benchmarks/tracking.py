@@ -124,6 +124,7 @@ class States:
 
     @property
     def publishers(self) -> int:
+        """How many publish them."""
         return self._reader.publishers()
 
     def next(self) -> JointSample:

@@ -1,1 +1,27 @@
-"""What the arm does: inertia, kinematics, dynamics, regressor, friction, drive train."""
+"""What the arm does: the equations of motion and all that is linear in their parameters.
+
+In come positions, velocities and accelerations of the joints; out go frames, torques, inertia,
+gravity and the regressor of the thesis. Pinocchio computes; rotors, gears and friction are ours.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        'drive_train': ['DriveTrain'],
+        'dynamics': ['Dynamics', 'carry', 'checked_payload'],
+        'friction': ['viscous_coulomb'],
+        'gravity_load': ['largest_gravity_load'],
+        'inertia': [
+            'barycentric_inertia',
+            'from_pseudo_inertia',
+            'inertia_about_origin',
+            'is_physically_consistent',
+            'minimum_eigenvalue',
+            'pseudo_inertia',
+        ],
+        'kinematics': ['Kinematics', 'dh_forward', 'dh_transform'],
+        'regressor': ['Regressor'],
+    },
+)
