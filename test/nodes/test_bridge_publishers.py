@@ -33,9 +33,12 @@ def test_two_bridges_warn_of_each_other(
     client.wait_for_mode('idle')
     assert 'publishers' not in bridge.tail()
     text = '/joint_states has 2 publishers, /fake_hardware and /other: stop all but one'
+    clocks = '/clock has 2 publishers, /fake_hardware and /other, each with a time of its own'
     rename = ('--ros-args', '-r', '__node:=other')
-    with NodeProcess('fake_hardware', rename, {}, log=tmp_path / 'other') as other:
+    keep_up = {'pace': 'keep_up'}
+    with NodeProcess('fake_hardware', rename, keep_up, log=tmp_path / 'other') as other:
         client.wait_for(lambda: text in bridge.tail() and text in other.tail())
+        client.wait_for(lambda: clocks in bridge.tail() and clocks in other.tail())
         client.wait_for(lambda: text in client.messages['arm'])
     # Several looks later, the second one is gone.
     client.wait_for(lambda: client.messages['arm'] == 'idle')

@@ -108,6 +108,24 @@ def test_in_lockstep_who_never_answers_is_waited_for_once(
     assert bridge.log.read_text().count('was not answered within 0.5 s') == 1
 
 
+def test_a_controller_takes_over_where_the_clock_was_set_back(
+    start_bridge: StartBridge, ros_node: Node, tmp_path: Path
+) -> None:
+    first = start_bridge(pace='keep_up')
+    client = BridgeClient(ros_node)
+    with NodeProcess('gravity_compensation', log=tmp_path / 'controller.log') as controller:
+        client.make_ready()
+        client.wait_for_mode('running')
+        late = stamp_ns(client.states[-1])
+        assert first.stop() == 0
+        client.states.clear()
+        start_bridge(pace='lockstep')  # its world begins at 0
+        client.wait_for(lambda: bool(client.states) and stamp_ns(client.states[-1]) < late)
+        client.make_ready()
+        client.wait_for_mode('running')
+        assert controller.returncode is None, controller.tail()
+
+
 def test_in_lockstep_requests_are_served_while_the_world_stands(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:

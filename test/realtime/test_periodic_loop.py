@@ -25,11 +25,14 @@ def test_deadlines_lie_on_a_grid_and_none_is_early() -> None:
     loop = PeriodicLoop(2e-3)
     before = time.monotonic_ns()
     calls = run(loop, 100)
+    skipped = calls[-1][1] + 1 - len(calls)
     grid = [now - index * loop.period_ns for now, index in calls]
     # What lies above the earliest is lateness; before the start there is nothing.
     assert min(grid) >= before + loop.period_ns
     assert loop.lateness.summary().minimum >= 0.0
-    assert calls[-1][1] == len(calls) - 1 + loop.missed
+    # The last cycle may have been too long as well, which no later one shows.
+    assert skipped <= loop.missed
+    assert (skipped == loop.missed) or loop.execution.summary().maximum > 2e-3
 
 
 def test_a_long_cycle_skips_deadlines_and_counts_them() -> None:
