@@ -131,6 +131,9 @@ class EmulatedWorld:
         if mode != self._mode:
             self._mode, self._mode_since_ns = mode, self.loop.world_ns
         self._clock.tell(self.now_ns())
+
+    def poll(self) -> None:
+        """Look for another world in this domain; once a cycle."""
         self._clock.poll()
 
     def destroy(self) -> None:

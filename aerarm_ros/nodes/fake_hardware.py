@@ -185,6 +185,12 @@ class FakeHardware(HardwareBridge):
         if self._world is not None:
             self._world.end_cycle(self._mode)
 
+    def report(self) -> None:
+        """Look for other nodes, another world included, and do a piece of the diagnostics."""
+        super().report()
+        if self._world is not None:
+            self._world.poll()
+
     def check_parameters(self, changes: Mapping[str, Any]) -> str:
         """Return why live parameters can't be set, or ''."""
         if self._boards is not None and changes.get('fault'):
