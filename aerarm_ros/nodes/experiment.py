@@ -1,6 +1,6 @@
 """The experiment of thesis 5.4: dynamic controllers on the simulated arm.
 
-Runs reference trajectories with gravity compensation and computed torque, CAD and identified
+Runs reference trajectories with gravity compensation and computed torque, CAD and true
 parameters, with and without disturbance observer, the drone still, tilted and moving; prints
 a table of errors and writes an HTML page.
 """
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print('\n' + report.text())
     path = options.out / 'controllers.html'
     note = (
-        f'Five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}); plant: {origin}. "Identified" '
+        f'Five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}); plant: {origin}. "True" '
         'means that the controller knows the parameters of the plant. RMS and max are of the '
         'periodic motion; final is one second after it stopped, where dry friction holds the arm '
         'beside its reference unless something integrates.'

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from aerarm_ros.simulation.base_profile import MOVING, STILL, TILTED
 
 GRAVITY, HOST, BOARDS = 'gravity compensation', 'computed torque, host', 'computed torque, boards'
-CAD, IDENTIFIED = 'CAD', 'identified'
+CAD, TRUE = 'CAD', 'true'
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class ExperimentCase:
     law
         `GRAVITY`, `HOST` or `BOARDS`.
     parameters
-        Model of the controller: `CAD` or `IDENTIFIED`, the latter being the plant's.
+        Parameters that the controller knows: `CAD`, or `TRUE`, which are the plant's own.
     observer
         Whether the momentum observer compensates.
     base
@@ -45,11 +45,11 @@ def all_cases() -> list[ExperimentCase]:
     still = [
         ExperimentCase(law, parameters, observer)
         for law in (GRAVITY, HOST, BOARDS)
-        for parameters in (CAD, IDENTIFIED)
+        for parameters in (CAD, TRUE)
         for observer in (False, True)
     ]
-    host, cad = ExperimentCase(HOST, IDENTIFIED), ExperimentCase(HOST, CAD)
-    compared = [host, ExperimentCase(BOARDS, IDENTIFIED), cad, replace(cad, observer=True)]
+    host, cad = ExperimentCase(HOST, TRUE), ExperimentCase(HOST, CAD)
+    compared = [host, ExperimentCase(BOARDS, TRUE), cad, replace(cad, observer=True)]
     moved = [
         replace(case, base=base, aware=aware)
         for base in (TILTED, MOVING)

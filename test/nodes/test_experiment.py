@@ -16,7 +16,7 @@ from aerarm_ros.nodes.experiment_case import (
     BOARDS,
     CAD,
     HOST,
-    IDENTIFIED,
+    TRUE,
     ExperimentCase,
     all_cases,
 )
@@ -56,7 +56,7 @@ def tool_rms(run: ExperimentRun) -> float:
 
 @pytest.mark.parametrize('law', [HOST, BOARDS])
 def test_the_exact_model_tracks_below_a_milliradian(nominal, motion, law) -> None:
-    run = make_bench(nominal, motion).run(ExperimentCase(law, IDENTIFIED))
+    run = make_bench(nominal, motion).run(ExperimentCase(law, TRUE))
     assert np.all(joint_rms(run) < 1e-3)
 
 
@@ -79,7 +79,7 @@ def test_the_observer_makes_up_for_a_wrong_model(nominal, motion) -> None:
 def test_the_imu_makes_up_for_a_moving_base(nominal, motion, seed) -> None:
     """30 degrees at 0.5 Hz: errors as on a still base, which the unaware law does not reach."""
     bench = make_bench(nominal if seed is None else nominal.perturbed(seed), motion)
-    case = ExperimentCase(HOST, IDENTIFIED)
+    case = ExperimentCase(HOST, TRUE)
     still = bench.run(case)
     aware = bench.run(replace(case, base=MOVING, aware=True))
     unaware = bench.run(replace(case, base=MOVING))
@@ -93,7 +93,7 @@ def test_a_joint_held_on_a_moving_base_is_no_stuck_encoder(nominal) -> None:
     zero = np.zeros((4, 1))
     posture = FourierTrajectory(0.2, np.array([0.3, 0.4, 0.2, -0.5]), zero, zero)
     bench = make_bench(nominal.perturbed(7), RampedExcitation(posture, 1, 0.5))
-    run = bench.run(ExperimentCase(HOST, IDENTIFIED, True, MOVING, True))
+    run = bench.run(ExperimentCase(HOST, TRUE, True, MOVING, True))
     held = run.time > 3.0
     assert np.ptp(run.q[held], axis=0).max() < 3e-3
     assert np.ptp(run.effort[held], axis=0).max() > 2.0
@@ -112,7 +112,7 @@ def test_every_case_has_a_name_of_its_own() -> None:
 
 
 def test_writes_table_and_page(tmp_path, capsys) -> None:
-    only = 'computed torque, host; identified; still'
+    only = 'computed torque, host; true; still'
     assert experiment.main(['--only', only, '--out', str(tmp_path)]) == 0
     assert only in capsys.readouterr().out
     page = (tmp_path / 'controllers.html').read_text()
