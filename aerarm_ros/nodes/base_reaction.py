@@ -19,10 +19,10 @@ from aerarm_ros.control.base.acceleration_estimate import AccelerationEstimate
 from aerarm_ros.control.base.base_reaction import BaseReaction
 from aerarm_ros.control.control_loop import LONGEST_GAP
 from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.nodes.controller_parameters import PAYLOAD_PARAMETER
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.state_node import StateNode, state_node_parameters
+from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD_PARAMETER
+from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'base_reaction'
 BASE_FRAME = 'base_link'

@@ -23,10 +23,10 @@ from subprocess import TimeoutExpired
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
-from aerarm_ros.nodes.demo_account import DemoAccount
-from aerarm_ros.nodes.discovery_profile import use_packaged_profile
-from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
+from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.programs.demo_account import DemoAccount
+from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
 # Stands in the folder until everything in it is whole.
 INCOMPLETE = 'INCOMPLETE'

@@ -15,11 +15,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from aerarm_ros.nodes.exit_status import INTERRUPTED, USER_ERROR
-from aerarm_ros.nodes.one_line_parser import OneLineParser
+from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR
+from aerarm_ros.ros.process.one_line_parser import OneLineParser
 
 if TYPE_CHECKING:
-    from aerarm_ros.nodes.identifier_run import IdentifierRun
+    from aerarm_ros.ros.programs.identifier_run import IdentifierRun
 
 _NAME = 'identifier'
 
@@ -51,8 +51,8 @@ def _run(options: argparse.Namespace) -> int:
     from aerarm_ros.description.config_error import ConfigError
     from aerarm_ros.description.description_error import DescriptionError
     from aerarm_ros.identification.recording.identification_error import IdentificationError
-    from aerarm_ros.nodes.identifier_payload import PayloadRun
-    from aerarm_ros.nodes.identifier_run import IdentifierRun
+    from aerarm_ros.ros.programs.identifier_payload import PayloadRun
+    from aerarm_ros.ros.programs.identifier_run import IdentifierRun
 
     try:
         run: IdentifierRun = (PayloadRun if options.model else IdentifierRun)(options)

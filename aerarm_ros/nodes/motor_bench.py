@@ -31,16 +31,16 @@ from aerarm_ros.identification.motor_bench.motor_files import bench_yaml, config
 from aerarm_ros.identification.motor_bench.motor_report import bench_html, bench_table
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
-from aerarm_ros.nodes.background_executor import BackgroundExecutor
-from aerarm_ros.nodes.bench_recording import BenchRecording
-from aerarm_ros.nodes.exit_status import INTERRUPTED
-from aerarm_ros.nodes.motion_playback import MotionPlayback
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.parameters import ParameterTable
-from aerarm_ros.nodes.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
-from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
+from aerarm_ros.ros.playback.bench_recording import BenchRecording
+from aerarm_ros.ros.playback.motion_playback import MotionPlayback
+from aerarm_ros.ros.process.exit_status import INTERRUPTED
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.stop_signals import StopSignals
 
 NAME = 'motor_bench'
 _PLAN = BenchPlan()

@@ -21,16 +21,21 @@ from aerarm_msgs_py.bags.recorded_message import RecordedMessage
 from aerarm_msgs_py.codecs.cdr_prefix import ENCAPSULATION_SIZE
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, RECORDED_UNTIL, RECORDER_STATUS
-from aerarm_ros.nodes.background_executor import BackgroundExecutor
-from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.parameters import ParameterTable
-from aerarm_ros.nodes.publisher_check import PublisherCheck
-from aerarm_ros.nodes.recorded_topics import SUITE_TOPICS, as_recorded, find_topics, for_recording
-from aerarm_ros.nodes.repeated_states import RepeatedStates
-from aerarm_ros.nodes.sole_publisher import SolePublisher
-from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.graph.publisher_check import PublisherCheck
+from aerarm_ros.ros.graph.sole_publisher import SolePublisher
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.recording.recorded_topics import (
+    SUITE_TOPICS,
+    as_recorded,
+    find_topics,
+    for_recording,
+)
+from aerarm_ros.ros.recording.repeated_states import RepeatedStates
 
 NAME = 'recorder'
 PARAMETERS = ParameterTable(
