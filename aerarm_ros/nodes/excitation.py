@@ -106,7 +106,7 @@ class ExcitationNode:
 
     def run(self) -> None:
         """Play the trajectory; `status` says how it ended."""
-        with BackgroundExecutor(self._node), StopSignals(self._on_stop):
+        with BackgroundExecutor(self._node), StopSignals(self._playback.ask_stop):
             try:
                 self._run()
             except ExcitationError as error:
@@ -190,9 +190,6 @@ class ExcitationNode:
             'played [%]': round(100.0 * player.progress, 1),
             'largest tracking error [rad]': round(float(player.largest_error.max()), 4),
         }
-
-    def _on_stop(self) -> None:
-        self._playback.stop_asked = True
 
 
 def main(args: Sequence[str] | None = None) -> int:

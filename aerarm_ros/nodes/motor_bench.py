@@ -125,7 +125,7 @@ class MotorBenchNode:
     def run(self) -> None:
         """Measure; `status` says how it ended."""
         out = Path(self._values.out or f'{NAME}_{datetime.now():%Y%m%d_%H%M%S}')
-        with BackgroundExecutor(self._node), StopSignals(self._on_stop):
+        with BackgroundExecutor(self._node), StopSignals(self._playback.ask_stop):
             try:
                 with ResultDirectory(out, 'the parameter out') as directory:
                     self._measure(directory)
@@ -213,9 +213,6 @@ class MotorBenchNode:
         directory.write('report.html', bench_html(results, mounted, warnings))
         directory.write_json(MARKER, {'joints': [result.joint for result in results]})
         print(bench_table(results), flush=True)
-
-    def _on_stop(self) -> None:
-        self._playback.stop_asked = True
 
 
 def main(args: Sequence[str] | None = None) -> int:

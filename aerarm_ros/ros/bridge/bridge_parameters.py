@@ -14,6 +14,7 @@ from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES
 from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS
 
 _DEFAULTS = BridgeSettings()
 
@@ -44,14 +45,7 @@ BRIDGE_PARAMETERS = (
     *ARM_FILES,
     Parameter('period', 0.001, 'time between two cycles', 's', 0.0005, 0.1),
     Parameter('autostart', True, 'configure and activate by itself, without a lifecycle manager'),
-    Parameter(
-        'realtime_priority',
-        0,
-        'SCHED_FIFO priority of the cycle; 0 leaves it to the ordinary scheduler',
-        minimum=0,
-        maximum=98,
-    ),
-    Parameter('lock_memory', False, 'keep all memory of the process in RAM'),
+    *REAL_TIME_PARAMETERS,
     Parameter(
         'cpus',
         [],

@@ -14,9 +14,8 @@ from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.ros.controllers.state_node import StateNode
+from aerarm_ros.ros.states.arm_modes import COMMANDABLE
 
-# Modes of the bridge in which a command is followed.
-COMMANDABLE = ('ready', 'running', 'damping')
 _DISTURBANCE_PERIOD = 10  # answered states
 
 

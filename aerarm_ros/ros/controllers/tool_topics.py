@@ -10,8 +10,8 @@ from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.states.base_header import BASE_FRAME, base_header
 
-BASE_FRAME = 'base_link'
 _POSE_PERIOD = 0.02  # [s]
 
 
@@ -51,10 +51,7 @@ class ToolTopics:
         state = self._controller.state
         if state is None:
             return
-        message = PoseStamped()
-        stamp = message.header.stamp
-        stamp.sec, stamp.nanosec = divmod(self._controller.stamp_ns, 1_000_000_000)
-        message.header.frame_id = BASE_FRAME
+        message = PoseStamped(header=base_header(self._controller.stamp_ns))
         transform = self._kinematics.transform(state.q)
         p, r = message.pose.position, message.pose.orientation
         p.x, p.y, p.z = transform[:3, 3].tolist()

@@ -6,12 +6,12 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
+from aerarm_ros.ros.states.arm_modes import HELD
+from aerarm_ros.ros.states.base_header import BASE_FRAME
 from aerarm_ros.simulation.moving_base_plant import MovingBasePlant
 
 IMU_PERIOD = 0.004
 """[s]; 250 Hz, as autopilots send it."""
-_FRAME = 'base_link'
-_HELD = ('ready', 'running')
 
 
 class EmulatedDrone:
@@ -30,13 +30,13 @@ class EmulatedDrone:
         self._plant = plant
         self._publisher = node.create_publisher(Imu, topics.IMU.name, topics.IMU.qos)
         self._message = Imu()
-        self._message.header.frame_id = _FRAME
+        self._message.header.frame_id = BASE_FRAME
         self._due = 0.0
         self._is_moving = False
 
     def update(self, mode: str, now: float, stamp_ns: int) -> None:
         """Take the bridge's mode, and publish if it is due at `now` [s], with a stamp [ns]."""
-        if not self._is_moving and mode in _HELD:
+        if not self._is_moving and mode in HELD:
             self._is_moving = True
             self._plant.start()
         if now >= self._due:

@@ -14,6 +14,7 @@ from aerarm_ros.ros.bridge.cycle_requests import CycleRequests
 from aerarm_ros.ros.emulation.recording_watch import RecordingWatch
 from aerarm_ros.ros.emulation.world_clock import WorldClock
 from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.states.arm_modes import COMMANDABLE
 
 KEEP_UP, LOCKSTEP, REAL_TIME = PACES = ('keep_up', 'lockstep', 'real_time')
 PACE_PARAMETERS = (
@@ -37,7 +38,6 @@ PACE_PARAMETERS = (
 )
 
 _LAG = {KEEP_UP: 3, LOCKSTEP: 0}  # [states] that may be without an answer
-_FOLLOWING = ('ready', 'running', 'damping')
 # A world in lockstep stands still in these as soon as the arm does, until somebody does something;
 # and hurries in those in which nobody is needed.
 _STANDING = ('idle', 'ready')
@@ -141,7 +141,7 @@ class EmulatedWorld:
     def _hold(self) -> bool:
         """Wait until the world may go on; return whether it may hurry."""
         self.is_waiting = False
-        if self._mode not in _FOLLOWING:
+        if self._mode not in COMMANDABLE:
             self._watch.forget()
         self._stands = (
             self._in_lockstep

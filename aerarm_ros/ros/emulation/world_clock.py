@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 
 from rclpy.node import Node
 
@@ -11,6 +10,10 @@ from aerarm_msgs_py import topics
 from aerarm_ros.ros.graph.rival_watch import RivalWatch
 
 _PERIOD_NS = 5_000_000
+_ADVICE = (
+    ', each with a time of its own: give each a ROS_DOMAIN_ID of its own, or remap /clock of all '
+    'but one'
+)
 # rosgraph_msgs/Clock: the encapsulation of little-endian CDR, seconds, nanoseconds.
 _CDR = struct.Struct('<4BiI')
 _ENCAPSULATION = (0, 1, 0, 0)
@@ -30,7 +33,7 @@ class WorldClock:
         self._node = node
         self._publisher = node.create_publisher(topic.type, topic.name, topic.qos)
         self._due = 0
-        self._rivals = RivalWatch(node, topic, several_clocks)
+        self._rivals = RivalWatch(node, topic, _ADVICE)
 
     def tell(self, now_ns: int) -> None:
         """Publish `now_ns` [ns] if it is time."""
@@ -46,13 +49,3 @@ class WorldClock:
         """Destroy the publisher."""
         self._rivals.destroy()
         self._node.destroy_publisher(self._publisher)
-
-
-def several_clocks(topic: str, names: Sequence[str]) -> str:
-    """Return who tells the time beside whom and what to do, '' if nobody does."""
-    if len(names) < 2:
-        return ''
-    return (
-        f'{topic} has {len(names)} publishers, {" and ".join(sorted(names))}, each with a time of '
-        'its own: give each a ROS_DOMAIN_ID of its own, or remap /clock of all but one'
-    )

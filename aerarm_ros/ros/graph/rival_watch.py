@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from rclpy.node import Node
 
 from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.ros.graph.publisher_watch import UNNAMED, PublisherWatch
-from aerarm_ros.ros.graph.sole_publisher import several_publishers
+from aerarm_ros.ros.graph.sole_publisher import OF_AN_ARM, several_publishers
 
 _CYCLES = 1000  # between two polls: it is a person who has to act
 
@@ -22,8 +22,8 @@ class RivalWatch:
         Publishes the topic; its executor's thread looks.
     topic
         The topic that only this node should publish.
-    describe
-        Returns what is wrong where this topic is published by these nodes, '' if nothing is.
+    advice
+        What to do about several publishers, as `several_publishers` ends.
 
     Attributes
     ----------
@@ -31,14 +31,9 @@ class RivalWatch:
         Who publishes beside whom and what to do, '' if nobody does.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        topic: Topic,
-        describe: Callable[[str, Sequence[str]], str] = several_publishers,
-    ) -> None:
+    def __init__(self, node: Node, topic: Topic, advice: str = OF_AN_ARM) -> None:
         self.problem = ''
-        self._describe = describe
+        self._advice = advice
         self._topic = node.resolve_topic_name(topic.name)
         self._logger = node.get_logger()
         self._watch = PublisherWatch(node, topic, self._judge, _CYCLES, known=1)
@@ -54,7 +49,7 @@ class RivalWatch:
     def _judge(self, names: Sequence[str]) -> None:
         if UNNAMED in names:
             return  # the watch looks again
-        problem = self._describe(self._topic, names)
+        problem = several_publishers(self._topic, names, self._advice)
         if problem and problem != self.problem:
             self._logger.warning(problem)
         self.problem = problem

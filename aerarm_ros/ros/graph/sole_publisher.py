@@ -10,15 +10,15 @@ from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.ros.graph.endpoint_name import endpoint_name
 from aerarm_ros.ros.graph.publisher_watch import UNNAMED
 
+OF_AN_ARM = ': stop all but one, or give each arm a namespace or ROS_DOMAIN_ID of its own'
+"""What to do about a topic that an arm has."""
 
-def several_publishers(topic: str, names: Sequence[str]) -> str:
+
+def several_publishers(topic: str, names: Sequence[str], advice: str = OF_AN_ARM) -> str:
     """Return who publishes a topic beside whom and what to do, '' if nobody does."""
     if len(names) < 2:
         return ''
-    return (
-        f'{topic} has {len(names)} publishers, {" and ".join(sorted(names))}: stop all but one, '
-        'or give each arm a namespace or ROS_DOMAIN_ID of its own'
-    )
+    return f'{topic} has {len(names)} publishers, {" and ".join(sorted(names))}{advice}'
 
 
 class SolePublisher:

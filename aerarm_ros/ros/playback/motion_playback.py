@@ -17,11 +17,9 @@ from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.ros.diagnostics.progress_line import ProgressLine
 from aerarm_ros.ros.diagnostics.waiting_notice import WaitingNotice
 from aerarm_ros.ros.playback.start_conditions import StartConditions
+from aerarm_ros.ros.states.arm_modes import COMMANDABLE
 from aerarm_ros.ros.states.state_stream import StateStream
 
-# A pause of this process damps the arm; the next command is followed again. What the pause
-# did to the motion is judged by the tracking error.
-PLAYABLE = ('ready', 'running', 'damping')
 # A joint slower than this counts as resting [rad/s]; the velocity filter's noise stays below.
 RESTING = 0.1
 # How long an arm whose time is on /clock may be silent [s].
@@ -49,7 +47,7 @@ class MotionPlayback:
     Attributes
     ----------
     stop_asked
-        Set it to bring the arm to rest.
+        Whether the arm shall come to rest, or has.
     states
         The stream of joint states.
     """
@@ -139,6 +137,10 @@ class MotionPlayback:
         if player.fault is not None:
             raise ExcitationError(player.fault)
 
+    def ask_stop(self) -> None:
+        """Let the arm come to rest; may be called from a signal handler."""
+        self.stop_asked = True
+
     def destroy(self) -> None:
         """Destroy the subscriptions."""
         self.states.destroy()
@@ -146,7 +148,9 @@ class MotionPlayback:
     def _answer(
         self, player: ExcitationPlayer, stamp_ns: int, state: ArmState, listener: Listener
     ) -> None:
-        if self._conditions.mode not in PLAYABLE:
+        # A pause of this process damps the arm, and the next command is followed again. What the
+        # pause did to the motion is judged by the tracking error.
+        if self._conditions.mode not in COMMANDABLE:
             raise ExcitationError(
                 f"arm_mode became '{self._conditions.mode}' in the {player.stage}: see the console "
                 'of the bridge, or view'

@@ -16,8 +16,8 @@ from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.ros.executors.spinning import spin_until, this_domain
 from aerarm_ros.ros.graph.endpoint_name import endpoint_name
 from aerarm_ros.ros.requests.arm_client import ArmClientError
+from aerarm_ros.ros.states.arm_modes import HELD
 
-_HELD = ('ready', 'running')
 _LISTENER = 'recorder'  # hears everything, and moves nothing
 _REPORT = 1.5  # [s] within which every controller has reported on /diagnostics
 _COUNT, _REASON = 'rejected inputs', 'last rejection'  # of a controller's status
@@ -102,7 +102,7 @@ class SetPointRequest:
                 f'{what}: do a bridge and computed_torque or gravity_compensation run in '
                 f'{this_domain()}?'
             )
-        if self._mode not in _HELD:
+        if self._mode not in HELD:
             raise ArmClientError(f'arm_mode is {self._mode}: arm enable first')
         assert self._state is not None
         return list(self._state.name)
