@@ -11,6 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'emulated_drone': ['EmulatedDrone'],
         'emulated_world': ['EmulatedWorld', 'PACE_PARAMETERS'],
+        'emulation_parameters': ['EMULATION_PARAMETERS'],
         'fake_hardware': ['FakeHardware'],
         'recording_watch': ['RecordingWatch'],
         'world_clock': ['WorldClock'],

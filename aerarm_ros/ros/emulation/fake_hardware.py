@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,58 +27,12 @@ from aerarm_ros.ros.bridge.cycle_requests import Action
 from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
 from aerarm_ros.ros.emulation.emulated_drone import EmulatedDrone
 from aerarm_ros.ros.emulation.emulated_world import PACE_PARAMETERS, REAL_TIME, EmulatedWorld
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.emulation.emulation_parameters import EMULATION_PARAMETERS, plant_parameters
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
-from aerarm_ros.simulation.plant_parameters import PlantParameters
 
-PARAMETERS = ParameterTable(
-    *BRIDGE_PARAMETERS,
-    *PACE_PARAMETERS,
-    Parameter(
-        'seed',
-        0,
-        "seed of the arm's deviations from the drawing and of noise; -1 for an arm as drawn",
-        minimum=-1,
-        maximum=10**9,
-    ),
-    Parameter(
-        'initial_position',
-        [],
-        "joint angles at the start, in the joints' order; the rest position if empty",
-        'rad',
-        -6.3,
-        6.3,
-        element=float,
-    ),
-    Parameter(
-        'payload',
-        [],
-        "what the arm carries: mass, and x, y, z of its centre in the frame of the last link's "
-        'joint; nothing if empty',
-        'kg, m',
-        -10.0,
-        10.0,
-        element=float,
-    ),
-    Parameter(
-        'base_motion_profile',
-        STILL,
-        "what the arm's base does once the motors are ready; unless it is still, its IMU is "
-        'published on imu',
-        choices=tuple(BASE_PROFILES),
-    ),
-    Parameter('truth_file', '', "YAML file to write the arm's true parameters to"),
-    Parameter(
-        'fault',
-        '',
-        f'fault to inject, at once when it is set: {FORM}, NAME one of {", ".join(FAULTS)}',
-        live=True,
-    ),
-)
+PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS, *PACE_PARAMETERS, *EMULATION_PARAMETERS)
 
-# The payload is a ball of this radius [m]: its own inertia, small beside that of its place.
-PAYLOAD_RADIUS = 0.03
 # What is looked after once a cycle, looked after as often as that while the world stands still.
 _CYCLES_OF_A_WAIT = 10
 _STILL = 0.05  # [rad/s] joints slower than this
@@ -115,7 +69,7 @@ class FakeHardware(HardwareBridge):
             robot,
             seed,
             position=values.initial_position or None,
-            parameters=_plant_parameters(config, robot, seed, values.payload),
+            parameters=plant_parameters(config, robot, seed, values.payload),
             profile=profile,
         )
         self._destroy_drone()
@@ -251,19 +205,3 @@ class FakeHardware(HardwareBridge):
             return Answer(False, 'the motors are driven: disable first')
         boards.put_back()
         return Answer(True, 'the arm is back where it started, carried until its motors hold it')
-
-
-def _plant_parameters(
-    config: ArmConfig, robot: Robot, seed: int | None, payload: Sequence[float]
-) -> PlantParameters:
-    """Return what the simulated arm is made of; raises ValueError for an impossible payload."""
-    parameters = PlantParameters.nominal(config, robot)
-    if seed is not None:
-        parameters = parameters.perturbed(seed)
-    if not payload:
-        return parameters
-    if len(payload) != 4 or not payload[0] >= 0.0:
-        raise ValueError(
-            f'payload {list(payload)}: give a mass not below 0 [kg] and x, y, z of its centre [m]'
-        )
-    return parameters.carrying(payload[0], payload[1:], PAYLOAD_RADIUS)
