@@ -9,6 +9,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        'bag_feed': ['BagFeed'],
         'recorded_topics': ['SUITE_TOPICS', 'as_recorded', 'find_topics', 'for_recording'],
         'repeated_states': ['RepeatedStates'],
     },
