@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from aerarm_ros.ros.process.error_line import print_error
 from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR
 from aerarm_ros.ros.process.one_line_parser import OneLineParser
 from aerarm_ros.ros.process.stop_signals import StopSignals
@@ -30,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             DesignRun(options, lambda: bool(stops)).run()
         except (ValueError, OSError) as error:
-            print(f'{NAME}: {" ".join(str(error).split())}', file=sys.stderr)
+            print_error(NAME, error)
             stopped = isinstance(error, DesignStoppedError) and stops
             return INTERRUPTED if stopped else USER_ERROR
     return 0

@@ -1,6 +1,5 @@
 """What every executable does around its node: start, run, end cleanly."""
 
-import contextlib
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -14,10 +13,10 @@ from rclpy.executors import ExternalShutdownException
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.command_line import CommandLine
 from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
+from aerarm_ros.ros.process.error_line import print_error
+from aerarm_ros.ros.process.exit_status import USER_ERROR
 from aerarm_ros.ros.process.local_discovery import stay_on_this_host
 from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
-
-USAGE = 2  # exit status
 
 
 class Runnable(Protocol):
@@ -83,7 +82,7 @@ def run_node(
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (RCLInvalidROSArgsError, UnknownROSArgsError) as error:
-        return _report(name, error, USAGE)
+        return _report(name, error, USER_ERROR)
     except OSError as error:
         return _report(name, error)
     except (RCLError, InvalidHandle) as error:
@@ -112,7 +111,7 @@ def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) ->
         for warning in command_line.check(arguments):
             print(f'{name}: warning: {warning}', file=sys.stderr, flush=True)
     except UsageError as error:
-        return _report(name, error, USAGE)
+        return _report(name, error, USER_ERROR)
     return None
 
 
@@ -125,7 +124,5 @@ def _print_help(text: str) -> None:
 
 
 def _report(name: str, error: Exception, status: int = 1) -> int:
-    text = ' '.join(str(error).split())
-    with contextlib.suppress(OSError):  # the terminal may be closed
-        print(f'{name}: {text}', file=sys.stderr, flush=True)
+    print_error(name, error)
     return status
