@@ -13,8 +13,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from aerarm_ros.ros.process.error_line import print_error
-from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR
+from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
 from aerarm_ros.ros.programs.identifier_options import identifier_parser
 
 if TYPE_CHECKING:

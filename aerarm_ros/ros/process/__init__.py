@@ -12,8 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'command_line': ['CommandLine'],
         'discovery_profile': ['use_packaged_profile'],
-        'error_line': ['print_error'],
-        'exit_status': ['INTERRUPTED', 'USER_ERROR'],
+        'exit_status': ['INTERRUPTED', 'USER_ERROR', 'print_error'],
         'local_discovery': ['stay_on_this_host'],
         'node_main': ['Runnable', 'run_node'],
         'node_process': ['NodeProcess', 'ros_environment'],

@@ -13,8 +13,7 @@ from rclpy.executors import ExternalShutdownException
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.command_line import CommandLine
 from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
-from aerarm_ros.ros.process.error_line import print_error
-from aerarm_ros.ros.process.exit_status import USER_ERROR
+from aerarm_ros.ros.process.exit_status import USER_ERROR, print_error
 from aerarm_ros.ros.process.local_discovery import stay_on_this_host
 from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+import time
 from pathlib import Path
 from typing import Any
 
@@ -143,5 +143,5 @@ def identifier_parser(name: str, description: str) -> OneLineParser:
     parser = OneLineParser(prog=name, description=description.splitlines()[0])
     for option, details, text in _OPTIONS:
         parser.add_argument(option, help=text, **details)
-    parser.set_defaults(started=datetime.now())
+    parser.set_defaults(started=time.localtime())
     return parser

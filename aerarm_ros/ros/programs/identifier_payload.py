@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
@@ -31,7 +32,7 @@ class PayloadRun(IdentifierRun):
             raise IdentificationError(
                 '--model fixes the arm: give the bags with the payload as --payload, and no --bag'
             )
-        default = Path('output') / options.started.strftime('payload_%Y%m%d_%H%M%S')
+        default = Path('output') / time.strftime('payload_%Y%m%d_%H%M%S', options.started)
         with ResultDirectory(options.out or default, files=_FILES) as directory:
             estimate = read_estimate(options.model, self._robot)
             recordings = [self._recording(path) for path in options.payload]

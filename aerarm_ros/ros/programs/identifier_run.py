@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -81,7 +82,7 @@ class IdentifierRun:
             If a bag can't be identified from, or the result can't be written.
         """
         options = self._options
-        default = Path('output') / options.started.strftime('identification_%Y%m%d_%H%M%S')
+        default = Path('output') / time.strftime('identification_%Y%m%d_%H%M%S', options.started)
         with ResultDirectory(options.out or default, files=_FILES) as directory:
             identification, validation = self._read()
             result = self._identify(identification, validation)
