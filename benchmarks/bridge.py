@@ -33,9 +33,9 @@ from aerarm_ros.hardware.frames.board_state import BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
-from aerarm_ros.nodes.arm_client import ArmClient
-from aerarm_ros.nodes.node_process import NodeProcess
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
+from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.requests.arm_client import ArmClient
 
 PERIOD = 1e-3
 CLIENT_PERIOD = 0.1

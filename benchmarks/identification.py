@@ -41,7 +41,7 @@ from aerarm_ros.identification.payload.identify_payload import identify_payload 
 from aerarm_ros.identification.recording.recording import JointMapping, Recording  # noqa: E402
 from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
 from aerarm_ros.model.dynamics import Dynamics  # noqa: E402
-from aerarm_ros.nodes.identifier_bags import IdentifierBags  # noqa: E402
+from aerarm_ros.ros.programs.identifier_bags import IdentifierBags  # noqa: E402
 from aerarm_ros.simulation.plant_parameters import PlantParameters  # noqa: E402
 
 RATE = 1000

@@ -26,7 +26,7 @@ from aerarm_ros.identification.recording.recording import JointMapping  # noqa: 
 from aerarm_ros.identification.regression.sample_columns import SampleColumns  # noqa: E402
 from aerarm_ros.identification.solvers.solvers import SOLVERS  # noqa: E402
 from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
-from aerarm_ros.nodes.identifier_bags import IdentifierBags  # noqa: E402
+from aerarm_ros.ros.programs.identifier_bags import IdentifierBags  # noqa: E402
 from aerarm_ros.simulation.plant_parameters import PlantParameters  # noqa: E402
 
 TRAINING = 0.6

@@ -26,7 +26,6 @@ from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_msgs_py.topics import JOINT_COMMAND, JOINT_STATES
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.nodes.node_process import ros_environment
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.realtime.scheduling import (
     freeze_garbage_collector,
@@ -35,6 +34,7 @@ from aerarm_ros.realtime.scheduling import (
     set_fifo,
 )
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
+from aerarm_ros.ros.process.node_process import ros_environment
 
 PERIOD = 1e-3
 SILENCE = 1.0  # [s] without a state after which a controller ends

@@ -32,8 +32,8 @@ from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
-from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
-from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 from aerarm_ros.simulation.base_profile import MOVING, STILL
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 

@@ -16,8 +16,8 @@ from hypothesis import settings
 from rclpy.node import Node
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.nodes.log_directory import find_log_directory
-from aerarm_ros.nodes.node_process import ros_environment
+from aerarm_ros.ros.process.log_directory import find_log_directory
+from aerarm_ros.ros.process.node_process import ros_environment
 
 # The same examples each time, and no limit on their time: other work may share the machine.
 settings.register_profile('suite', deadline=None, derandomize=True)

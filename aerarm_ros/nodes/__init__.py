@@ -1,1 +1,11 @@
-"""One executable a file: parameters -> pure object -> topics."""
+"""The executables and nothing else, one a file: parameters -> pure object -> topics.
+
+- the boards and the arm: `hardware_bridge`, `fake_hardware` (emulated boards), `arm` (requests)
+- controllers: `gravity_compensation`, `computed_torque`, `impedance_control`, `kinematic_control`
+- the drone: `px4_imu` (what it does to the arm), `base_reaction` (what the arm does to it)
+- identification: `excitation_designer`, `excitation`, `recorder`, `identifier`, `motor_bench`
+- for people: `view`, `tool_path`
+- the whole in one command: `demo`, `experiment`
+
+What they are made of is in `aerarm_ros.ros`; no other module imports an executable.
+"""

@@ -17,11 +17,11 @@ from rclpy.utilities import remove_ros_args
 from aerarm_ros.hardware.bridge_cycle import MODES
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS
 from aerarm_ros.hardware.emulation.fault_request import FORM
-from aerarm_ros.nodes.arm_client import BRIDGES, ArmClient, ArmClientError
-from aerarm_ros.nodes.bridge_services import ACTIONS
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter_request import set_parameter
-from aerarm_ros.nodes.set_point_request import SetPointRequest
+from aerarm_ros.ros.bridge.bridge_services import ACTIONS
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
+from aerarm_ros.ros.requests.parameter_request import set_parameter
+from aerarm_ros.ros.requests.set_point_request import SetPointRequest
 
 NAME = 'arm'
 MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]

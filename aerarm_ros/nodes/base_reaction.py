@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import InertiaStamped, PointStamped, WrenchStamped
 from numpy.typing import NDArray
 from std_msgs.msg import Header
@@ -19,13 +18,13 @@ from aerarm_ros.control.base.acceleration_estimate import AccelerationEstimate
 from aerarm_ros.control.base.base_reaction import BaseReaction
 from aerarm_ros.control.control_loop import LONGEST_GAP
 from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.nodes.controller_parameters import PAYLOAD_PARAMETER
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.state_node import StateNode, state_node_parameters
+from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD_PARAMETER
+from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.states.base_header import base_header
 
 NAME = 'base_reaction'
-BASE_FRAME = 'base_link'
 
 PARAMETERS = state_node_parameters(
     Parameter('rate', 100.0, 'how often the wrench is published', 'Hz', 1.0, 1000.0),
@@ -70,8 +69,7 @@ class BaseReactionNode(StateNode):
             return
         self._due = now + self._period
         result = self._reaction.evaluate(state.q, state.dq, ddq, self.base.motion(now))
-        seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
-        header = Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=BASE_FRAME)
+        header = base_header(stamp_ns)
         self._wrench.publish(_wrench_message(header, result.wrench))
         self._static.publish(_wrench_message(header, result.static))
         self._com.publish(_point_message(header, result.com))

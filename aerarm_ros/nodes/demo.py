@@ -7,47 +7,21 @@ and ends with a table of torque errors and the path of a report.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import random
 import signal
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from subprocess import TimeoutExpired
 
-import rclpy
-from rclpy.signals import SignalHandlerOptions
-
-from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
-from aerarm_ros.nodes.demo_account import DemoAccount
-from aerarm_ros.nodes.discovery_profile import use_packaged_profile
-from aerarm_ros.nodes.emulated_world import KEEP_UP, LOCKSTEP
-from aerarm_ros.nodes.log_directory import find_log_directory
-from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_ros.ros.emulation.emulated_world import KEEP_UP, LOCKSTEP
+from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR
+from aerarm_ros.ros.programs.demo_run import DemoError, DemoRun
+from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 # Stands in the folder until everything in it is whole.
 INCOMPLETE = 'INCOMPLETE'
-# [s] A slow or busy machine takes long to load its libraries, and for the arm's time to pass.
-_START_TIME = 120
-_PATIENCE = 300.0
-
-
-class DemoError(RuntimeError):
-    """A step of the demo failed; the message says which and where its log is."""
-
-
-@dataclass(frozen=True)
-class Motion:
-    """One recorded run of the arm."""
-
-    name: str
-    seed: int
-    bag: Path
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -65,21 +39,18 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         reason = error.strerror or error
         print(f'demo: {out} cannot be used ({reason}): name another with --out', file=sys.stderr)
-        return 2
+        return USER_ERROR
     started = time.monotonic()
-    motions = [
-        Motion('identification', options.seed, out / 'identification_bag'),
-        Motion('validation', options.seed + 1, out / 'validation_bag'),
-    ]
+    run = DemoRun(out, options)
     try:
-        account = _move_and_record(motions, out, options)
-        _identify(motions, out)
+        account = run.move_and_record()
+        run.identify()
     except (DemoError, ArmClientError) as error:
         print(f'demo: {error}\ndemo: {out} is incomplete', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print(f'\ndemo: interrupted, every node was stopped; {out} is incomplete', file=sys.stderr)
-        return 130
+        return INTERRUPTED
     marker.unlink()
     print(*account.lines(), f'Time      {time.monotonic() - started:.0f} s', sep='\n')
     return 0
@@ -126,122 +97,6 @@ def _isolate_from_other_ros_graphs() -> None:
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     for name in ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'):
         os.environ.pop(name, None)  # they reach beyond this host all the same
-
-
-def _move_and_record(motions: list[Motion], out: Path, options: argparse.Namespace) -> DemoAccount:
-    """Drive the emulated arm through the motions; return what its nodes say of it."""
-    logs = out / 'logs'
-    hardware = NodeProcess(
-        'fake_hardware',
-        parameters={
-            'seed': options.arm_seed,
-            'pace': options.pace,
-            'truth_file': out / 'truth.yaml',
-            'realtime_priority': options.priority,
-        },
-        log=logs / 'fake_hardware.log',
-    )
-    with hardware, _arm_client() as client:
-        print('Arm       emulated boards are starting', flush=True)
-        _wait_for_bridge(hardware, client)
-        client.call('enable')
-        client.wait_for_mode(['ready'], _PATIENCE)
-        for motion in motions:
-            _run_motion(motion, logs, options)
-            client.call('enable')  # hold the arm, which is only damped once its commands end
-    if hardware.returncode != 0:
-        raise DemoError(f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}')
-    try:
-        return DemoAccount.read(
-            logs / 'fake_hardware.log', {m.name: _recorder_log(logs, m) for m in motions}
-        )
-    except ValueError as error:
-        raise DemoError(str(error)) from None
-
-
-def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
-    for _ in range(_START_TIME):
-        try:
-            return client.wait_for_mode(['idle'], timeout=1.0)
-        except ArmClientError:
-            if hardware.returncode is not None:
-                raise DemoError(
-                    f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}'
-                ) from None
-    raise DemoError(f'fake_hardware is not ready after {_START_TIME} s: see {hardware.log}')
-
-
-@contextmanager
-def _arm_client() -> Iterator[ArmClient]:
-    use_packaged_profile()
-    find_log_directory()
-    # Ctrl-C and SIGTERM end the demo as KeyboardInterrupt, with the context still valid.
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node('demo')
-    try:
-        yield ArmClient(node, ['fake_hardware'])
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
-
-
-def _run_motion(motion: Motion, logs: Path, options: argparse.Namespace) -> None:
-    with ExitStack() as stack:
-        recorder = stack.enter_context(
-            NodeProcess(
-                'recorder',
-                parameters={'bag': motion.bag},
-                log=_recorder_log(logs, motion),
-            )
-        )
-        print(f'Motion    {motion.name} (seed {motion.seed})', flush=True)
-        excitation = stack.enter_context(
-            NodeProcess(
-                'excitation',
-                parameters={
-                    'seed': motion.seed,
-                    'periods': options.periods,
-                    'subscribers': 2,
-                    'wait_for_recorder': True,
-                    'wait_timeout': _PATIENCE,
-                    'realtime_priority': max(0, options.priority - 1),
-                },
-            )
-        )
-        _wait(excitation, _PATIENCE * (2 + options.periods))
-        if recorder.returncode is not None:
-            raise DemoError(f'recorder ended early:\n{recorder.tail()}')
-    if recorder.returncode != 0:
-        raise DemoError(f'recorder ended with {recorder.returncode}:\n{recorder.tail()}')
-
-
-def _identify(motions: list[Motion], out: Path) -> None:
-    identification, validation = motions
-    arguments = ['--bag', str(identification.bag), '--validation', str(validation.bag)]
-    arguments += ['--truth', str(out / 'truth.yaml'), '--out', str(out / 'result')]
-    with NodeProcess('identifier', arguments) as identifier:
-        _wait(identifier, 2 * _PATIENCE)
-    # The promise of the demo, checked and not only printed.
-    solvers = json.loads((out / 'result' / 'summary.json').read_text())['solvers']
-    if not solvers['sdp']['physically_consistent']:
-        raise DemoError('the identified model is not physically consistent: see the report')
-    cad, identified = (solvers[name]['validation'][0]['filtered'] for name in ('cad', 'sdp'))
-    if identified > 0.5 * cad:
-        raise DemoError(f'the identified model ({identified:.1f} %) does not beat CAD clearly')
-
-
-def _wait(process: NodeProcess, timeout: float) -> None:
-    """Wait for a good end of a process; raise DemoError if there is none within `timeout` [s]."""
-    try:
-        status = process.wait(timeout)
-    except TimeoutExpired:
-        raise DemoError(f'{process.name} did not end within {timeout:g} s') from None
-    if status != 0:
-        raise DemoError(f'{process.name} ended with {status}')
-
-
-def _recorder_log(logs: Path, motion: Motion) -> Path:
-    return logs / f'recorder_{motion.name}.log'
 
 
 if __name__ == '__main__':

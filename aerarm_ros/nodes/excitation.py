@@ -22,16 +22,16 @@ from aerarm_ros.excitation.player.velocity_law import VelocityLaw
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
-from aerarm_ros.nodes.background_executor import BackgroundExecutor
-from aerarm_ros.nodes.exit_status import INTERRUPTED
-from aerarm_ros.nodes.motion_playback import MotionPlayback
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.parameters import ParameterTable
-from aerarm_ros.nodes.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
-from aerarm_ros.nodes.state_diagnostics import StateDiagnostics
-from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
+from aerarm_ros.ros.playback.motion_playback import MotionPlayback
+from aerarm_ros.ros.process.exit_status import INTERRUPTED
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
 
 NAME = 'excitation'
 VELOCITY, FULL = 'velocity', 'position_velocity_effort'
@@ -106,7 +106,7 @@ class ExcitationNode:
 
     def run(self) -> None:
         """Play the trajectory; `status` says how it ended."""
-        with BackgroundExecutor(self._node), StopSignals(self._on_stop):
+        with BackgroundExecutor(self._node), StopSignals(self._playback.ask_stop):
             try:
                 self._run()
             except ExcitationError as error:
@@ -190,9 +190,6 @@ class ExcitationNode:
             'played [%]': round(100.0 * player.progress, 1),
             'largest tracking error [rad]': round(float(player.largest_error.max()), 4),
         }
-
-    def _on_stop(self) -> None:
-        self._playback.stop_asked = True
 
 
 def main(args: Sequence[str] | None = None) -> int:

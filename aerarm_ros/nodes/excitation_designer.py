@@ -11,9 +11,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from aerarm_ros.nodes.exit_status import INTERRUPTED, USER_ERROR
-from aerarm_ros.nodes.one_line_parser import OneLineParser
-from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
+from aerarm_ros.ros.process.one_line_parser import OneLineParser
+from aerarm_ros.ros.process.stop_signals import StopSignals
 
 NAME = 'excitation_designer'
 
@@ -24,13 +24,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with StopSignals(lambda: stops.append(True)):
         # Only now: loading the libraries takes seconds, in which a Ctrl-C is to be a request too.
         from aerarm_ros.excitation.settings.excitation_error import DesignStoppedError
-        from aerarm_ros.nodes.design_run import DesignRun
+        from aerarm_ros.ros.programs.design_run import DesignRun
 
         options = _parse(arguments)
         try:
             DesignRun(options, lambda: bool(stops)).run()
         except (ValueError, OSError) as error:
-            print(f'{NAME}: {" ".join(str(error).split())}', file=sys.stderr)
+            print_error(NAME, error)
             stopped = isinstance(error, DesignStoppedError) and stops
             return INTERRUPTED if stopped else USER_ERROR
     return 0

@@ -19,9 +19,9 @@ from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
-from aerarm_ros.nodes.experiment_bench import ExperimentBench
-from aerarm_ros.nodes.experiment_case import ExperimentCase, all_cases
-from aerarm_ros.nodes.experiment_report import ExperimentReport
+from aerarm_ros.experiment.experiment_bench import ExperimentBench
+from aerarm_ros.experiment.experiment_case import ExperimentCase, all_cases
+from aerarm_ros.experiment.experiment_report import ExperimentReport
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 NAME = 'experiment'

@@ -14,17 +14,17 @@ from aerarm_ros.control.compensation.friction_compensation import FrictionCompen
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
 from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.nodes.controller_node import ControllerNode
-from aerarm_ros.nodes.controller_parameters import (
+from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.controllers.controller_parameters import (
     FOLLOWER_PARAMETERS,
     FRICTION_PARAMETERS,
     OBSERVER_PARAMETERS,
     one_or_each,
 )
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.state_node import state_node_parameters
-from aerarm_ros.nodes.trajectory_input import follow_trajectory, go_to_set_point
+from aerarm_ros.ros.controllers.state_node import state_node_parameters
+from aerarm_ros.ros.controllers.trajectory_input import follow_trajectory, go_to_set_point
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'gravity_compensation'
 KP, KD = [60.0, 60.0, 40.0, 40.0], [5.0, 5.0, 1.0, 1.0]

@@ -8,17 +8,17 @@ from aerarm_ros.control.checks.gains import non_negative
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.cartesian_impedance import CartesianImpedance
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.nodes.controller_node import ControllerNode
-from aerarm_ros.nodes.controller_parameters import (
+from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.controllers.controller_parameters import (
     FRICTION_PARAMETERS,
     OBSERVER_PARAMETERS,
     one_or_each,
 )
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.state_node import state_node_parameters
-from aerarm_ros.nodes.target_parameters import TARGET_PARAMETERS, make_target_follower
-from aerarm_ros.nodes.tool_topics import ToolTopics
+from aerarm_ros.ros.controllers.state_node import state_node_parameters
+from aerarm_ros.ros.controllers.target_parameters import TARGET_PARAMETERS, make_target_follower
+from aerarm_ros.ros.controllers.tool_topics import ToolTopics
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'impedance_control'
 

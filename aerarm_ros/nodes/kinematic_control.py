@@ -10,12 +10,12 @@ from aerarm_ros.control.laws.damped_inverse import DampedInverse
 from aerarm_ros.control.laws.joint_motion_control import JointMotionControl
 from aerarm_ros.control.laws.velocity_resolution import VelocityResolution
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.nodes.controller_node import ControllerNode
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.state_node import state_node_parameters
-from aerarm_ros.nodes.target_parameters import TARGET_PARAMETERS, make_target_follower
-from aerarm_ros.nodes.tool_topics import ToolTopics
+from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.controllers.state_node import state_node_parameters
+from aerarm_ros.ros.controllers.target_parameters import TARGET_PARAMETERS, make_target_follower
+from aerarm_ros.ros.controllers.tool_topics import ToolTopics
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'kinematic_control'
 JOINT, CARTESIAN = 'joint', 'cartesian'

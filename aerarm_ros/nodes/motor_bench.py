@@ -31,16 +31,16 @@ from aerarm_ros.identification.motor_bench.motor_files import bench_yaml, config
 from aerarm_ros.identification.motor_bench.motor_report import bench_html, bench_table
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
-from aerarm_ros.nodes.background_executor import BackgroundExecutor
-from aerarm_ros.nodes.bench_recording import BenchRecording
-from aerarm_ros.nodes.exit_status import INTERRUPTED
-from aerarm_ros.nodes.motion_playback import MotionPlayback
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.parameters import ParameterTable
-from aerarm_ros.nodes.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
-from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
+from aerarm_ros.ros.playback.bench_recording import BenchRecording
+from aerarm_ros.ros.playback.motion_playback import MotionPlayback
+from aerarm_ros.ros.process.exit_status import INTERRUPTED
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.stop_signals import StopSignals
 
 NAME = 'motor_bench'
 _PLAN = BenchPlan()
@@ -125,7 +125,7 @@ class MotorBenchNode:
     def run(self) -> None:
         """Measure; `status` says how it ended."""
         out = Path(self._values.out or f'{NAME}_{datetime.now():%Y%m%d_%H%M%S}')
-        with BackgroundExecutor(self._node), StopSignals(self._on_stop):
+        with BackgroundExecutor(self._node), StopSignals(self._playback.ask_stop):
             try:
                 with ResultDirectory(out, 'the parameter out') as directory:
                     self._measure(directory)
@@ -213,9 +213,6 @@ class MotorBenchNode:
         directory.write('report.html', bench_html(results, mounted, warnings))
         directory.write_json(MARKER, {'joints': [result.joint for result in results]})
         print(bench_table(results), flush=True)
-
-    def _on_stop(self) -> None:
-        self._playback.stop_asked = True
 
 
 def main(args: Sequence[str] | None = None) -> int:

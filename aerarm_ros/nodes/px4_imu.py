@@ -17,11 +17,11 @@ from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.frame_conversion import attitude_ned_frd_to_enu_flu, frd_to_flu
-from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.parameters import ParameterTable
-from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.stop_signals import StopSignals
 
 NAME = 'px4_imu'
 # An older attitude [s] is none: better no gravity than one that has stopped turning.

@@ -4,7 +4,6 @@ Usage: ros2 run aerarm_ros recorder --ros-args -p bag:=DIRECTORY
 """
 
 import json
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -15,22 +14,18 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from aerarm_msgs_py.bags.bag_error import BagError
-from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage
-from aerarm_msgs_py.codecs.cdr_prefix import ENCAPSULATION_SIZE
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, RECORDED_UNTIL, RECORDER_STATUS
-from aerarm_ros.nodes.background_executor import BackgroundExecutor
-from aerarm_ros.nodes.diagnostics_publisher import PERIOD, DiagnosticsPublisher
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.parameters import ParameterTable
-from aerarm_ros.nodes.publisher_check import PublisherCheck
-from aerarm_ros.nodes.recorded_topics import SUITE_TOPICS, as_recorded, find_topics, for_recording
-from aerarm_ros.nodes.repeated_states import RepeatedStates
-from aerarm_ros.nodes.sole_publisher import SolePublisher
-from aerarm_ros.nodes.stop_signals import StopSignals
+from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.graph.publisher_check import PublisherCheck
+from aerarm_ros.ros.graph.sole_publisher import SolePublisher
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.recording.bag_feed import BagFeed
+from aerarm_ros.ros.recording.recorded_topics import SUITE_TOPICS, find_topics, for_recording
 
 NAME = 'recorder'
 PARAMETERS = ParameterTable(
@@ -55,11 +50,10 @@ PARAMETERS = ParameterTable(
 _BATCH = 5e-3  # [s]
 _WAIT = 0.1  # [s]
 _STATUS_PERIOD = 0.1  # [s]
-_STAMP_END = ENCAPSULATION_SIZE + 8
 
 
 class Recorder:
-    """Subscriptions, a bag, and a loop that moves messages from one to the other.
+    """A loop that feeds a bag, and tells how it goes.
 
     The latched topic `recorder_status` tells others when it is worth starting: a JSON object
     with `state` (recording, stored, failed), `bag`, and `matched`, the topics whose publisher
@@ -81,19 +75,9 @@ class Recorder:
         self._node = Node(NAME)
         values = PARAMETERS.declare(self._node)
         topics = find_topics(values.topics)
-        self._names = [self._node.resolve_topic_name(topic.name) for topic in topics]
         self._directory = values.bag or f'recording_{datetime.now():%Y%m%d_%H%M%S}'
-        self._writer = BagWriter(
-            self._directory,
-            [as_recorded(topic, name) for topic, name in zip(topics, self._names, strict=True)],
-            values.compression,
-        )
         subscribed = [for_recording(topic, values.depth) for topic in topics]
-        self._reader = RawReader(self._node, *subscribed)
-        self._states = RepeatedStates()
-        self._states_index = next(
-            (index for index, topic in enumerate(topics) if topic.name == JOINT_STATES.name), -1
-        )
+        self._feed = BagFeed(self._node, topics, subscribed, self._directory, values.compression)
         until = RECORDED_UNTIL
         self._until = self._node.create_publisher(until.type, until.name, until.qos)
         self._check = PublisherCheck(self._node, subscribed)
@@ -109,12 +93,14 @@ class Recorder:
 
     def run(self) -> None:
         """Record until SIGINT, SIGTERM, SIGHUP or a shutdown, then complete the bag."""
-        self._node.get_logger().info(f'recording {len(self._names)} topics into {self._directory}')
+        self._node.get_logger().info(
+            f'recording {len(self._feed.names)} topics into {self._directory}'
+        )
         self._publish_status('recording')
         with BackgroundExecutor(self._node), StopSignals(self._on_stop):
             try:
                 self._record()
-                self._writer.close()
+                self._feed.complete()
             except BagError as error:
                 self.status = 1
                 self._publish_status('failed')
@@ -126,19 +112,19 @@ class Recorder:
     def close(self) -> None:
         """Complete the bag if that didn't happen yet, and destroy the node."""
         try:
-            self._writer.close()
+            self._feed.complete()
         except BagError as error:
             if self.status == 0:  # not said yet
                 print(f'{NAME}: {error}', file=sys.stderr)
             self.status = 1
-        self._reader.destroy()
+        self._feed.destroy()
         self._node.destroy_node()
 
     def _record(self) -> None:
         while not self._stopped and rclpy.ok():
-            if self._reader.wait(_WAIT):
+            if self._feed.wait(_WAIT):
                 time.sleep(_BATCH)
-            self._take_all()
+            self._feed.take_all()
             if time.monotonic() > self._status_due:
                 self._status_due = time.monotonic() + _STATUS_PERIOD
                 self._update_matched()
@@ -147,34 +133,11 @@ class Recorder:
                 self._report_due = time.monotonic() + PERIOD
                 self._report()
         if rclpy.ok():
-            self._take_all()
-
-    def _take_all(self) -> None:
-        """Move all waiting messages into the bag."""
-        take, write = self._reader.take, self._writer.write
-        for index in range(len(self._names)):
-            while (message := take(index)) is not None:
-                payload, info = message
-                repeats = 0
-                if index == self._states_index:
-                    if self._states.has(payload):
-                        continue
-                    repeats = self._states.count
-                received = info['received_timestamp'] or time.time_ns()
-                write(
-                    RecordedMessage(
-                        index,
-                        payload,
-                        received,
-                        info['source_timestamp'] or received,
-                        # What was told again leaves no gap.
-                        info['publication_sequence_number'] - repeats,
-                    )
-                )
+            self._feed.take_all()
 
     def _update_matched(self) -> None:
-        counts = [self._reader.publishers(k) for k in range(len(self._names))]
-        matched = [name for name, count in zip(self._names, counts, strict=True) if count]
+        counts = self._feed.publishers()
+        matched = [name for name, count in zip(self._feed.names, counts, strict=True) if count]
         self._warn(counts)
         if matched != self._matched:
             self._matched = matched
@@ -188,9 +151,9 @@ class Recorder:
 
     def _tell_until(self) -> None:
         """Tell the stamp of the newest joint state: an emulated world waits for its recorder."""
-        if self._states.last:
-            # A Time is serialized as the stamp with which a JointState begins.
-            self._until.publish(self._states.last[:_STAMP_END])
+        until = self._feed.until()
+        if until:
+            self._until.publish(until)
 
     def _publish_status(self, state: str) -> None:
         content = {'state': state, 'bag': str(self._directory), 'matched': self._matched}
@@ -198,29 +161,20 @@ class Recorder:
 
     def _report(self) -> None:
         """Tell how the recording goes on /diagnostics."""
-        losing = {name: lost for name, (_, lost) in self._heard().items() if lost}
+        losing = {name: lost for name, (_, lost) in self._feed.heard().items() if lost}
         names = ', '.join(losing)
         problem = f'{sum(losing.values())} messages lost of {names}: is the machine too busy?'
+        messages, size = self._feed.written()
         values = {
             'bag': self._directory,
-            'messages written': sum(self._writer.counts),
-            'messages lost': self._total_lost(),
-            'bytes written': os.fstat(self._writer.fileno()).st_size,
+            'messages written': messages,
+            'messages lost': self._feed.total_lost(),
+            'bytes written': size,
         }
         self._diagnostics.report(problem if losing else '', values)
 
-    def _heard(self) -> dict[str, tuple[int, int | None]]:
-        """Return messages, and lost ones (None: not known), of each topic that is heard."""
-        read, counts = self._reader, self._writer.counts
-        heard = {name: (counts[k], read.lost(k)) for k, name in enumerate(self._names)}
-        return {name: numbers for name, numbers in heard.items() if numbers[0]}
-
-    def _total_lost(self) -> object:
-        lost = [lost for _, lost in self._heard().values()]
-        return 'unknown' if None in lost else sum(filter(None, lost))
-
     def _log_counts(self) -> None:
-        log, heard = self._node.get_logger().info, self._heard()
+        log, heard = self._node.get_logger().info, self._feed.heard()
         for name, (count, lost) in heard.items():
             log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost')
         if not heard.keys() - {self._own}:
@@ -228,7 +182,7 @@ class Recorder:
                 'nothing came: is a bridge running in this ROS domain (ROS_DOMAIN_ID)?'
             )
         count = sum(count for count, _ in heard.values())
-        log(f'{self._directory}: {count} messages, {self._total_lost()} lost')
+        log(f'{self._directory}: {count} messages, {self._feed.total_lost()} lost')
 
     def _on_stop(self) -> None:
         self._stopped = True

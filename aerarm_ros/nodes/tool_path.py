@@ -17,17 +17,17 @@ from numpy.typing import NDArray
 
 from aerarm_msgs_py import topics
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
-from aerarm_ros.nodes.background_executor import BackgroundExecutor
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.parameters import ParameterTable
-from aerarm_ros.nodes.state_sampler import StateSampler
-from aerarm_ros.nodes.stop_signals import StopSignals
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.states.base_header import base_header
+from aerarm_ros.ros.states.state_sampler import StateSampler
 
 NAME = 'tool_path'
-BASE_FRAME = 'base_link'
 
 PARAMETERS = ParameterTable(
     Parameter('frame', 'tool0', 'frame whose path it is'),
@@ -88,10 +88,7 @@ class ToolPath:
             self._publisher.publish(self._message())
 
     def _message(self) -> Path:
-        path = Path()
-        path.header.frame_id = BASE_FRAME
-        stamp = path.header.stamp
-        stamp.sec, stamp.nanosec = divmod(self._states.stamp_ns, 1_000_000_000)
+        path = Path(header=base_header(self._states.stamp_ns))
         for point in self._points:
             pose = PoseStamped(header=path.header)
             p = pose.pose.position

@@ -20,18 +20,18 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.nodes.arm_client import BRIDGES
-from aerarm_ros.nodes.arm_files import ARM_FILES, load_arm
-from aerarm_ros.nodes.background_executor import BackgroundExecutor
-from aerarm_ros.nodes.emergency_stop import EmergencyStop
-from aerarm_ros.nodes.node_main import run_node
-from aerarm_ros.nodes.parameter import Parameter
-from aerarm_ros.nodes.parameters import ParameterTable
-from aerarm_ros.nodes.state_sampler import StateSampler
-from aerarm_ros.nodes.stop_signals import StopSignals
-from aerarm_ros.nodes.view_diagnostics import ViewDiagnostics, ViewStatus
-from aerarm_ros.nodes.view_history import ViewHistory
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics, ViewStatus
+from aerarm_ros.ros.page.view_history import ViewHistory
+from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.requests.arm_client import BRIDGES
+from aerarm_ros.ros.requests.emergency_stop import EmergencyStop
+from aerarm_ros.ros.states.state_sampler import StateSampler
 
 NAME = 'view'
 LOOPBACK = ('127.0.0.1', 'localhost', '::1')
@@ -107,8 +107,8 @@ class View:
         try:
             import viser
 
-            from aerarm_ros.nodes.view_panel import ViewPanel
-            from aerarm_ros.nodes.view_scene import ViewScene
+            from aerarm_ros.ros.page.view_panel import ViewPanel
+            from aerarm_ros.ros.page.view_scene import ViewScene
         except ImportError as error:
             raise ViewError(f"{error}: install it with pip install 'aerarm_ros[view]'") from None
         _check_address(self._values.host)

@@ -26,6 +26,16 @@ def modules_in(folder: str) -> list[str]:
     return sorted(path.stem for path in (ROOT / folder).glob('*.py') if path.stem != '__init__')
 
 
+def executables() -> list[str]:
+    """Return the names in the list EXECUTABLES of setup.py."""
+    for statement in ast.parse((ROOT / 'setup.py').read_text()).body:
+        if isinstance(statement, ast.Assign):
+            (target,) = statement.targets
+            if isinstance(target, ast.Name) and target.id == 'EXECUTABLES':
+                return list(ast.literal_eval(statement.value))
+    raise ValueError('setup.py has no list EXECUTABLES')
+
+
 def imported_modules(path: Path) -> set[str]:
     """Return the full names of the modules that a file imports.
 

@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ElementTree
 
 import pytest
-from source_files import ROOT, imported_modules, python_files
+from source_files import ROOT, SUITE, executables, imported_modules, modules_in, python_files
 
 MESSAGE_MODULES = {
     *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'lifecycle_msgs', 'nav_msgs'),
@@ -21,8 +21,14 @@ ALLOWED = {
     'identification': {'model', 'description'},
     'simulation': {'model', 'description'},
     'hardware': {'motion', 'simulation', 'model', 'description'},
+    'experiment': {
+        *('control', 'excitation', 'identification', 'hardware', 'simulation'),
+        *('motion', 'model', 'description'),
+    },
     'realtime': set(),
 }
+# Where ROS is: executables, and what they are made of. They may import every pure room.
+ROS_ROOMS = ('nodes', 'ros')
 
 
 @pytest.mark.parametrize('room', sorted(ALLOWED))
@@ -42,18 +48,31 @@ def test_imports_point_one_way(room: str) -> None:
                 assert other == room or other in ALLOWED[room], f'{path} imports {name}'
 
 
-def test_rclpy_is_imported_by_nodes_and_messages_only() -> None:
+def test_rclpy_is_imported_by_the_ros_rooms_and_messages_only() -> None:
     importers = [
         path.relative_to(ROOT).parts[:2]
         for path in [*python_files('aerarm_ros'), *python_files('aerarm_msgs_py')]
         if 'rclpy' in {name.split('.')[0] for name in imported_modules(path)}
     ]
-    assert {parts for parts in importers if parts[0] == 'aerarm_ros'} == {('aerarm_ros', 'nodes')}
+    rooms = {parts for parts in importers if parts[0] == 'aerarm_ros'}
+    assert rooms == {('aerarm_ros', room) for room in ROS_ROOMS}
 
 
 def test_every_room_has_a_rule() -> None:
     rooms = {path.parent.name for path in (ROOT / 'aerarm_ros').glob('*/__init__.py')}
-    assert rooms == {*ALLOWED, 'nodes'}
+    assert rooms == {*ALLOWED, *ROS_ROOMS}
+
+
+def test_nothing_imports_an_executable() -> None:
+    # Not one executable from another either; executables.py finds them by name, when one is run.
+    for path in [file for folder in SUITE for file in python_files(folder)]:
+        for name in imported_modules(path):
+            assert not name.startswith('aerarm_ros.nodes'), f'{path} imports {name}'
+
+
+def test_nodes_holds_the_executables_and_nothing_else() -> None:
+    assert modules_in('aerarm_ros/nodes') == sorted(executables())
+    assert not list((ROOT / 'aerarm_ros' / 'nodes').glob('*/*.py'))
 
 
 def test_every_ros_module_is_a_dependency() -> None:

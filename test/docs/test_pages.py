@@ -12,7 +12,7 @@ import pytest
 
 from aerarm_msgs_py.topics import TOPICS
 from aerarm_ros.hardware.bridge_cycle import MODES
-from aerarm_ros.nodes.bridge_services import ACTIONS
+from aerarm_ros.ros.bridge.bridge_services import ACTIONS
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / 'docs'

@@ -17,7 +17,7 @@ import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from aerarm_msgs_py.live_topics.topic import Topic
-from aerarm_ros.nodes.node_process import ros_environment
+from aerarm_ros.ros.process.node_process import ros_environment
 
 NAMESPACE = '/launched'
 PATIENCE = 60.0  # [s]

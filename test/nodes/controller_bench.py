@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
-from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_ros.ros.process.node_process import NodeProcess
 
 NAMES = ['joint1', 'joint2', 'joint3', 'joint4']
 LIMIT = 40.0  # [s] longest wait for anything

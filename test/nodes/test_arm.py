@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from rclpy.node import Node
 
-from aerarm_ros.nodes.arm_client import ArmClient, ArmClientError
-from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
 
 def ask(log: Path, *arguments: str) -> tuple[int, str]:

@@ -18,7 +18,7 @@ from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
+from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 START = np.array([0.1, 1.4, -0.1, 0.2])
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')

@@ -13,8 +13,8 @@ import pytest
 from aerarm_ros.excitation.design.design_result import DesignResult
 from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
 from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
-from aerarm_ros.nodes import design_run
 from aerarm_ros.nodes.excitation_designer import main
+from aerarm_ros.ros.programs import design_run
 
 SMALL = ['--harmonics', '2', '--starts', '1', '--workers', '1', '--objective', 'condition']
 
@@ -159,7 +159,7 @@ def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
     command = [sys.executable, '-m', 'aerarm_ros.nodes.excitation_designer', '--out', str(out)]
     # Told through a pipe that its handlers are set, before the first slow import.
     script = (
-        'import sys, runpy; from aerarm_ros.nodes import stop_signals as s; '
+        'import sys, runpy; from aerarm_ros.ros.process import stop_signals as s; '
         'enter = s.StopSignals.__enter__; '
         's.StopSignals.__enter__ = lambda self: (enter(self), print("ready", flush=True))[0]; '
         f'sys.argv = {command[2:]!r}; '

@@ -9,10 +9,8 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
-from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.nodes import experiment
-from aerarm_ros.nodes.experiment_bench import ExperimentBench, ExperimentRun
-from aerarm_ros.nodes.experiment_case import (
+from aerarm_ros.experiment.experiment_bench import ExperimentBench, ExperimentRun
+from aerarm_ros.experiment.experiment_case import (
     BOARDS,
     CAD,
     HOST,
@@ -20,6 +18,8 @@ from aerarm_ros.nodes.experiment_case import (
     ExperimentCase,
     all_cases,
 )
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.nodes import experiment
 from aerarm_ros.simulation.base_profile import MOVING
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 

@@ -19,8 +19,8 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
-from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
-from aerarm_ros.nodes.spinning import spin_until
+from aerarm_ros.ros.executors.spinning import spin_until
+from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 
 @pytest.mark.pace('keep_up')

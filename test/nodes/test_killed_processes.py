@@ -14,7 +14,7 @@ from bridge_client import BridgeClient, StartBridge, velocity_command
 from rclpy.node import Node
 from spi_boards import SpiBoards
 
-from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
+from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 # In real time on a busy machine: times that its scheduler does not reach.
 PATIENCE = {

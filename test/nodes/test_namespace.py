@@ -9,7 +9,7 @@ import rclpy
 from bridge_client import BridgeClient
 from rclpy.node import Node
 
-from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_ros.ros.process.node_process import NodeProcess
 
 NAMESPACE, IMU = '/left', '/drone/imu'
 ROS_ARGUMENTS = ('--ros-args', '-r', f'__ns:={NAMESPACE}', '-r', f'imu:={IMU}', '--')

@@ -13,9 +13,9 @@ from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_ros.nodes import px4_imu
-from aerarm_ros.nodes.node_process import NodeProcess
-from aerarm_ros.nodes.spinning import spin_until
-from aerarm_ros.nodes.state_stream import to_imu_sample
+from aerarm_ros.ros.executors.spinning import spin_until
+from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.states.state_stream import to_imu_sample
 
 
 def test_a_level_autopilot_at_rest() -> None:

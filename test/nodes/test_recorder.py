@@ -22,9 +22,9 @@ from aerarm_msgs_py.bags.bag_reader import read_joint_states, topics
 from aerarm_msgs_py.codecs.float64_array_cdr import Float64ArrayCdr
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics.topic import Topic
-from aerarm_ros.nodes.node_process import NodeProcess, ros_environment
-from aerarm_ros.nodes.spinning import spin_until
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.ros.executors.spinning import spin_until
+from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 JOINTS = ('joint1', 'joint2', 'joint3', 'joint4')
 STREAMS = (names.JOINT_STATES, names.MOTOR_STATES, names.JOINT_COMMAND)

@@ -14,8 +14,8 @@ from aerarm_msgs_py.topics import TOOL_PATH
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.nodes.node_process import NodeProcess
-from aerarm_ros.nodes.spinning import spin_until
+from aerarm_ros.ros.executors.spinning import spin_until
+from aerarm_ros.ros.process.node_process import NodeProcess
 
 STEP = 0.02
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.nodes.node_process import NodeProcess
+from aerarm_ros.ros.process.node_process import NodeProcess
 
 pytestmark = pytest.mark.skipif(
     find_spec('viser') is None, reason="viser is not installed: pip install 'aerarm_ros[view]'"

@@ -1,0 +1,192 @@
+"""Runs a controller on the emulated arm as fast as the processor allows.
+
+Everything between the law and the physics engine is what runs on the real arm: the bridge's
+cycle with its frames, the boards' laws, quantised encoders and filtered velocities. Only ROS
+is left out, so that a run is the same every time.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.base_motion_estimator import FULL, NONE, BaseMotionEstimator
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
+from aerarm_ros.experiment.experiment_case import CAD, GRAVITY, HOST, ExperimentCase
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation.emulated_base import mount_on_base
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.model.gravity_load import largest_gravity_load
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
+from aerarm_ros.simulation.moving_base_plant import MovingBasePlant
+from aerarm_ros.simulation.plant_parameters import PlantParameters
+
+Array = npt.NDArray[np.float64]
+
+CYCLE = 1e-3
+SETTLE = 1.0  # [s] at rest before the motion begins, and after it has ended
+_IMU_PERIOD = 4  # cycles: 250 Hz
+_START_LIMIT = 20.0  # [s]
+
+
+class MotionSource:
+    """A motion of the excitation room as a controller's reference."""
+
+    def __init__(self, motion: RampedExcitation) -> None:
+        self._motion = motion
+        self.begin = np.inf
+
+    def take_over(self, q: Array) -> None:
+        """Start at its own start: the arm was put there."""
+
+    def update(self, q: Array, now: float, dt: float) -> JointReference:
+        """Return the reference at `now` [s]; the ends hold."""
+        time = min(max(now - self.begin, 0.0), self._motion.duration)
+        return JointReference(*self._motion.evaluate(time))
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentRun:
+    """One run, one row a cycle.
+
+    Attributes
+    ----------
+    case : ExperimentCase
+    time : (M,) ndarray
+        Since the motion began [s].
+    q, qd : (M, n) ndarray
+        True and desired joint positions [rad].
+    effort : (M, n) ndarray
+        Torques of the drives [Nm].
+    at_full_speed : (M,) ndarray of bool
+        Whether the periodic part is played, after the run-in has brought the arm onto it.
+    """
+
+    case: ExperimentCase
+    time: Array
+    q: Array
+    qd: Array
+    effort: Array
+    at_full_speed: npt.NDArray[np.bool_]
+
+
+class ExperimentBench:
+    """An arm, a motion, and a plant with parameters of its own.
+
+    Parameters
+    ----------
+    config, robot
+        The arm as drawn (CAD).
+    truth
+        What the plant is made of.
+    motion
+        What the arm should do.
+    """
+
+    def __init__(
+        self, config: ArmConfig, robot: Robot, truth: PlantParameters, motion: RampedExcitation
+    ) -> None:
+        self._config = config
+        self._robot = robot
+        self._truth = truth
+        self._motion = motion
+        self._limits = JointLimits.from_config(config)
+
+    def run(self, case: ExperimentCase) -> ExperimentRun:
+        """Run a case from rest to rest; raises RuntimeError if the arm was stopped."""
+        start = self._motion.evaluate(0.0).q
+        transport = make_emulated_transport(
+            self._config, self._robot, None, position=start, parameters=self._truth
+        )
+        if case.base != STILL:
+            mount_on_base(transport, self._robot, BASE_PROFILES[case.base])
+        plant = transport.plant
+        bridge = BridgeCycle(self._config, transport, load_max=largest_gravity_load(self._robot))
+        transport.open()
+        now = self._enable(bridge)
+        source, estimator = MotionSource(self._motion), self._estimator(case)
+        loop = self._loop(case, source, estimator)
+        source.begin = now + SETTLE
+        if isinstance(plant, MovingBasePlant):
+            plant.start()
+        rows = []
+        for cycle in range(round((self._motion.duration + 2.0 * SETTLE) / CYCLE)):
+            if case.aware and cycle % _IMU_PERIOD == 0 and isinstance(plant, MovingBasePlant):
+                estimator.offer(ImuSample(now, *plant.imu), now)
+            state = ArmState(bridge.q.copy(), bridge.dq.copy(), bridge.tau.copy())
+            command = loop.update(state, now)
+            now += CYCLE
+            if command is not None:
+                # The answer to this cycle's state acts in the next cycle, as over topics.
+                bridge.command(
+                    OfferedCommand(self._config.joint_names, *command, CYCLE, 'experiment'), now
+                )
+            bridge.update(now)
+            desired = source.update(state.q, now, CYCLE).q
+            rows.append(np.concatenate([[now - source.begin], plant.position, desired, bridge.tau]))
+        if bridge.mode != 'running':
+            raise RuntimeError(f'{case.name}: the arm was stopped: {"; ".join(bridge.faults)}')
+        table = np.array(rows)
+        time = table[:, 0]
+        ramp = self._motion.ramp_time
+        full_speed = (time >= ramp) & (time <= self._motion.duration - ramp)
+        q, desired_q, effort = np.split(table[:, 1:], 3, axis=1)
+        return ExperimentRun(case, time, q, desired_q, effort, full_speed)
+
+    def _enable(self, bridge: BridgeCycle) -> float:
+        """Align the motors and let the arm rest; return the time [s]."""
+        now = 0.0
+        ready_at = np.inf
+        while now < ready_at + SETTLE:
+            bridge.update(now)
+            if bridge.mode == 'idle':
+                bridge.enable()
+            elif bridge.mode == 'ready' and np.isinf(ready_at):
+                ready_at = now
+            now += CYCLE
+            if np.isinf(ready_at) and now > _START_LIMIT:
+                raise RuntimeError(f'the arm is {bridge.mode}: {"; ".join(bridge.faults)}')
+        return now
+
+    def _estimator(self, case: ExperimentCase) -> BaseMotionEstimator:
+        return BaseMotionEstimator(self._config.gravity_in_base, FULL if case.aware else NONE)
+
+    def _loop(
+        self, case: ExperimentCase, source: MotionSource, estimator: BaseMotionEstimator
+    ) -> ControlLoop[JointReference]:
+        robot, truth = self._robot, self._truth
+        if case.parameters == CAD:
+            inertia = self._config.column('reflected_inertia')
+            viscous, coulomb = robot.viscous, robot.coulomb
+            load_share = np.zeros(robot.n)
+        else:
+            robot = robot.with_inertial_parameters(truth.inertial_parameters)
+            inertia, viscous, coulomb = truth.rotor_inertia, truth.viscous, truth.coulomb
+            load_share = truth.load_friction
+        dynamics = MovingBaseDynamics(robot, inertia)
+        friction = FrictionCompensation(viscous, coulomb, load_share=load_share)
+        law: Any
+        if case.law == GRAVITY:
+            law = GravityCompensation(dynamics, [60, 60, 40, 40], [5, 5, 1, 1], friction)
+        elif case.law == HOST:
+            law = ComputedTorque(dynamics, 400.0, 40.0, friction=friction)
+        else:
+            law = BoardComputedTorque(dynamics, friction=friction)
+        observer = MomentumObserver(dynamics, 30.0, friction) if case.observer else None
+        limit = 0.5 * self._limits.effort_max
+        return ControlLoop(self._limits, source, law, observer, estimator, limit)

@@ -1,0 +1,60 @@
+"""What the nodes are made of: everything that ROS needs, and nothing that computes.
+
+In come topics, services, parameters and signals; out go calls of the pure rooms, and what these
+return as messages. The rooms, in the order of their imports:
+
+- parameters: what a user can set
+- process: an executable's command line, start, signals and end
+- executors: who runs callbacks beside a loop
+- graph: who publishes what
+- diagnostics: what people are told
+- states: joint states and IMU samples as they come
+- bridge: the boards' cycle as a node
+- emulation: the same on emulated boards, in a time of its own
+- requests: what one node asks of another
+- controllers: nodes that answer every state
+- playback: planned motions
+- recording: from topics to a bag
+- page: the arm in a browser
+- programs: runs of the identifier, the designer and the demo
+
+Beside `aerarm_ros.nodes` only this room imports rclpy.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submodules=[
+        'parameters',
+        'process',
+        'executors',
+        'graph',
+        'diagnostics',
+        'states',
+        'bridge',
+        'emulation',
+        'requests',
+        'controllers',
+        'playback',
+        'recording',
+        'page',
+        'programs',
+    ],
+    submod_attrs={
+        'parameters.parameter': ['Parameter'],
+        'parameters.parameter_table': ['ParameterError', 'ParameterTable'],
+        'process.node_main': ['Runnable', 'run_node'],
+        'process.node_process': ['NodeProcess'],
+        'process.stop_signals': ['StopSignals'],
+        'executors.background_executor': ['BackgroundExecutor'],
+        'states.state_sampler': ['StateSampler'],
+        'states.state_stream': ['StateStream'],
+        'bridge.hardware_bridge': ['HardwareBridge'],
+        'emulation.fake_hardware': ['FakeHardware'],
+        'requests.arm_client': ['ArmClient', 'ArmClientError'],
+        'controllers.controller_node': ['ControllerNode'],
+        'controllers.state_node': ['StateNode', 'state_node_parameters'],
+        'playback.motion_playback': ['MotionPlayback'],
+    },
+)

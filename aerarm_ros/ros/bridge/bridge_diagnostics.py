@@ -1,0 +1,130 @@
+"""What the bridge tells about itself on /diagnostics, once a second and at every new mode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import inf
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
+
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
+from aerarm_ros.ros.bridge.bridge_timing import BridgeTiming
+from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
+from aerarm_ros.ros.graph.rival_watch import RivalWatch
+
+_END = object()
+_POWER_SOURCES = {
+    'voltage': 'power from the voltages that the boards report',
+    'model': 'power computed from current, resistance and speed: the frames carry none',
+}
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What there is to report while the bridge is active."""
+
+    joint_names: Sequence[str]
+    cycle: BridgeCycle
+    timing: BridgeTiming
+    publishers: CommandPublishers
+    watch: PublisherWatch
+    rivals: RivalWatch
+
+
+class BridgeDiagnostics:
+    """Publishes three statuses: what the arm does, its motors, how the loop keeps its time.
+
+    A message takes most of a millisecond to make. While a cycle runs it is therefore made in
+    pieces, one in each cycle's slack: made by another thread it would hold the interpreter
+    while the cycle wants it, and cost a cycle nearly every time.
+
+    Parameters
+    ----------
+    node
+        Owner of the publisher; its executor's thread says once a second that no cycle runs.
+    now_ns
+        Returns the time for stamps [ns].
+    """
+
+    def __init__(self, node: Node, now_ns: Callable[[], int]) -> None:
+        self._output = DiagnosticsPublisher(node, now_ns=now_ns)
+        self._watched: Watched | None = None
+        self._pieces: Iterator[None] | None = None
+        self._due = -inf
+        self._timer = node.create_timer(PERIOD, self._publish_inactive)
+
+    def name_arm(self, name: str) -> None:
+        """Say from now on which arm it is."""
+        self._output.arm = name
+
+    def watch(self, watched: Watched) -> None:
+        """Report on a cycle from now on, which calls `step`."""
+        self._timer.cancel()
+        self._pieces = None
+        self._watched = watched
+        self.publish_soon()
+
+    def unwatch(self) -> None:
+        """Report from now on that no cycle runs."""
+        self._watched = None
+        self._timer.reset()
+        self._publish_inactive()
+
+    def publish_soon(self) -> None:
+        """Report with the next steps: something is new."""
+        self._due = -inf
+
+    def step(self, now: float) -> None:
+        """Do a piece of the work, about 0.1 ms, if any is due at `now` [s, monotonic]."""
+        if self._pieces is None:
+            if now < self._due or self._watched is None:
+                return
+            self._due = now + PERIOD
+            self._pieces = self._make(self._watched)
+        if next(self._pieces, _END) is _END:
+            self._pieces = None
+
+    def _make(self, watched: Watched) -> Iterator[None]:
+        yield from watched.timing.refresh()
+        timing = self._output.status('timing', *watched.timing.status())
+        yield
+        motors = self._output.status('motors', *_motors(watched))
+        yield
+        arm = self._output.status('arm', *_arm(watched))
+        yield
+        self._output.publish([arm, motors, timing])
+
+    def _publish_inactive(self) -> None:
+        status = self._output.status('arm', DiagnosticStatus.STALE, 'not active', {})
+        self._output.publish([status])
+
+
+def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
+    cycle, publishers = watched.cycle, watched.publishers
+    warnings = filter(None, [watched.rivals.problem, publishers.warning])
+    texts = [*cycle.faults, *warnings, *watched.watch.problems]
+    level = DiagnosticStatus.WARN if texts else DiagnosticStatus.OK
+    if cycle.mode in ('fault', 'disconnected'):
+        level = DiagnosticStatus.ERROR
+    values = {
+        'mode': cycle.mode,
+        'publishers of joint_command': ', '.join(publishers.names) or 'none',
+        **cycle.counters,
+    }
+    return level, '; '.join(texts) or cycle.mode, values
+
+
+def _motors(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
+    power = watched.cycle.power
+    values: dict[str, object] = {}
+    for name, watts, joules in zip(
+        watched.joint_names, power.watts.tolist(), power.energy.tolist(), strict=True
+    ):
+        values[f'{name} power [W]'] = f'{watts:.2f}'
+        values[f'{name} energy [J]'] = f'{joules:.1f}'
+    values['energy [J]'] = f'{power.energy.sum():.1f}'
+    return DiagnosticStatus.OK, _POWER_SOURCES[power.source], values

@@ -1,0 +1,339 @@
+"""The bridge between the boards and ROS: one exchange with every board per millisecond."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from numpy.typing import ArrayLike
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.hardware.boards.spi_self_test import self_test
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile
+from aerarm_ros.hardware.gate.answer import Answer
+from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport
+from aerarm_ros.hardware.transports.transport import Transport
+from aerarm_ros.model.gravity_load import largest_gravity_load
+from aerarm_ros.realtime.cycle_slack import CycleSlack
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.realtime.steady_clock import SteadyClock
+from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, Watched
+from aerarm_ros.ros.bridge.bridge_parameters import (
+    BRIDGE_PARAMETERS,
+    board_gains,
+    bridge_settings,
+    frame_profile,
+)
+from aerarm_ros.ros.bridge.bridge_services import ACTIONS, BridgeServices
+from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams, Command
+from aerarm_ros.ros.bridge.bridge_timing import BridgeTiming
+from aerarm_ros.ros.bridge.cycle_requests import Action, CycleRequests
+from aerarm_ros.ros.bridge.invalid_transitions import answer_invalid_transitions
+from aerarm_ros.ros.bridge.mode_log import ModeLog
+from aerarm_ros.ros.bridge.rejection_log import RejectionLog
+from aerarm_ros.ros.bridge.robot_description import RobotDescription
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
+from aerarm_ros.ros.graph.rival_watch import RivalWatch
+from aerarm_ros.ros.parameters.arm_files import load_arm
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.parameters.real_time_parameters import prepare_thread
+from aerarm_ros.ros.process.stop_signals import StopSignals
+
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+# Long enough for the last frames of a cycle, short enough for a lifecycle client.
+_LOOP_END_TIMEOUT = 2.0
+# The arm's mode while no cycle runs; the others are `bridge_cycle.MODES`.
+INACTIVE = 'inactive'
+PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS)
+_GAINS = {'board_kp', 'board_kd', 'board_ki'}
+
+
+class HardwareBridge(LifecycleNode):
+    """Managed node around a `BridgeCycle`.
+
+    Configuring opens the buses, activating starts the cycle, deactivating leaves the boards
+    without current. The cycle runs in the thread that calls `run`, everything else in the
+    executor's; the two share nothing but the queue of requests and finished numbers.
+
+    Parameters
+    ----------
+    name
+        Node name.
+    parameters
+        Its parameters; a derived bridge may have more.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter's value can't be used.
+    """
+
+    def __init__(
+        self, name: str = 'hardware_bridge', parameters: ParameterTable = PARAMETERS
+    ) -> None:
+        super().__init__(name)
+        answer_invalid_transitions(self)
+        self._cycle: BridgeCycle | None = None
+        self._loop: PeriodicLoop | None = None
+        self._timing: BridgeTiming | None = None
+        self.requests = CycleRequests()
+        self.values = parameters.declare(self, self.on_parameter, self.check_parameters)
+        self._mode_publisher = self.create_publisher(
+            String, topics.ARM_MODE.name, topics.ARM_MODE.qos
+        )
+        self._mode_log = ModeLog(self)
+        self._rejection_log = RejectionLog(self, lambda: self._command_publishers.warning)
+        BridgeServices(self, self.requests.ask, self.actions())
+        self._diagnostics = BridgeDiagnostics(self, self.now_ns)
+        self._work = threading.Event()
+        self._stopping = False
+        self._starting = False  # by itself: what goes wrong ends the process
+        self.status = 0  # exit status
+        self._mode = ''
+        self._problem = ''
+        self._stamp_ns = 0
+        self._sources = 0  # told apart when the publishers' names were last asked for
+        self._stamps = SteadyClock()
+        self._slack = CycleSlack()
+
+    # What a derived bridge changes.
+
+    def make_transport(self, config: ArmConfig, robot: Robot, profile: FrameProfile) -> Transport:
+        """Return the way to the boards; raises ValueError or OSError with what to check."""
+        return SpidevTransport(config)
+
+    def actions(self) -> Mapping[str, Action]:
+        """Return what the node's services do."""
+        return ACTIONS
+
+    def make_loop(self) -> PeriodicLoop:
+        """Return what runs the cycles."""
+        return PeriodicLoop(self.values.period)
+
+    def now_ns(self) -> int:
+        """Return the time for stamps [ns since the epoch]."""
+        return self._stamps.now_ns()
+
+    def newest_command(self) -> Command | None:
+        """Return what came on joint_command since the last call; ValueError if unreadable."""
+        return self._streams.newest_command()
+
+    def use_slack(self, now: float) -> None:
+        """Do what may take time, once the cycle that began at `now` [s] is over."""
+
+    def check_parameters(self, changes: Mapping[str, Any]) -> str:
+        """Return why live parameters can't be set, or ''; see `ParameterTable.declare`."""
+        if self._cycle is None or not changes.keys() & _GAINS:
+            return ''
+        try:
+            self._cycle.check_gains(*self._gains(changes))
+        except ValueError as error:
+            return f'gains of the boards: {error}'
+        return ''
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Take over a live parameter."""
+        if name in _GAINS:
+            self.requests.post(self._set_gains)
+
+    # Lifecycle, in the executor's thread.
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read the configuration, open the buses and try the wires."""
+        try:
+            config, robot = load_arm(self.values)
+            profile = frame_profile(self.values, config)
+            self._config = config
+            self._diagnostics.name_arm(config.name)
+            self._transport = self.make_transport(config, robot, profile)
+            self._transport.open()
+            self._cycle = BridgeCycle(
+                config,
+                self._transport,
+                bridge_settings(self.values),
+                profile,
+                largest_gravity_load(robot),
+            )
+            self._cycle.check_gains(*self._gains())
+        except (ValueError, OSError) as error:
+            self._problem = f'not configured: {error}'
+            if not self._starting:
+                self.get_logger().error(self._problem)
+            return FAILURE
+        self._try_wires(profile)
+        self._command_publishers = CommandPublishers(self.values.allowed_publishers)
+        self._streams = BridgeStreams(self, config.joint_names)
+        self._watch = PublisherWatch(self, topics.JOINT_COMMAND, self._command_publishers.look)
+        self._rivals = RivalWatch(self, topics.JOINT_STATES)
+        self._description = RobotDescription(self, robot.urdf_text)
+        return SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start the cycle; the motors stay off until the enable service is called."""
+        assert self._cycle is not None
+        self._set_gains(self._cycle)
+        self._loop = self.make_loop()
+        self._timing = BridgeTiming(self._loop)
+        self._diagnostics.watch(
+            Watched(
+                self._config.joint_names,
+                self._cycle,
+                self._timing,
+                self._command_publishers,
+                self._watch,
+                self._rivals,
+            )
+        )
+        self.requests.open()
+        self._work.set()
+        return SUCCESS
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop the cycle and switch the motors off."""
+        if self._loop is not None:
+            self._loop.stop()
+        if not self.requests.wait_closed(_LOOP_END_TIMEOUT):
+            return FAILURE
+        self._diagnostics.unwatch()
+        return SUCCESS
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the buses."""
+        self._watch.destroy()
+        self._rivals.destroy()
+        self._streams.destroy()
+        self._description.destroy()
+        self._transport.close()
+        self._cycle = self._loop = None
+        return SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop for good."""
+        self.stop()
+        return SUCCESS
+
+    def _try_wires(self, profile: FrameProfile) -> None:
+        """Say how well each board is heard; it may still be without supply."""
+        if not isinstance(self._transport, SpidevTransport):
+            return
+        for answer in self_test(self._transport, self._config, profile):
+            if answer.accepted:
+                self.get_logger().info(answer.message)
+            else:
+                self.get_logger().warning(answer.message)
+
+    def _gains(self, changes: Mapping[str, Any] | None = None) -> tuple[ArrayLike, ...]:
+        return board_gains({**vars(self.values), **(changes or {})}, self._config)
+
+    def _set_gains(self, cycle: BridgeCycle) -> Answer:
+        cycle.set_gains(*self._gains())
+        return Answer(True, 'the gains are set')
+
+    # The cycle, in the main thread.
+
+    def run(self) -> None:
+        """Run until a stop signal or `stop`; raises OSError if it can't start by itself."""
+        with StopSignals(self.stop), BackgroundExecutor(self, self._slack.wait):
+            if self.values.autostart and not self._start():
+                raise OSError(self._problem)
+            prepare_thread(self.values, self.get_logger())
+            self._run_while_active()
+        account = self._timing.account() if self._timing else 'no cycle ran'
+        with contextlib.suppress(OSError):  # the terminal may be closed
+            print(f'{self.get_name()}: {account}', flush=True)
+
+    def close(self) -> None:
+        """Destroy the node."""
+        self.destroy_node()
+
+    def _start(self) -> bool:
+        self._starting = True
+        started = self.trigger_configure() == SUCCESS and self.trigger_activate() == SUCCESS
+        self._starting = False
+        return bool(started)
+
+    def _run_while_active(self) -> None:
+        while not self._stopping:
+            self._work.wait()
+            self._work.clear()
+            if self.requests.is_open:
+                self._run_loop()
+
+    def _run_loop(self) -> None:
+        loop, cycle, timing = self._loop, self._cycle, self._timing
+        assert loop and cycle and timing  # activation made them
+        try:
+            loop.run(lambda now_ns, index: self._run_cycle(cycle, timing, now_ns * 1e-9))
+        finally:
+            # Whatever ended the loop, an exception included, the motors go off.
+            cycle.shutdown()
+            self._publish_mode(INACTIVE)
+            self.requests.close()
+
+    def stop(self) -> None:
+        """End `run` after the present cycle; may be called from any thread or signal handler."""
+        self._stopping = True
+        if self._loop is not None:
+            self._loop.stop()
+        self._work.set()
+
+    def _run_cycle(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
+        self.requests.serve(cycle)
+        self._take_command(cycle, timing, now)
+        cycle.update(now)
+        self._stamp_ns = self.now_ns()
+        self._streams.publish(
+            self._stamp_ns,
+            (cycle.q, cycle.dq, cycle.tau),
+            (cycle.motor_position, cycle.motor_velocity, cycle.motor_current),
+            cycle.motor_power,
+        )
+        if cycle.mode != self._mode:
+            self._publish_mode(cycle.mode)
+        self._rejection_log.update(cycle.intake, cycle.mode, now)
+        self.use_slack(now)
+        self.report()
+        self._slack.begin()
+
+    def report(self) -> None:
+        """Look for other nodes and do a piece of the diagnostics; once a cycle."""
+        self._watch.poll()
+        self._rivals.poll()
+        # For people, so in their time.
+        self._diagnostics.step(time.monotonic())
+
+    def _take_command(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
+        try:
+            command = self.newest_command()
+        except ValueError:
+            cycle.intake.reject('unreadable', now)
+            return
+        if command is None:
+            return
+        names, sample, number = command
+        age_ns = self.now_ns() - sample.stamp_ns
+        source, allowed = self._command_publishers.judge(number, now)
+        if not allowed or self._command_publishers.sources != self._sources:
+            self._sources = self._command_publishers.sources
+            self._watch.look_soon()
+        numbers = (sample.position, sample.velocity, sample.effort)
+        offered = OfferedCommand(names, *numbers, age_ns * 1e-9, source, allowed)
+        cycle.command(offered, now)
+        timing.add_command(age_ns, sample.stamp_ns == self._stamp_ns)
+
+    def _publish_mode(self, mode: str) -> None:
+        self._mode = mode
+        self._mode_publisher.publish(String(data=mode))
+        self._mode_log.note(mode, self._cycle.faults if self._cycle else ())
+        self._diagnostics.publish_soon()

@@ -1,0 +1,127 @@
+"""What all controllers have in common: they answer joint states with commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.live_topics.topic import Topic
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.ros.controllers.state_node import StateNode
+from aerarm_ros.ros.states.arm_modes import COMMANDABLE
+
+_DISTURBANCE_PERIOD = 10  # answered states
+
+
+class ControllerNode(StateNode):
+    """Runs a control loop for as long as the bridge follows commands.
+
+    While it doesn't (the arm is off, or stopped), the loop is released, so that control
+    begins at the arm's posture, wherever it was put meanwhile.
+
+    A derived controller overrides `make_loop`, and `subscribe` for its references.
+
+    Attributes
+    ----------
+    loop
+        The control loop.
+    """
+
+    loop: ControlLoop[Any]
+
+    # What a derived controller changes.
+
+    def make_loop(self) -> ControlLoop[Any]:
+        """Return the control loop; raises ValueError with what to check."""
+        raise NotImplementedError
+
+    def subscribe(self) -> None:
+        """Subscribe to the references."""
+
+    def before_update(self, state: ArmState, now: float) -> None:
+        """Act before the law, in the loop's thread."""
+
+    # For derived controllers.
+
+    def take_references(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
+        """Listen to a topic that moves the arm; rejected while the arm can't be commanded."""
+
+        def take(message: Any, now: float) -> None:
+            if self._mode not in COMMANDABLE:
+                mode = self._mode or 'unknown'
+                raise RejectedInputError(
+                    f"{topic.name}: the arm is '{mode}': enable it, or clear its fault, first"
+                )
+            act(message, now)
+
+        self.listen(topic, take)
+
+    # What a controller is to a StateNode.
+
+    def build(self) -> None:
+        """Make the control loop."""
+        self.loop = self.make_loop()
+        self._codec = JointStateCdr(self.arm.config.joint_names)
+        self._mode = ''
+        self._answered = 0
+        self._answered_ns: int | None = None
+        self._command = b''
+
+    def connect(self) -> None:
+        """Publish commands and the disturbance; follow the bridge's mode."""
+        self._commands = self.advertise(topics.JOINT_COMMAND)
+        self._disturbance = self.advertise(topics.DISTURBANCE)
+        self.listen(topics.ARM_MODE, self._on_mode)
+        self.subscribe()
+
+    def answer(self, stamp_ns: int, state: ArmState) -> None:
+        """Publish the command that answers a state."""
+        if self._mode not in COMMANDABLE:
+            self.loop.release()
+            self._answered_ns = None
+            return
+        if stamp_ns == self._answered_ns:
+            # An emulated arm in lockstep tells its state again: it did not hear the answer.
+            self._commands.publish(self._command)
+            return
+        now = stamp_ns * 1e-9
+        self.before_update(state, now)
+        command = self.loop.update(state, now)
+        if command is None:
+            return
+        self._command = bytes(self._codec.pack(stamp_ns, *command))
+        self._answered_ns = stamp_ns
+        self._commands.publish(self._command)
+        self.count_answer()
+        self.loop.observe()
+        self._answered += 1
+        if self.loop.disturbance is not None and self._answered % _DISTURBANCE_PERIOD == 0:
+            self._disturbance.publish(self._codec.pack(stamp_ns, effort=self.loop.disturbance))
+
+    def warning(self) -> str:
+        """Return what diagnostics should warn of."""
+        if self._mode not in COMMANDABLE:
+            return f"the arm is '{self._mode}': enable it, or clear its fault"
+        return super().warning()
+
+    def describe(self) -> dict[str, object]:
+        """Tell about the loop."""
+        loop = self.loop
+        values = {
+            **super().describe(),
+            'arm mode': self._mode,
+            'take-overs': loop.take_overs,
+            'states skipped': loop.skipped,
+        }
+        if loop.disturbance is not None:
+            values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
+        return values
+
+    def _on_mode(self, message: String, _: float) -> None:
+        self._mode = message.data

@@ -1,0 +1,191 @@
+"""Parameters that every controller has, and the parts made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.base_motion_estimator import MODES, NONE, BaseMotionEstimator
+from aerarm_ros.control.base.mount import Mount
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
+from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.dynamics import checked_payload
+from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS
+
+ARM_PARAMETERS = (
+    *ARM_FILES,
+    Parameter(
+        'base_motion',
+        NONE,
+        'what of the imu topic is used: nothing, its attitude, or attitude, rate and acceleration',
+        choices=MODES,
+    ),
+    Parameter('imu_frame', '', 'link of the URDF that is the IMU; base_link if empty'),
+    Parameter(
+        'imu_hold_time', 0.1, 'age up to which the last IMU sample is held', 's', 0.001, 10.0
+    ),
+    Parameter('imu_fade_time', 0.5, 'time in which gravity falls back', 's', 0.01, 60.0),
+    Parameter('imu_cutoff', 60.0, "low-pass of the base's angular acceleration", 'Hz', 0.1, 500.0),
+    Parameter('imu_latency', 0.0, 'age of an IMU sample when it arrives', 's', 0.0, 0.1),
+)
+
+LOOP_PARAMETERS = (
+    Parameter('state_timeout', 0.1, 'silence of joint_states that is reported', 's', 0.005, 10.0),
+    *REAL_TIME_PARAMETERS,
+)
+
+# The key that it has in payload.yaml, so that the file serves as parameter file.
+PAYLOAD = 'payload.inertial_parameters'
+
+PAYLOAD_PARAMETER = Parameter(
+    PAYLOAD,
+    [],
+    'inertial parameters (3.3) of what the last link carries, in the frame of its joint, as in '
+    'payload.yaml; nothing if empty',
+    'kg, kg m, kg m^2',
+    -100.0,
+    100.0,
+    element=float,
+    live=True,
+)
+
+FRICTION_PARAMETERS = (
+    PAYLOAD_PARAMETER,
+    Parameter('friction_fraction', 1.0, "share of the URDF's joint friction compensated", '', 0, 1),
+    Parameter('friction_width', 0.02, 'velocity of 3/4 of the friction', 'rad/s', 1e-4, 1.0),
+    Parameter('rotor_inertia', [], 'rotor inertia at the joints, J_m / k_g^2; from the '
+              'configuration if empty', 'kg m^2', 0.0, 10.0, element=float),
+    Parameter('load_friction', [0.0], "share of the torque passed on that joints' gears lose, one "
+              'or one a joint; `load` in estimate.yaml', '', 0.0, 1.0),
+)  # fmt: skip
+
+OBSERVER_PARAMETERS = (
+    Parameter('observer_gain', 30.0, 'disturbance observer; 0 for none', '1/s', 0.0, 1000.0),
+    Parameter('compensation', 0.0, 'largest compensated disturbance over effort_max; 0 only '
+              'observes', '', 0.0, 1.0),
+)  # fmt: skip
+
+FOLLOWER_PARAMETERS = (
+    Parameter('interpolation', 'quintic', 'between points', choices=('cubic', 'quintic')),
+    Parameter('start_tolerance', 0.1, 'distance of a start from the reference', 'rad', 0.0, 3.0),
+    Parameter('path_tolerance', 0.3, 'error at which a motion is aborted', 'rad', 1e-3, 10.0),
+    Parameter('goal_tolerance', 0.01, 'error at which a goal is reached', 'rad', 1e-5, 1.0),
+    Parameter('goal_time', 1.0, 'time to reach the goal after the end', 's', 0.0, 60.0),
+    Parameter('stream_timeout', 0.1, 'silence after which a stream brakes', 's', 0.005, 10.0),
+)
+
+
+@dataclass(frozen=True)
+class ControlledArm:
+    """The arm as a controller knows it."""
+
+    config: ArmConfig
+    robot: Robot
+    limits: JointLimits
+    _models: list[MovingBaseDynamics] = field(default_factory=list)
+
+    @classmethod
+    def from_parameters(cls, values: SimpleNamespace) -> ControlledArm:
+        """Read URDF and configuration; raises ValueError with what to check."""
+        config, robot = load_arm(values)
+        return cls(config, robot, JointLimits.from_config(config))
+
+    def dynamics(self, values: SimpleNamespace) -> MovingBaseDynamics:
+        """Return the model with the rotors' inertia."""
+        given = values.rotor_inertia or self.config.column('reflected_inertia')
+        model = MovingBaseDynamics(self.robot, given)
+        self.load(model, values)
+        return model
+
+    def load(self, model: MovingBaseDynamics, values: SimpleNamespace) -> None:
+        """Tell a model what the arm carries, now and whenever that changes; raises ValueError."""
+        model.carry(_payload(getattr(values, PAYLOAD, [])))
+        self._models.append(model)
+
+    def carry(self, payload: Sequence[float]) -> None:
+        """Tell every model what the arm carries from now on; raises ValueError."""
+        for model in self._models:
+            model.carry(_payload(payload))
+
+    def friction(self, values: SimpleNamespace) -> FrictionCompensation:
+        """Return the compensation of the URDF's joint friction."""
+        viscous, coulomb = self.robot.viscous, self.robot.coulomb
+        return FrictionCompensation(
+            viscous,
+            coulomb,
+            values.friction_width,
+            values.friction_fraction,
+            one_or_each(values.load_friction),
+        )
+
+    def observer(
+        self,
+        values: SimpleNamespace,
+        dynamics: MovingBaseDynamics,
+        friction: FrictionCompensation | None,
+    ) -> MomentumObserver | None:
+        """Return the disturbance observer, None if its gain is zero."""
+        if values.observer_gain == 0.0:
+            return None
+        return MomentumObserver(dynamics, values.observer_gain, friction)
+
+    def compensation_max(self, values: SimpleNamespace) -> npt.NDArray[np.float64]:
+        """Return the largest compensated disturbance, (n,) [Nm]."""
+        return np.asarray(values.compensation * self.limits.effort_max)
+
+    def base(self, values: SimpleNamespace) -> BaseMotionEstimator:
+        """Return the estimator of the base's motion."""
+        mount = Mount.from_robot(self.robot, values.imu_frame) if values.imu_frame else None
+        return BaseMotionEstimator(
+            self.config.gravity_in_base,
+            values.base_motion,
+            mount,
+            values.imu_hold_time,
+            values.imu_fade_time,
+            values.imu_cutoff,
+            values.imu_latency,
+        )
+
+    def follower(self, values: SimpleNamespace) -> TrajectoryFollower:
+        """Return the executor of trajectories and set points."""
+        tolerances = FollowerTolerances.uniform(
+            self.config.n,
+            values.start_tolerance,
+            values.path_tolerance,
+            values.goal_tolerance,
+            max(values.goal_time, 1e-3),
+            values.stream_timeout,
+        )
+        return TrajectoryFollower(self.limits, tolerances, values.interpolation)
+
+
+def payload_problem(changes: Mapping[str, Any]) -> str:
+    """Return why the payload among changed parameters can't be one, or ''."""
+    try:
+        checked_payload(_payload(changes.get(PAYLOAD, [])))
+    except ValueError as error:
+        return f'parameter {PAYLOAD}: {error}'
+    return ''
+
+
+def _payload(values: Sequence[float]) -> Sequence[float]:
+    """Return ten inertial parameters, those of nothing if none are given."""
+    return values if len(values) else [0.0] * 10
+
+
+def one_or_each(values: Sequence[float]) -> npt.NDArray[np.float64]:
+    """Return a list parameter as an array, a list of one as the number for all joints."""
+    return np.array(values[0] if len(values) == 1 else values, dtype=float)

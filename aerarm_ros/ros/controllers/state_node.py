@@ -1,0 +1,210 @@
+"""A node whose loop answers joint states."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import rclpy
+
+from aerarm_msgs_py.live_topics.topic import Topic
+from aerarm_ros.control.base.base_motion_estimator import NONE
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.ros.controllers.controller_parameters import (
+    ARM_PARAMETERS,
+    LOOP_PARAMETERS,
+    PAYLOAD,
+    ControlledArm,
+    payload_problem,
+)
+from aerarm_ros.ros.diagnostics.waiting_notice import WaitingNotice
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.parameters.real_time_parameters import prepare_thread
+from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
+from aerarm_ros.ros.states.state_stream import StateStream
+
+
+def state_node_parameters(*parameters: Parameter) -> ParameterTable:
+    """Return the parameters of a node: those of every such node, and its own."""
+    return ParameterTable(*ARM_PARAMETERS, *LOOP_PARAMETERS, *parameters)
+
+
+class StateNode:
+    """Calls `answer` for every joint state, with the base's motion kept up to date.
+
+    The loop runs in the thread that calls `run`; topics, parameters and diagnostics are
+    served by an executor in another one. What arrives there is put into a queue and acted
+    upon between two states, so that the pure objects belong to the loop's thread alone.
+
+    Parameters
+    ----------
+    name
+        Node name.
+    parameters
+        Its parameters, made by `state_node_parameters`.
+
+    Attributes
+    ----------
+    node, values, arm, base
+        The ROS node, its parameters, the arm and the motion of its base.
+    state, stamp_ns
+        The newest state, None before the first, and its stamp [ns]. The stamp is the only time
+        there is: that of an emulated arm is not the host's.
+    status
+        Exit status after `run`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter or a file can't be used.
+    """
+
+    answers_every_state = True  # a derived node may have a rate of its own
+
+    def __init__(self, name: str, parameters: ParameterTable) -> None:
+        self.status = 0
+        self.state: ArmState | None = None
+        self.stamp_ns = 0
+        self._requests: deque[Callable[[float], None]] = deque()
+        self._stopping = False
+        self.node = rclpy.create_node(name)
+        self.values = parameters.declare(self.node, self._on_parameter, self._parameter_problem)
+        self.arm = ControlledArm.from_parameters(self.values)
+        self.base = self.arm.base(self.values)
+        self.build()
+        self.diagnostics = StateDiagnostics(
+            self.node,
+            self.warning,
+            self.describe,
+            self.arm.config.name,
+            WaitingNotice(time.monotonic()),
+            self.answers_every_state,
+        )
+        self._stream = StateStream(self.node, self.arm.config.joint_names, self.reject)
+        self.diagnostics.watch(self._stream)
+        self.connect()
+
+    # What a derived node changes.
+
+    def build(self) -> None:
+        """Make the pure objects; raises ValueError with what to check."""
+
+    def connect(self) -> None:
+        """Make publishers and subscriptions."""
+
+    def answer(self, stamp_ns: int, state: ArmState) -> None:
+        """Act on a state, and call `count_answer` if that is an answer."""
+        raise NotImplementedError
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Take a changed live parameter, in the loop's thread; may raise ValueError."""
+
+    def check_parameter(self, name: str, value: Any) -> None:
+        """Raise ValueError if a live parameter's new value can't be taken; in any thread."""
+
+    def warning(self) -> str:
+        """Return what diagnostics should warn of, '' if nothing."""
+        source = self.base.status(self.stamp_ns * 1e-9)
+        return source if self.base.mode != NONE and source != 'IMU' else ''
+
+    def describe(self) -> dict[str, object]:
+        """Return what diagnostics should tell."""
+        return {'base motion': self.base.status(self.stamp_ns * 1e-9)}
+
+    # For derived nodes.
+
+    def listen(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
+        """Subscribe; `act(message, now)` is called in the loop's thread.
+
+        What it rejects (RejectedInputError) is reported and changes nothing.
+        """
+
+        def store(message: Any) -> None:
+            self._requests.append(lambda now: act(message, now))
+
+        self.node.create_subscription(topic.type, topic.name, store, topic.qos)
+
+    def advertise(self, topic: Topic) -> Any:
+        """Return a publisher of the topic."""
+        return self.node.create_publisher(topic.type, topic.name, topic.qos)
+
+    def count_answer(self) -> None:
+        """Count that the newest state has been answered now."""
+        self.diagnostics.latency.add(self._stream.latency_ns())
+
+    def reject(self, reason: str) -> None:
+        """Report an input that isn't used."""
+        self.diagnostics.add_rejection(reason)
+        self.node.get_logger().warning(f'rejected: {reason}', throttle_duration_sec=1.0)
+
+    # The loop.
+
+    def run(self) -> None:
+        """Answer states until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        with StopSignals(self._on_stop), BackgroundExecutor(self.node):
+            prepare_thread(self.values, self.node.get_logger())
+            while not self._stopping and rclpy.ok():
+                if self._stream.wait(self.values.state_timeout):
+                    self._take()
+        print(f'{self.node.get_name()}: {self.diagnostics.account()}', flush=True)
+
+    def close(self) -> None:
+        """Destroy the node."""
+        self._stream.destroy()
+        self.node.destroy_node()
+
+    def _take(self) -> None:
+        newest = self._stream.newest_state()
+        before, after = self._stream.imu_samples()
+        # A sample's age is counted from the state that came before it: a drone's clock need not
+        # be ours. One that came with a newer state is nevertheless older than that.
+        self._offer(before)
+        if newest is not None:
+            self.stamp_ns, self.state = newest
+            while self._requests:
+                self._try(self._requests.popleft())
+            self.answer(self.stamp_ns, self.state)
+        self._offer(after)
+
+    def _offer(self, samples: list[ImuSample]) -> None:
+        for sample in samples:
+            self._try(partial(self.base.offer, sample))
+
+    def _try(self, action: Callable[[float], None]) -> None:
+        try:
+            action(self.stamp_ns * 1e-9)
+        except RejectedInputError as error:
+            self.reject(str(error))
+
+    # Callbacks.
+
+    def _parameter_problem(self, changes: Mapping[str, Any]) -> str:
+        for name, value in changes.items():
+            try:
+                self.check_parameter(name, value)
+            except ValueError as error:
+                return f'parameter {name}: {error}'
+        return payload_problem(changes)
+
+    def _on_parameter(self, name: str, value: Any) -> None:
+        def change(_: float) -> None:
+            try:
+                if name == PAYLOAD:
+                    self.arm.carry(value)
+                else:
+                    self.on_parameter(name, value)
+            except ValueError as error:
+                raise RejectedInputError(f'parameter {name}: {error}') from None
+
+        self._requests.append(change)
+
+    def _on_stop(self) -> None:
+        self._stopping = True

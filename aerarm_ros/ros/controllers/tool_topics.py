@@ -1,0 +1,59 @@
+"""Targets for the tool, and where it is."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import PoseStamped
+
+from aerarm_msgs_py import topics
+from aerarm_ros.control.base.frame_conversion import quaternion
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.references.target_follower import TargetFollower
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.states.base_header import BASE_FRAME, base_header
+
+_POSE_PERIOD = 0.02  # [s]
+
+
+class ToolTopics:
+    """Feeds tool_trajectory into a target follower and publishes tool_pose.
+
+    Parameters
+    ----------
+    controller
+        Owner of subscription, publisher and timer.
+    follower
+        What is fed.
+    frame
+        Link that is moved.
+    """
+
+    def __init__(self, controller: ControllerNode, follower: TargetFollower, frame: str) -> None:
+        self._controller = controller
+        self._follower = follower
+        # An instance of its own: it works in the executor's thread.
+        self._kinematics = Kinematics(controller.arm.robot, frame)
+        pose = topics.TOOL_POSE
+        self._poses = controller.node.create_publisher(pose.type, pose.name, pose.qos)
+        controller.take_references(topics.TOOL_TRAJECTORY, self._on_target)
+        controller.node.create_timer(_POSE_PERIOD, self._publish_pose)
+
+    def _on_target(self, message: PoseStamped, now: float) -> None:
+        frame = message.header.frame_id
+        if frame not in ('', BASE_FRAME):
+            raise RejectedInputError(
+                f'tool target: it is given in {frame!r}, send it in {BASE_FRAME!r}'
+            )
+        p = message.pose.position
+        self._follower.set_target([p.x, p.y, p.z], now)
+
+    def _publish_pose(self) -> None:
+        state = self._controller.state
+        if state is None:
+            return
+        message = PoseStamped(header=base_header(self._controller.stamp_ns))
+        transform = self._kinematics.transform(state.q)
+        p, r = message.pose.position, message.pose.orientation
+        p.x, p.y, p.z = transform[:3, 3].tolist()
+        r.x, r.y, r.z, r.w = quaternion(transform[:3, :3]).tolist()
+        self._poses.publish(message)

@@ -1,0 +1,15 @@
+"""What people are told while something works: on /diagnostics, in the log, on the terminal.
+
+In come numbers and problems, as often as there are any; out they go as often as a person reads.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        'diagnostics_publisher': ['DiagnosticsPublisher'],
+        'progress_line': ['ProgressLine'],
+        'waiting_notice': ['WaitingNotice'],
+    },
+)

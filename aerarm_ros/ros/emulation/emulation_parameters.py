@@ -1,0 +1,75 @@
+"""Parameters of an emulated arm, and what it is made of by them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.hardware.emulation.fault_injection import FAULTS
+from aerarm_ros.hardware.emulation.fault_request import FORM
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
+from aerarm_ros.simulation.plant_parameters import PlantParameters
+
+EMULATION_PARAMETERS = (
+    Parameter(
+        'seed',
+        0,
+        "seed of the arm's deviations from the drawing and of noise; -1 for an arm as drawn",
+        minimum=-1,
+        maximum=10**9,
+    ),
+    Parameter(
+        'initial_position',
+        [],
+        "joint angles at the start, in the joints' order; the rest position if empty",
+        'rad',
+        -6.3,
+        6.3,
+        element=float,
+    ),
+    Parameter(
+        'payload',
+        [],
+        "what the arm carries: mass, and x, y, z of its centre in the frame of the last link's "
+        'joint; nothing if empty',
+        'kg, m',
+        -10.0,
+        10.0,
+        element=float,
+    ),
+    Parameter(
+        'base_motion_profile',
+        STILL,
+        "what the arm's base does once the motors are ready; unless it is still, its IMU is "
+        'published on imu',
+        choices=tuple(BASE_PROFILES),
+    ),
+    Parameter('truth_file', '', "YAML file to write the arm's true parameters to"),
+    Parameter(
+        'fault',
+        '',
+        f'fault to inject, at once when it is set: {FORM}, NAME one of {", ".join(FAULTS)}',
+        live=True,
+    ),
+)
+
+# The payload is a ball of this radius [m]: its own inertia, small beside that of its place.
+PAYLOAD_RADIUS = 0.03
+
+
+def plant_parameters(
+    config: ArmConfig, robot: Robot, seed: int | None, payload: Sequence[float]
+) -> PlantParameters:
+    """Return what the simulated arm is made of; raises ValueError for an impossible payload."""
+    parameters = PlantParameters.nominal(config, robot)
+    if seed is not None:
+        parameters = parameters.perturbed(seed)
+    if not payload:
+        return parameters
+    if len(payload) != 4 or not payload[0] >= 0.0:
+        raise ValueError(
+            f'payload {list(payload)}: give a mass not below 0 [kg] and x, y, z of its centre [m]'
+        )
+    return parameters.carrying(payload[0], payload[1:], PAYLOAD_RADIUS)

@@ -1,0 +1,213 @@
+"""The bridge on emulated boards: everything real down to the bytes, but the bus and the arm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation.emulated_base import mount_on_base
+from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.emulation.fault_injection import FAULTS
+from aerarm_ros.hardware.emulation.fault_request import FORM, FaultRequest
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile
+from aerarm_ros.hardware.gate.answer import Answer
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.ros.bridge.bridge_parameters import BRIDGE_PARAMETERS
+from aerarm_ros.ros.bridge.bridge_streams import Command
+from aerarm_ros.ros.bridge.cycle_requests import Action
+from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
+from aerarm_ros.ros.emulation.emulated_drone import EmulatedDrone
+from aerarm_ros.ros.emulation.emulated_world import PACE_PARAMETERS, REAL_TIME, EmulatedWorld
+from aerarm_ros.ros.emulation.emulation_parameters import EMULATION_PARAMETERS, plant_parameters
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
+
+PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS, *PACE_PARAMETERS, *EMULATION_PARAMETERS)
+
+# What is looked after once a cycle, looked after as often as that while the world stands still.
+_CYCLES_OF_A_WAIT = 10
+_STILL = 0.05  # [rad/s] joints slower than this
+_FALL_TIME = 2.0  # [s] by then an arm whose motors are off has begun to fall
+
+
+class FakeHardware(HardwareBridge):
+    """Hardware bridge whose boards are emulated on a physics engine.
+
+    A real arm is carried by hand until its motors hold it. So is this one: enabling takes it
+    up where it is, or back to where it started if it fell beyond its limits.
+    """
+
+    def __init__(self) -> None:
+        self._boards: EmulatedTransport | None = None
+        self._drone: EmulatedDrone | None = None
+        self._world: EmulatedWorld | None = None
+        self._now = 0.0
+        super().__init__('fake_hardware', PARAMETERS)
+
+    def make_transport(
+        self, config: ArmConfig, robot: Robot, profile: FrameProfile
+    ) -> EmulatedTransport:
+        """Return emulated boards; writes the true parameters if asked to."""
+        values = self.values
+        if len(values.initial_position) not in (0, config.n):
+            raise ValueError(
+                f'initial_position has {len(values.initial_position)} angles: give one for each of '
+                f'{", ".join(config.joint_names)}'
+            )
+        seed = None if values.seed < 0 else values.seed
+        self._boards = transport = make_emulated_transport(
+            config,
+            robot,
+            seed,
+            position=values.initial_position or None,
+            parameters=plant_parameters(config, robot, seed, values.payload),
+            profile=profile,
+        )
+        self._destroy_drone()
+        if values.base_motion_profile != STILL:
+            plant = mount_on_base(transport, robot, BASE_PROFILES[values.base_motion_profile])
+            self._drone = EmulatedDrone(self, plant)
+        if values.truth_file:
+            text = yaml.safe_dump(transport.plant.true_parameters(), sort_keys=False)
+            Path(values.truth_file).write_text(text)
+        if values.fault:
+            FaultRequest.parse(values.fault, len(transport.boards)).apply(transport)
+        return transport
+
+    def make_loop(self) -> PeriodicLoop:
+        """Return what runs the cycles: that of the emulated world, unless it runs in real time."""
+        self._destroy_world()
+        if self.values.pace == REAL_TIME:
+            return super().make_loop()
+        self._world = EmulatedWorld(
+            self,
+            self._streams,
+            self.requests,
+            self.values.pace,
+            self.values.period,
+            self.values.answer_timeout,
+            round(self._now * 1e9),
+            self._is_still,
+            self._tell_again,
+            self._wait_idly,
+        )
+        return self._world.loop
+
+    def now_ns(self) -> int:
+        """Return the emulated world's time [ns since the epoch]."""
+        return self._world.now_ns() if self._world is not None else super().now_ns()
+
+    def newest_command(self) -> Command | None:
+        """Return the newest command, which the emulated world may have waited for."""
+        world = self._world
+        return world.newest_command() if world is not None else super().newest_command()
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the buses, and forget drone and world: configuring makes others."""
+        self._destroy_drone()
+        self._destroy_world()
+        return super().on_cleanup(state)
+
+    def actions(self) -> dict[str, Action]:
+        """Return the services' actions: those of a bridge, and what can be done to the arm."""
+        return {
+            **super().actions(),
+            'enable': self._enable,
+            'inject_fault': self._inject_fault,
+            'put_back': self._put_back,
+        }
+
+    def use_slack(self, now: float) -> None:
+        """Run boards and arm on to the next cycle, while the controllers compute."""
+        self._now = now
+        if self._drone is not None and self._cycle is not None:
+            # Before the arm moves on: the sample is of the time of its stamp.
+            self._drone.update(self._cycle.mode, now, self._stamp_ns)
+        if self._boards is not None:
+            self._boards.advance(now + self.values.period)
+        if self._world is not None:
+            self._world.end_cycle(self._mode)
+
+    def report(self) -> None:
+        """Look for other nodes, another world included, and do a piece of the diagnostics."""
+        super().report()
+        if self._world is not None:
+            self._world.poll()
+
+    def check_parameters(self, changes: Mapping[str, Any]) -> str:
+        """Return why live parameters can't be set, or ''."""
+        if self._boards is not None and changes.get('fault'):
+            try:
+                FaultRequest.parse(changes['fault'], len(self._boards.boards))
+            except ValueError as error:
+                return f'parameter fault: {error}'
+        return super().check_parameters(changes)
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Take over a live parameter."""
+        super().on_parameter(name, value)
+        if name == 'fault' and value:
+            self.requests.post(self._inject_fault)
+
+    def _is_still(self, mode: str, since: float) -> bool:
+        cycle, boards = self._cycle, self._boards
+        if cycle is None or boards is None or np.abs(cycle.dq).max() > _STILL:
+            return False
+        # An arm that is let go rests at first, and falls.
+        return mode != 'idle' or boards.is_carried or since > _FALL_TIME
+
+    def _tell_again(self) -> None:
+        cycle = self._cycle
+        if cycle is not None:
+            self._streams.publish_joints(self._stamp_ns, (cycle.q, cycle.dq, cycle.tau))
+
+    def _wait_idly(self) -> None:
+        for _ in range(_CYCLES_OF_A_WAIT):
+            self.report()
+
+    def _destroy_world(self) -> None:
+        if self._world is not None:
+            self._world.destroy()
+            self._world = None
+
+    def _destroy_drone(self) -> None:
+        if self._drone is not None:
+            self._drone.destroy()
+            self._drone = None
+
+    def _enable(self, cycle: BridgeCycle) -> Answer:
+        boards = self._boards
+        if self._world is not None and self._world.is_waiting:
+            cycle.intake.forget()  # its publisher is silent: the arm may be held
+        if boards is None or cycle.mode != 'idle':
+            return cycle.enable()
+        if cycle.gate.is_inside(cycle.q):
+            boards.carry()
+            return cycle.enable()
+        boards.put_back()
+        cycle.update(self._now)  # see where it is now
+        accepted, message = cycle.enable()
+        return Answer(accepted, f'the fallen arm was put back to where it started; {message}')
+
+    def _inject_fault(self, cycle: BridgeCycle) -> Answer:
+        fault, boards = self.values.fault, self._boards
+        if boards is None or not fault:
+            return Answer(False, f'set the parameter fault first: {FORM}')
+        FaultRequest.parse(fault, len(boards.boards)).apply(boards)
+        return Answer(True, f'{fault}: {FAULTS[fault.partition(":")[0].strip()].meaning}')
+
+    def _put_back(self, cycle: BridgeCycle) -> Answer:
+        boards = self._boards
+        if boards is None or any(board.system_enabled for board in boards.boards):
+            return Answer(False, 'the motors are driven: disable first')
+        boards.put_back()
+        return Answer(True, 'the arm is back where it started, carried until its motors hold it')

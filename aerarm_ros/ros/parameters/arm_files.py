@@ -1,0 +1,32 @@
+"""The parameters that name the files of the arm, and the arm they describe."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.ros.parameters.parameter import Parameter
+
+ARM_FILES = (
+    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+    Parameter('urdf', '', 'URDF of the arm, for example an identified one; the packaged if empty'),
+)
+
+
+def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
+    """Return the arm that the values of `ARM_FILES` name, under its configuration's gravity.
+
+    Raises
+    ------
+    ValueError
+        If a file cannot be read or used, or the two do not fit each other; the message says
+        what to check.
+    """
+    config = load_arm_config(values.config or None)
+    robot = load_robot(
+        values.urdf or None,
+        gravity_in_base=config.gravity_in_base,
+        joint_names=config.joint_names,
+    )
+    return config, robot

@@ -1,0 +1,190 @@
+"""Waits for an arm that rests, and plays a planned motion on it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.ros.diagnostics.progress_line import ProgressLine
+from aerarm_ros.ros.diagnostics.waiting_notice import WaitingNotice
+from aerarm_ros.ros.playback.start_conditions import StartConditions
+from aerarm_ros.ros.states.arm_modes import COMMANDABLE
+from aerarm_ros.ros.states.state_stream import StateStream
+
+# A joint slower than this counts as resting [rad/s]; the velocity filter's noise stays below.
+RESTING = 0.1
+# How long an arm whose time is on /clock may be silent [s].
+_PATIENCE = 10.0
+
+Listener = Callable[[int, ArmState, bytes], None]
+
+
+class MotionPlayback:
+    """One command for every joint state, from the first to the last.
+
+    Its callbacks need an executor that spins the node.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and subscriptions.
+    joint_names
+        In the order of all arrays.
+    subscribers, recorder
+        What to wait for beside the arm, see `StartConditions`.
+    on_rejection
+        Called with the reason of each state that cannot be used.
+
+    Attributes
+    ----------
+    stop_asked
+        Whether the arm shall come to rest, or has.
+    states
+        The stream of joint states.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        joint_names: tuple[str, ...],
+        subscribers: int = 1,
+        recorder: bool = False,
+        on_rejection: Callable[[str], None] | None = None,
+    ) -> None:
+        self.stop_asked = False
+        self._node = node
+        self._name = node.get_name()
+        self._logger = node.get_logger()
+        self._codec = JointStateCdr(joint_names)
+        command = topics.JOINT_COMMAND
+        self._commands = node.create_publisher(command.type, command.name, command.qos)
+        self._conditions = StartConditions(node, self._commands, subscribers, recorder)
+        self._rejection = ''
+        self._on_rejection = on_rejection
+        self.states = StateStream(node, joint_names, self._reject)
+
+    def wait_for_arm(self, timeout: float) -> NDArray[np.float64] | None:
+        """Return the posture (n,) [rad] once the arm is there and rests; None if asked to stop.
+
+        Raises
+        ------
+        ExcitationError
+            If that takes longer than `timeout` [s], with what is missing.
+        """
+        begin = time.monotonic()
+        notice = WaitingNotice(begin)
+        state: ArmState | None = None
+        while not self.stop_asked:
+            missing = self._conditions.missing() or _missing_rest(state)
+            now = time.monotonic()
+            text = notice.update(missing, now)
+            if text:
+                self._logger.info(text)
+            if not missing and state is not None:
+                return state.q
+            if now - begin > timeout:
+                reasons = [*missing, self._rejection] if self._rejection else missing
+                raise ExcitationError(f'waited {timeout:g} s, and {"; ".join(reasons)}')
+            self.states.wait(0.1)
+            newest = self.states.newest_state()
+            state = state if newest is None else newest[1]
+        return None
+
+    def play(self, player: ExcitationPlayer, silence: float, listener: Listener) -> None:
+        """Answer every state until the motion has ended or was stopped.
+
+        Parameters
+        ----------
+        player
+            Has the motion.
+        silence
+            Longest time without a joint state [s].
+        listener
+            Called with stamp [ns], state and the serialized command that answers it.
+
+        Raises
+        ------
+        ExcitationError
+            If the states stop coming, the arm is stopped, or does not follow. An emulated arm may
+            be silent for longer: its time stands still when the host is busy.
+        """
+        progress = ProgressLine(self._name)
+        heard = time.monotonic()
+        try:
+            while not player.done:
+                self.states.wait(silence)
+                newest = self.states.newest_state()
+                if newest is None:
+                    self._check_silence(heard, silence, player.stage)
+                    continue
+                heard = time.monotonic()
+                if self.stop_asked:
+                    player.stop()
+                self._answer(player, *newest, listener)
+                if progress.due(newest[0], player.stage):
+                    progress.show(_progress_text(player))
+        finally:
+            progress.close()
+        if player.fault is not None:
+            raise ExcitationError(player.fault)
+
+    def ask_stop(self) -> None:
+        """Let the arm come to rest; may be called from a signal handler."""
+        self.stop_asked = True
+
+    def destroy(self) -> None:
+        """Destroy the subscriptions."""
+        self.states.destroy()
+
+    def _answer(
+        self, player: ExcitationPlayer, stamp_ns: int, state: ArmState, listener: Listener
+    ) -> None:
+        # A pause of this process damps the arm, and the next command is followed again. What the
+        # pause did to the motion is judged by the tracking error.
+        if self._conditions.mode not in COMMANDABLE:
+            raise ExcitationError(
+                f"arm_mode became '{self._conditions.mode}' in the {player.stage}: see the console "
+                'of the bridge, or view'
+            )
+        command = bytes(self._codec.pack(stamp_ns, *player.update(stamp_ns, state.q)))
+        self._commands.publish(command)
+        listener(stamp_ns, state, command)
+
+    def _check_silence(self, heard: float, silence: float, stage: str) -> None:
+        is_emulated = self._node.count_publishers(topics.CLOCK.name) > 0
+        timeout = max(silence, _PATIENCE) if is_emulated else silence
+        if time.monotonic() - heard > timeout:
+            why = self._rejection or (
+                'did the bridge end, or is the computer overloaded? '
+                'state_timeout lengthens the wait'
+            )
+            raise ExcitationError(f'no joint state for {timeout:g} s in the {stage}: {why}')
+
+    def _reject(self, reason: str) -> None:
+        self._rejection = reason
+        if self._on_rejection is not None:
+            self._on_rejection(reason)
+
+
+def _missing_rest(state: ArmState | None) -> list[str]:
+    if state is None:
+        return ['no joint_states arrived: is the bridge running in this domain?']
+    if np.abs(state.dq).max() >= RESTING:
+        return [f'the arm does not rest (below {RESTING} rad/s)']
+    return []
+
+
+def _progress_text(player: ExcitationPlayer) -> str:
+    return (
+        f'{player.path_time:5.1f} of {player.motion.duration:.1f} s  {player.stage:<10} '
+        f'largest error {player.largest_error.max():.3f} rad'
+    )

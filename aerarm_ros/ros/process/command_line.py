@@ -1,0 +1,123 @@
+"""The command line of a node: its help, and what is wrong with what was given."""
+
+from __future__ import annotations
+
+import shutil
+import textwrap
+from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
+from inspect import cleandoc
+
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process.ros_arguments import GivenParameter, RosArguments, UsageError
+
+_HELP = ('-h', '--help')
+# Parameters that every node of rclpy has.
+_OF_RCLPY = ('use_sim_time', 'start_type_description_service')
+# Similarity of a name that is meant to be the other one. Where other nodes' names are
+# expected as well, only a slip of the pen counts.
+_SIMILAR, _NEARLY_SAME = 0.6, 0.8
+
+
+class CommandLine:
+    """What a node may be told when it is started.
+
+    Parameters
+    ----------
+    name
+        Executable, and the node's name without remapping.
+    parameters
+        The node's parameters.
+    description
+        What the node does.
+
+    Attributes
+    ----------
+    name
+        As given.
+    """
+
+    def __init__(self, name: str, parameters: ParameterTable, description: str | None) -> None:
+        self.name = name
+        self._parameters = {parameter.name: parameter for parameter in parameters}
+        self._description = cleandoc(description or '')
+
+    def asks_help(self, arguments: RosArguments) -> bool:
+        """Tell whether help is wanted, and nothing else."""
+        return any(argument in _HELP for argument in arguments.plain)
+
+    def help(self) -> str:
+        """Return the help, as wide as the terminal."""
+        width = min(100, shutil.get_terminal_size().columns)
+        lines = [
+            f'usage: {self.name} [-h] [--ros-args -p NAME:=VALUE ... --params-file FILE]',
+            '',
+            self._description,
+            '',
+            'Parameters (those marked live may change while the node runs: ros2 param set):',
+        ]
+        for parameter in self._parameters.values():
+            lines.append(_wrap(parameter.heading(), width, 2, 6))
+            lines.append(_wrap(parameter.description, width, 6, 6))
+        return '\n'.join(lines)
+
+    def check(self, arguments: RosArguments) -> list[str]:
+        """Return warnings of what is probably a mistake.
+
+        Raises
+        ------
+        UsageError
+            If an argument is not understood, or this node is given a parameter that it does
+            not have. In a file's section for nodes of any name that is no error: the
+            parameter may be another node's.
+        """
+        if arguments.plain:
+            raise UsageError(
+                f"argument '{arguments.plain[0]}' is not understood: parameters are given with "
+                f'--ros-args -p NAME:=VALUE, {self.name} --help lists them'
+            )
+        node = arguments.full_name(self.name)
+        warnings = [self._judge(given, node) for given in arguments.parameters]
+        return [*filter(None, warnings), *_misnamed_sections(arguments.parameters, node)]
+
+    def _judge(self, given: GivenParameter, node: str) -> str:
+        """Return a warning, '' if there is none, or raise UsageError."""
+        if not given.is_for(node):
+            if given.source == '-p':
+                raise UsageError(
+                    f'-p {given.node[1:]}:{given.name} is for {given.node}, not {node}'
+                )
+            return ''
+        if self._knows(given.name):
+            return ''
+        similar = _NEARLY_SAME if given.is_for_any_node else _SIMILAR
+        closest = _closest(given.name, list(self._parameters), similar)
+        hint = f"did you mean '{closest}'? " if closest else ''
+        text = (
+            f"{given.source}: there is no parameter '{given.name}': {hint}"
+            f'({self.name} --help lists all)'
+        )
+        if not given.is_for_any_node:
+            raise UsageError(text)
+        return text if closest else ''
+
+    def _knows(self, name: str) -> bool:
+        return name in self._parameters or name in _OF_RCLPY
+
+
+def _misnamed_sections(given: Sequence[GivenParameter], node: str) -> Iterator[str]:
+    """Yield a warning for each file that names only a node with nearly this one's name."""
+    for file in dict.fromkeys(p.source for p in given if p.source != '-p'):
+        sections = {p.node for p in given if p.source == file and not p.is_for_any_node}
+        bases = {section.rpartition('/')[2]: section for section in sections}
+        closest = _closest(node.rpartition('/')[2], list(bases), _NEARLY_SAME)
+        if closest and closest != node.rpartition('/')[2]:
+            yield f'{file} has nothing for {node}, but a section {bases[closest]}: a slip?'
+
+
+def _closest(name: str, known: Sequence[str], cutoff: float) -> str:
+    return next(iter(get_close_matches(name, known, n=1, cutoff=cutoff)), '')
+
+
+def _wrap(text: str, width: int, first: int, following: int) -> str:
+    return textwrap.fill(text, width, initial_indent=' ' * first, subsequent_indent=' ' * following)

@@ -1,0 +1,136 @@
+"""A node of this package as a child process: started, watched and stopped."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import IO
+
+from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
+from aerarm_ros.ros.process.log_directory import find_log_directory
+
+# Longer than any node's own shut-down (a bag's last chunk, the boards' last frames).
+STOP_TIMEOUT = 10.0
+_LAUNCHER = Path(__file__).with_name('die_with_parent.py')
+
+
+class NodeProcess:
+    """One executable of the package, run as `python -m aerarm_ros.nodes.NAME`.
+
+    It ends with this process, even if that is killed (and with the thread that started it).
+    Ctrl-C does not reach it, so that one process decides in which order all others end.
+
+    Parameters
+    ----------
+    name
+        Executable, for example ``recorder``.
+    arguments
+        Command-line arguments before ``--ros-args``.
+    parameters
+        ROS parameters given with ``-p name:=value``.
+    environment
+        Variables added to this process's own, for example ``ROS_DOMAIN_ID``.
+    log
+        File that takes standard output and error; they are inherited if None.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        arguments: Sequence[str] = (),
+        parameters: Mapping[str, object] | None = None,
+        environment: Mapping[str, str] | None = None,
+        log: Path | None = None,
+    ) -> None:
+        self.name = name
+        # The launcher alone needs no packages: -I -S.
+        command = [sys.executable, '-I', '-S', str(_LAUNCHER), str(os.getpid())]
+        command += [sys.executable, '-m', f'aerarm_ros.nodes.{name}', *arguments]
+        for key, value in (parameters or {}).items():
+            # ROS arguments may appear in several groups; one a parameter reads well in `ps`.
+            command += ['--ros-args', '-p', f'{key}:={_as_yaml(value)}', '--']
+        self.log = log
+        self._stream: IO[bytes] | None = log.open('wb') if log else None
+        self._process = subprocess.Popen(
+            command,
+            env=ros_environment(environment),
+            stdin=subprocess.DEVNULL,
+            stdout=self._stream,
+            stderr=subprocess.STDOUT if self._stream else None,
+            process_group=0,
+        )
+
+    @property
+    def returncode(self) -> int | None:
+        """Exit status, None while running."""
+        return self._process.poll()
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for the end of the process [s] and return its exit status.
+
+        Raises
+        ------
+        subprocess.TimeoutExpired
+            If it still runs after `timeout`.
+        """
+        return self._process.wait(timeout)
+
+    def stop(self, sent: signal.Signals = signal.SIGTERM, timeout: float = STOP_TIMEOUT) -> int:
+        """Ask the process to end, wait, and kill it if it does not; return its exit status.
+
+        SIGINT would leave a traceback of a process that still imports its modules.
+        """
+        if self._process.poll() is None:
+            self._process.send_signal(sent)
+            try:
+                self._process.wait(timeout)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        if self._stream:
+            self._stream.close()
+        return self._process.returncode
+
+    def tail(self, lines: int = 15) -> str:
+        """Last lines of the log, for an error message."""
+        if not self.log:
+            return ''
+        return '\n'.join(self.log.read_text(errors='replace').splitlines()[-lines:])
+
+    def __enter__(self) -> NodeProcess:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+
+def ros_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Environment of a node: this process's, the Fast DDS profile, and `extra`."""
+    environment = dict(os.environ)
+    use_packaged_profile(environment)
+    find_log_directory(environment)
+    environment.update(extra or {})
+    return environment
+
+
+def _as_yaml(value: object) -> str:
+    if isinstance(value, bool):
+        return 'true' if value else 'false'
+    if isinstance(value, (list, tuple)):
+        return '[' + ', '.join(_as_yaml(item) for item in value) + ']'
+    return str(value)

@@ -1,0 +1,22 @@
+"""What the larger programs do once their command line is read: each run is an object.
+
+In come options of `identifier`, `excitation_designer` or `demo`; out go files, and text for a
+terminal.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        'demo_account': ['DemoAccount'],
+        'demo_run': ['DemoError', 'DemoRun'],
+        'design_options': ['excitation_setup', 'torque_noise', 'whole_periods'],
+        'design_run': ['DesignRun'],
+        'identifier_bags': ['IdentifierBags', 'RecordedBag'],
+        'identifier_options': ['identifier_parser'],
+        'identifier_payload': ['PayloadRun'],
+        'identifier_run': ['IdentifierRun'],
+        'identifier_table': ['terminal_table'],
+    },
+)

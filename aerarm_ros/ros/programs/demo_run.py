@@ -1,0 +1,178 @@
+"""The steps of the demo: move the emulated arm, record, identify, and check the promise."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from subprocess import TimeoutExpired
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+
+from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
+from aerarm_ros.ros.process.log_directory import find_log_directory
+from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.programs.demo_account import DemoAccount
+from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
+
+# [s] A slow or busy machine takes long to load its libraries, and for the arm's time to pass.
+_START_TIME = 120
+_PATIENCE = 300.0
+
+
+class DemoError(RuntimeError):
+    """A step of the demo failed; the message says which and where its log is."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One recorded run of the arm."""
+
+    name: str
+    seed: int
+    bag: Path
+
+
+class DemoRun:
+    """The suite's nodes, one after the other, on one folder.
+
+    Parameters
+    ----------
+    out
+        Folder with an empty folder `logs`.
+    options
+        Parsed arguments of the demo.
+    """
+
+    def __init__(self, out: Path, options: argparse.Namespace) -> None:
+        self._out = out
+        self._logs = out / 'logs'
+        self._options = options
+        self._motions = (
+            Motion('identification', options.seed, out / 'identification_bag'),
+            Motion('validation', options.seed + 1, out / 'validation_bag'),
+        )
+
+    def move_and_record(self) -> DemoAccount:
+        """Drive the emulated arm through the motions; return what its nodes say of it.
+
+        Raises
+        ------
+        DemoError, ArmClientError
+            If a node fails or the arm does not follow.
+        """
+        hardware = NodeProcess(
+            'fake_hardware',
+            parameters={
+                'seed': self._options.arm_seed,
+                'pace': self._options.pace,
+                'truth_file': self._out / 'truth.yaml',
+                'realtime_priority': self._options.priority,
+            },
+            log=self._logs / 'fake_hardware.log',
+        )
+        with hardware, _arm_client() as client:
+            print('Arm       emulated boards are starting', flush=True)
+            _wait_for_bridge(hardware, client)
+            client.call('enable')
+            client.wait_for_mode(['ready'], _PATIENCE)
+            for motion in self._motions:
+                self._run_motion(motion)
+                client.call('enable')  # hold the arm, which is only damped once its commands end
+        if hardware.returncode != 0:
+            raise DemoError(f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}')
+        try:
+            return DemoAccount.read(
+                self._logs / 'fake_hardware.log',
+                {motion.name: self._recorder_log(motion) for motion in self._motions},
+            )
+        except ValueError as error:
+            raise DemoError(str(error)) from None
+
+    def identify(self) -> None:
+        """Identify and check what the demo promises; raises DemoError."""
+        (identification, validation), out = self._motions, self._out
+        arguments = ['--bag', str(identification.bag), '--validation', str(validation.bag)]
+        arguments += ['--truth', str(out / 'truth.yaml'), '--out', str(out / 'result')]
+        with NodeProcess('identifier', arguments) as identifier:
+            _wait(identifier, 2 * _PATIENCE)
+        # The promise of the demo, checked and not only printed.
+        solvers = json.loads((out / 'result' / 'summary.json').read_text())['solvers']
+        if not solvers['sdp']['physically_consistent']:
+            raise DemoError('the identified model is not physically consistent: see the report')
+        cad, identified = (solvers[name]['validation'][0]['filtered'] for name in ('cad', 'sdp'))
+        if identified > 0.5 * cad:
+            raise DemoError(f'the identified model ({identified:.1f} %) does not beat CAD clearly')
+
+    def _run_motion(self, motion: Motion) -> None:
+        options = self._options
+        with ExitStack() as stack:
+            recorder = stack.enter_context(
+                NodeProcess(
+                    'recorder',
+                    parameters={'bag': motion.bag},
+                    log=self._recorder_log(motion),
+                )
+            )
+            print(f'Motion    {motion.name} (seed {motion.seed})', flush=True)
+            excitation = stack.enter_context(
+                NodeProcess(
+                    'excitation',
+                    parameters={
+                        'seed': motion.seed,
+                        'periods': options.periods,
+                        'subscribers': 2,
+                        'wait_for_recorder': True,
+                        'wait_timeout': _PATIENCE,
+                        'realtime_priority': max(0, options.priority - 1),
+                    },
+                )
+            )
+            _wait(excitation, _PATIENCE * (2 + options.periods))
+            if recorder.returncode is not None:
+                raise DemoError(f'recorder ended early:\n{recorder.tail()}')
+        if recorder.returncode != 0:
+            raise DemoError(f'recorder ended with {recorder.returncode}:\n{recorder.tail()}')
+
+    def _recorder_log(self, motion: Motion) -> Path:
+        return self._logs / f'recorder_{motion.name}.log'
+
+
+def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
+    for _ in range(_START_TIME):
+        try:
+            return client.wait_for_mode(['idle'], timeout=1.0)
+        except ArmClientError:
+            if hardware.returncode is not None:
+                raise DemoError(
+                    f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}'
+                ) from None
+    raise DemoError(f'fake_hardware is not ready after {_START_TIME} s: see {hardware.log}')
+
+
+@contextmanager
+def _arm_client() -> Iterator[ArmClient]:
+    use_packaged_profile()
+    find_log_directory()
+    # Ctrl-C and SIGTERM end the demo as KeyboardInterrupt, with the context still valid.
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node('demo')
+    try:
+        yield ArmClient(node, ['fake_hardware'])
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _wait(process: NodeProcess, timeout: float) -> None:
+    """Wait for a good end of a process; raise DemoError if there is none within `timeout` [s]."""
+    try:
+        status = process.wait(timeout)
+    except TimeoutExpired:
+        raise DemoError(f'{process.name} did not end within {timeout:g} s') from None
+    if status != 0:
+        raise DemoError(f'{process.name} ended with {status}')

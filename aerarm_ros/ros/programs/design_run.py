@@ -1,0 +1,274 @@
+"""One run of the designer: checks first, then the search, then the files."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerarm_ros.excitation.design.design_result import DesignResult
+from aerarm_ros.excitation.design.design_specification import BOTH, DesignSpecification
+from aerarm_ros.excitation.design.parallel_design import design_all
+from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
+from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile, describe_margins
+from aerarm_ros.excitation.preview.preview import Preview
+from aerarm_ros.excitation.settings.excitation_error import (
+    DesignStoppedError,
+    ExcitationError,
+    InfeasibleError,
+)
+from aerarm_ros.ros.diagnostics.progress_line import ProgressLine
+from aerarm_ros.ros.programs.design_options import excitation_setup, torque_noise, whole_periods
+
+NAME = 'excitation_designer'
+# Other frequencies for validation: a model that holds only at one speed is found out.
+VALIDATION = {'slow': 0.5, 'fast': 2.0}
+
+
+class DesignRun:
+    """One run of the program: keeps the best trajectory so far in the file asked for.
+
+    Parameters
+    ----------
+    options : the command line.
+    interrupted : whether the user has had enough.
+
+    Raises
+    ------
+    ValueError, OSError
+        If a file, a number or the combination of limits cannot be used.
+    """
+
+    def __init__(self, options: argparse.Namespace, interrupted: Callable[[], bool]) -> None:
+        self._options = options
+        self._interrupted = interrupted
+        self._periods = whole_periods(options.duration, options.fundamental)
+        if options.starts < 1 or options.workers < 1:
+            raise ExcitationError('at least one start and one worker are needed')
+        if not options.time_limit > 0.0:
+            raise ExcitationError(f'time limit must be positive, got {options.time_limit} s')
+        self._require_writable()
+        self._began = time.monotonic()
+        self._finished = 0
+        self._out_of_time = False
+        self._progress = ProgressLine(NAME)
+        setup = excitation_setup(options)
+        self._specification = DesignSpecification(
+            setup,
+            options.fundamental,
+            options.harmonics,
+            options.objective,
+            options.condition_limit,
+            options.amplitude,
+            torque_noise(options, setup.robot.n),
+            options.seed,
+        )
+        self._designer = TrajectoryDesigner(self._specification)
+
+    def run(self) -> None:
+        """Design until all starts are done, the time is up or the user has had enough."""
+        try:
+            random = self._designer.initial(0, self._is_over)
+            validation = self._validation() if self._options.validation else {}
+        except DesignStoppedError:
+            raise DesignStoppedError(
+                f'{self._why()} before there was a feasible trajectory: nothing was written'
+            ) from None
+        self._print(f'{NAME}: random    {_figures(random)}; deviations are compared with it')
+        # Only now anything is written: whatever could be refused has been accepted.
+        self._save(random, self._options.out, self._specification)
+        for path, (specification, result) in validation.items():
+            self._save(result, path, specification)
+            self._print(f'{path}: {specification.fundamental:g} Hz, for validation')
+        self._conclude(self._search(random), random)
+
+    def _search(self, random: DesignResult) -> DesignResult:
+        options, best = self._options, random
+        for outcome in design_all(
+            self._specification, options.starts, options.workers, self._watch
+        ):
+            self._finished += 1
+            if isinstance(outcome, InfeasibleError):
+                self._print(f'{NAME}: a start was given up: {outcome}')
+                continue
+            if outcome.quality.objective < best.quality.objective:
+                best = outcome
+                self._save(best, options.out, self._specification)
+            self._report(outcome, best, random)
+            self._out_of_time |= outcome.stopped and not self._interrupted()
+        if self._finished < options.starts or self._is_over():
+            self._out_of_time |= self._finished < options.starts and not self._interrupted()
+            self._print(f'{NAME}: {self._why()}; the best so far is kept')
+        return best
+
+    def _conclude(self, best: DesignResult, random: DesignResult) -> None:
+        self._print(f'{self._options.out}: closest to each limit\n{best.report.as_table()}')
+        if best is not random:
+            reference = 'those of the random trajectory above'
+            compared = best.quality.compared_with(random.quality, reference)
+            self._print(f'{NAME}: expected standard {compared} (geometric mean)')
+        for warning in self._warnings(best, random):
+            self._print(f'{NAME}: warning: {warning}')
+        if self._options.preview:
+            Preview(self._designer, best, random).write(self._options.preview)
+            self._print(f'{self._options.preview}: preview')
+
+    def _warnings(self, best: DesignResult, random: DesignResult) -> list[str]:
+        """Return what the user should know before playing the trajectory."""
+        warnings = []
+        if best is random:
+            more = ': give more time with --time-limit' if self._out_of_time else ''
+            warnings.append(f'no start led to anything better than a random trajectory{more}')
+        condition, limit = best.quality.condition_number, self._specification.condition_limit
+        if self._specification.objective == BOTH and condition > limit:
+            why = (
+                'the time was over: give more with --time-limit'
+                if self._out_of_time
+                else f'what binds most is {best.report.binding}. More starts, time or harmonics, '
+                'or a wider limit, may help'
+            )
+            warnings.append(
+                f'condition number {condition:.1f} (5.2) misses its limit of {limit:g}; {why}'
+            )
+        limits = self._specification.setup.limits
+        unknown = [
+            text
+            for text, values in (
+                ('acceleration (--acceleration-limit)', limits.acceleration),
+                ('torque (URDF)', limits.effort),
+                ('motor current (--config, or --current-limit)', limits.current),
+            )
+            if not np.isfinite(values).any()
+        ]
+        if unknown:
+            warnings.append(f'no limit is known for {", ".join(unknown)}: it was not checked')
+        return warnings
+
+    def _validation(self) -> dict[Path, tuple[DesignSpecification, DesignResult]]:
+        """Return a slower and a faster random trajectory with coefficients of their own."""
+        results = {}
+        highest = self._specification.setup.config.highest_frequency
+        for name, path in self._validation_paths().items():
+            fundamental = VALIDATION[name] * self._options.fundamental
+            # As many harmonics as the arm's elasticity allows at this speed.
+            harmonics = min(self._options.harmonics, int(highest / fundamental + 1e-9))
+            try:
+                specification = replace(
+                    self._specification,
+                    fundamental=fundamental,
+                    harmonics=max(1, harmonics),
+                    seed=self._specification.seed + 1_000_000,
+                )
+                result = TrajectoryDesigner(specification).initial(0, self._is_over)
+            except InfeasibleError as error:
+                raise InfeasibleError(f'{name} validation trajectory: {error}') from None
+            results[path] = specification, result
+        return results
+
+    def _validation_paths(self) -> dict[str, Path]:
+        out: Path = self._options.out
+        return {
+            name: out.with_name(f'{out.stem}_validation_{name}{out.suffix}') for name in VALIDATION
+        }
+
+    def _require_writable(self) -> None:
+        """Try every file that is to be written, before hours are spent on what goes into it."""
+        paths = [self._options.out]
+        if self._options.preview:
+            paths.append(self._options.preview)
+        if self._options.validation:
+            paths += self._validation_paths().values()
+        if len({path.absolute() for path in paths}) < len(paths):
+            raise ExcitationError('--out and --preview must be different files')
+        existing = [path for path in paths if path.is_file()]
+        if existing and not self._options.overwrite:
+            raise ExcitationError(
+                f'{existing[0]} exists: name another with '
+                f'{"--preview" if existing[0] == self._options.preview else "--out"}, '
+                'or give --overwrite'
+            )
+        for path in paths:
+            if path.is_dir():
+                raise ExcitationError(f'{path} cannot be written: it is a folder, name a file')
+            trial = path.with_name(f'{path.name}.{os.getpid()}.tmp')
+            try:
+                trial.touch()
+                trial.unlink()
+            except OSError as error:
+                raise ExcitationError(
+                    f'{path} cannot be written: {error.strerror}: check the folder and its '
+                    'permissions'
+                ) from None
+
+    def _save(self, result: DesignResult, path: Path, specification: DesignSpecification) -> None:
+        quality = result.quality
+        made_with: dict[str, Any] = {
+            'objective': specification.objective,
+            'seed': specification.seed,
+            'start': result.start,
+            'condition_number': round(quality.condition_number, 3),
+            'scaled_condition_number': round(quality.scaled_condition_number, 3),
+            'log_deviation': round(quality.log_deviation, 5),
+            'margins': describe_margins(result.report),
+            'notes': list(result.report.notes),
+        }
+        # As long as asked for, and at least one period.
+        ratio = specification.fundamental / self._options.fundamental
+        periods = max(1, round(self._periods * ratio))
+        names = specification.setup.limits.joint_names
+        TrajectoryFile(result.trajectory, names, made_with, periods).save(path)
+
+    def _report(self, result: DesignResult, best: DesignResult, random: DesignResult) -> None:
+        compared = result.quality.compared_with(random.quality, 'random')
+        leader = 'random' if best is random else f'start {best.start}'
+        self._print(
+            f'{NAME}: start {result.start:<3} {_figures(result)}, {compared}; '
+            f'best so far: {leader}{self._remark(result)}'
+        )
+
+    def _remark(self, result: DesignResult) -> str:
+        remark = result.remark
+        if result.stopped and not self._interrupted():
+            remark += (
+                f': start {result.start} stopped after its {result.seconds:.0f} s share of '
+                '--time-limit: give more time'
+            )
+        return f' ({remark})' if remark else ''
+
+    def _print(self, text: str) -> None:
+        self._progress.close()
+        print(text, flush=True)
+
+    def _watch(self) -> bool:
+        """Show on a terminal that the search is alive, and return whether it is over."""
+        if sys.stdout.isatty() and self._progress.due(time.monotonic_ns()):
+            self._progress.show(
+                f'{self._seconds():4.1f} of {self._options.time_limit:g} s, '
+                f'{self._finished} of {self._options.starts} starts done'
+            )
+        return self._is_over()
+
+    def _is_over(self) -> bool:
+        return self._interrupted() or self._seconds() > self._options.time_limit
+
+    def _why(self) -> str:
+        over = f'{self._options.time_limit:g} s are over'
+        return 'stopped' if self._interrupted() else over
+
+    def _seconds(self) -> float:
+        return time.monotonic() - self._began
+
+
+def _figures(result: DesignResult) -> str:
+    quality = result.quality
+    return (
+        f'condition {quality.condition_number:6.1f} (5.2), '
+        f'{quality.scaled_condition_number:6.1f} scaled, {result.seconds:4.1f} s'
+    )

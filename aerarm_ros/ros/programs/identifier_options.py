@@ -1,0 +1,147 @@
+"""What the identifier can be asked for; imports nothing slow, so that --help is quick."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+from aerarm_ros.ros.process.one_line_parser import OneLineParser
+
+
+def _optional_path(text: str) -> Path | None:
+    """Return a path, None for the empty text of an unset launch argument."""
+    return Path(text) if text else None
+
+
+# Option, what argparse needs to know, and help.
+_OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
+    (
+        '--bag',
+        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+        'bags to identify from',
+    ),
+    (
+        '--validation',
+        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+        'bags to predict',
+    ),
+    (
+        '--payload',
+        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+        'bags of the same arm carrying something: its mass, centre of mass and inertia',
+    ),
+    (
+        '--model',
+        {'type': _optional_path, 'metavar': 'FILE'},
+        'estimate.yaml of the arm: only what --payload shows is identified, without --bag',
+    ),
+    (
+        '--holdout',
+        {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
+        'validate on this last share of each --bag',
+    ),
+    (
+        '--urdf',
+        {'type': _optional_path, 'metavar': 'FILE'},
+        "URDF of the arm (default: this package's)",
+    ),
+    (
+        '--config',
+        {'type': _optional_path, 'metavar': 'FILE'},
+        'motors and gears, as config/aerarm.yaml',
+    ),
+    (
+        '--topic',
+        {'default': '/joint_states', 'metavar': 'NAME'},
+        'JointState topic (default: %(default)s)',
+    ),
+    (
+        '--out',
+        {'type': Path, 'metavar': 'DIR'},
+        'result folder (default: output/identification_...)',
+    ),
+    ('--truth', {'type': Path, 'metavar': 'FILE'}, 'true parameters of a simulated arm'),
+    ('--rename', {'nargs': '+', 'default': [], 'metavar': 'BAG=URDF'}, "names of the bag's joints"),
+    (
+        '--lock',
+        {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
+        'joints of the URDF that do not move',
+    ),
+    (
+        '--ignore',
+        {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
+        'joints of the bag to leave out',
+    ),
+    (
+        '--effort-gain',
+        {'nargs': '+', 'default': [], 'metavar': 'JOINT=GAIN'},
+        'recorded effort to Nm, e.g. Nm/A',
+    ),
+    (
+        '--gravity',
+        {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
+        'in the base frame [m/s^2]',
+    ),
+    ('--fundamental', {'type': float, 'metavar': 'HZ'}, 'f0 of a periodic motion (default: found)'),
+    (
+        '--harmonics',
+        {'type': int, 'metavar': 'N'},
+        'harmonics of a periodic motion (default: found)',
+    ),
+    (
+        '--cutoff',
+        {'type': float, 'metavar': 'HZ'},
+        'low-pass on torque (default: 10 times the motion)',
+    ),
+    (
+        '--filter',
+        {'choices': ('auto', 'harmonics', 'butterworth'), 'default': 'auto'},
+        'of the kinematics: rectangular windows at the harmonics of a periodic motion, zero-phase '
+        'low-pass, or what the data choose (default)',
+    ),
+    (
+        '--friction',
+        {'default': 'auto', 'metavar': 'MODEL'},
+        'auto (default), or one or several, joined by +, of coulomb, load, offset, creep, stribeck '
+        'and asymmetric',
+    ),
+    (
+        '--coupled',
+        {'nargs': '+', 'default': [], 'metavar': 'JOINT=DRIVER'},
+        "joints that feel another one's velocity and acceleration, besides those of --config",
+    ),
+    (
+        '--total-mass',
+        {'nargs': 2, 'type': float, 'metavar': ('MIN', 'MAX')},
+        'of all moving links, from weighing [kg]',
+    ),
+    (
+        '--bound-centres',
+        {'action': 'store_true'},
+        "keep each centre of mass in the box of the link's inertia in the URDF",
+    ),
+    (
+        '--solvers',
+        {
+            'nargs': '+',
+            'choices': ('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', 'sdp'),
+            'default': ['wls'],
+            'metavar': 'NAME',
+        },
+        'besides cad, ols and sdp: wls (default), huber, entropic, slsqp, annealing (the last two '
+        'take seconds)',
+    ),
+)
+
+
+def identifier_parser(name: str, description: str) -> OneLineParser:
+    """Return what reads the command line of a program of that name.
+
+    The options it returns also say when they were read, as `started`.
+    """
+    parser = OneLineParser(prog=name, description=description.splitlines()[0])
+    for option, details, text in _OPTIONS:
+        parser.add_argument(option, help=text, **details)
+    parser.set_defaults(started=time.localtime())
+    return parser

@@ -1,0 +1,252 @@
+"""One run of the identifier: bags in, files and a table out."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
+from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.assessment.truth import inertial_torque_errors, load_truth
+from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
+from aerarm_ros.identification.files.equivalent_friction import equivalent_friction
+from aerarm_ros.identification.files.estimate_file import estimate_yaml, payload_yaml
+from aerarm_ros.identification.files.identified_urdf import identified_urdf
+from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.parameters.link_bounds import LinkBounds
+from aerarm_ros.identification.payload.identify_payload import identify_payload
+from aerarm_ros.identification.payload.payload import Payload
+from aerarm_ros.identification.recording.bag_facts import BagFacts
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.recording.recording import (
+    JointMapping,
+    Recording,
+)
+from aerarm_ros.identification.report.report import ReportExtras, report_html
+from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.ros.programs.identifier_bags import IdentifierBags, RecordedBag
+from aerarm_ros.ros.programs.identifier_table import terminal_table
+
+_FILES = ('estimate.yaml', 'identified.urdf', 'payload.yaml', 'report.html', MARKER)
+
+
+class IdentifierRun:
+    """What the command line asks for.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed arguments of the identifier.
+
+    Raises
+    ------
+    IdentificationError, DescriptionError, ConfigError
+        If an argument, the URDF or the configuration is wrong.
+    """
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self._options = options
+        self._stopwatch = Stopwatch()
+        if not 0.0 <= options.holdout < 1.0:
+            raise IdentificationError(f'--holdout {options.holdout:g} must lie in 0 .. 1')
+        self._names = _bag_names([*options.bag, *options.validation, *options.payload])
+        self._config = self._load_config()
+        self._robot = self._load_robot()
+        mapping = JointMapping(
+            rename=dict(_pair(text, '--rename') for text in options.rename),
+            ignored=tuple(options.ignore),
+            locked=tuple(options.lock),
+            effort_gain={
+                joint: _number(gain, '--effort-gain')
+                for joint, gain in (_pair(text, '--effort-gain') for text in options.effort_gain)
+            },
+        )
+        self._bags = IdentifierBags(options.topic, self._robot.joint_names, mapping)
+        self._read_bags: dict[str, RecordedBag] = {}
+
+    def execute(self) -> str:
+        """Identify, write the result, and return a table for the terminal.
+
+        Raises
+        ------
+        IdentificationError, BagError
+            If a bag can't be identified from, or the result can't be written.
+        """
+        options = self._options
+        default = Path('output') / time.strftime('identification_%Y%m%d_%H%M%S', options.started)
+        with ResultDirectory(options.out or default, files=_FILES) as directory:
+            identification, validation = self._read()
+            result = self._identify(identification, validation)
+            payload = self._payload(result)
+            self._write(result, payload, directory)
+        tell_replaced(directory)
+        lines = [terminal_table(result, self._facts())]
+        if payload is not None:
+            lines.append(f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg')
+        return '\n'.join(lines) + f'\nReport: {directory.target / "report.html"}'
+
+    def _load_config(self) -> ArmConfig | None:
+        options = self._options
+        # Another arm's URDF says nothing about this package's motors.
+        if options.config is None and options.urdf is not None:
+            return None
+        return load_arm_config(options.config)
+
+    def _load_robot(self) -> Robot:
+        options = self._options
+        gravity = options.gravity
+        if gravity is None:
+            gravity = self._config.gravity_in_base if self._config else STANDARD_GRAVITY
+        return load_robot(options.urdf, gravity_in_base=gravity, locked=options.lock)
+
+    def _read(self) -> tuple[list[Recording], list[Recording]]:
+        with self._stopwatch.stage('reading'):
+            identification = [self._recording(path) for path in self._options.bag]
+            validation = [self._recording(path) for path in self._options.validation]
+        for path in set(self._options.bag) & set(self._options.validation):
+            self._bags.messages.append(
+                f'{path} is among --bag and --validation: its errors say nothing of other motions'
+            )
+        share = self._options.holdout
+        if share > 0.0:
+            cut = 1.0 - share
+            first, last = f' [first {100 * cut:g} %]', f' [last {100 * share:g} %]'
+            validation += [recording.part(cut, 1.0, last) for recording in identification]
+            identification = [recording.part(0.0, cut, first) for recording in identification]
+        return identification, validation
+
+    def _recording(self, path: Path) -> Recording:
+        name = self._names[path]
+        _progress(f'reading {name}')
+        self._read_bags[name] = self._bags.read(path, name)
+        return self._read_bags[name].recording
+
+    def _facts(self) -> dict[str, BagFacts]:
+        return {name: bag.facts for name, bag in self._read_bags.items()}
+
+    def _identify(
+        self, identification: Sequence[Recording], validation: Sequence[Recording]
+    ) -> IdentificationResult:
+        options = self._options
+        _progress('identifying')
+        chosen = IdentificationOptions(
+            conditioning=ConditioningOptions(
+                fundamental=options.fundamental,
+                harmonics=options.harmonics,
+                cutoff=options.cutoff,
+                filter=options.filter,
+            ),
+            friction=options.friction,
+            coupled=tuple(_pair(text, '--coupled') for text in options.coupled),
+            solvers=tuple(options.solvers),
+            bounds=LinkBounds(
+                tuple(options.total_mass) if options.total_mass else None, options.bound_centres
+            ),
+            progress=lambda solver: _progress(f'solving by {solver}'),
+        )
+        result = identify(
+            self._robot, self._config, identification, validation, chosen, self._stopwatch
+        )
+        result.warnings[:0] = self._bags.messages
+        tell(result.warnings)
+        return result
+
+    def _payload(self, result: IdentificationResult) -> Payload | None:
+        if not self._options.payload:
+            return None
+        _progress('identifying the payload')
+        known = len(self._bags.messages)
+        with self._stopwatch.stage('reading'):
+            recordings = [self._recording(path) for path in self._options.payload]
+        tell(self._bags.messages[known:])
+        result.warnings.extend(self._bags.messages[known:])
+        with self._stopwatch.stage('payload'):
+            return identify_payload(result, recordings)
+
+    def _write(
+        self, result: IdentificationResult, payload: Payload | None, directory: ResultDirectory
+    ) -> None:
+        _progress('writing the report')
+        with self._stopwatch.stage('writing'):
+            estimate = result.recommended.estimate
+            viscous, coulomb = equivalent_friction(estimate, result.identification)
+            directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
+            urdf = identified_urdf(self._robot, estimate.inertial, viscous, coulomb)
+            tell(urdf.warnings)
+            result.warnings.extend(urdf.warnings)
+            directory.write('identified.urdf', urdf.text)
+            if payload is not None:
+                directory.write('payload.yaml', payload_yaml(estimate, payload))
+            extras = replace(self._extras(result), payload=payload)
+            directory.write('report.html', report_html(result, extras))
+        summary = summarise(
+            result, self._stopwatch.seconds, extras.truth_errors, payload, extras.facts
+        )
+        directory.write_json(MARKER, summary)
+
+    def _extras(self, result: IdentificationResult) -> ReportExtras:
+        bags = self._read_bags.items()
+        desired = {name: bag.desired for name, bag in bags if bag.desired is not None}
+        extras = ReportExtras(desired, facts=self._facts())
+        if self._options.truth is None:
+            return extras
+        truth = load_truth(self._options.truth, result.fit.model)
+        errors = inertial_torque_errors(
+            truth,
+            [solution.estimate for solution in result.solutions.values()],
+            [*result.identification, *result.validation],
+        )
+        return replace(extras, truth=truth, truth_errors=errors)
+
+
+def tell(texts: Iterable[str]) -> None:
+    """Print what the user should know, one line each."""
+    for text in texts:
+        print(f'identifier: {text}', file=sys.stderr)
+
+
+def tell_replaced(directory: ResultDirectory) -> None:
+    """Say so if the result took the place of an earlier one."""
+    if directory.replaced:
+        tell([f'{directory.target}: an earlier result was replaced'])
+
+
+def _bag_names(paths: Sequence[Path]) -> dict[Path, str]:
+    """Return a short name of each bag, its path where the folder's name isn't enough."""
+    paths = list(dict.fromkeys(paths))
+    names = [path.resolve().name for path in paths]
+    return {
+        path: name if names.count(name) == 1 else str(path)
+        for path, name in zip(paths, names, strict=True)
+    }
+
+
+def _pair(text: str, option: str) -> tuple[str, str]:
+    left, equals, right = text.partition('=')
+    if not (left and equals and right):
+        raise IdentificationError(f'{option} {text}: write it as LEFT=RIGHT')
+    return left, right
+
+
+def _number(text: str, option: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float('nan')
+    if not np.isfinite(value) or value == 0.0:
+        raise IdentificationError(f'{option}: {text} must be a number other than zero')
+    return value
+
+
+def _progress(text: str) -> None:
+    if sys.stderr.isatty():
+        print(f'identifier: {text} ...', file=sys.stderr)

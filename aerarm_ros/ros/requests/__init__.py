@@ -1,0 +1,17 @@
+"""What one node asks of another: services of the bridge, a set point, a parameter.
+
+In come a node and a wish; out goes what came of it, or an `ArmClientError` that says what to
+check. Who answers is found first: a stop goes to every bridge, all else only to one.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        'arm_client': ['ArmClient', 'ArmClientError', 'BRIDGES'],
+        'emergency_stop': ['EmergencyStop'],
+        'parameter_request': ['set_parameter'],
+        'set_point_request': ['SetPointRequest'],
+    },
+)

@@ -1,0 +1,95 @@
+"""Setting a live parameter of another node, as typed on a command line."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import Any
+
+import yaml
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
+
+from aerarm_ros.ros.executors.spinning import spin_until, this_domain
+from aerarm_ros.ros.requests.arm_client import ArmClientError
+
+_Type = Parameter.Type
+
+
+def set_parameter(node: Node, target: str, name: str, text: str, timeout: float) -> Any:
+    """Set a parameter of the node `target` and return its new value.
+
+    Parameters
+    ----------
+    node
+        Asks; no executor may hold it.
+    target, name
+        Node, relative or absolute, and parameter.
+    text
+        Value in YAML; of a string parameter the string itself.
+    timeout
+        Longest time to find the node, and again for each answer [s].
+
+    Raises
+    ------
+    ArmClientError
+        If there is no such node or parameter, or the node does not answer, or refuses.
+    """
+    client = AsyncParameterClient(node, target)
+    if not spin_until(node, client.services_are_ready, timeout):
+        raise ArmClientError(f'no node {target} with parameters: does it run in {this_domain()}?')
+
+    def result(future: Future) -> Any:
+        if not spin_until(node, future.done, timeout):
+            raise ArmClientError(f'{target} gave no answer within {timeout:g} s')
+        return future.result()
+
+    descriptors = result(client.describe_parameters([name])).descriptors
+    if not descriptors:
+        known = result(client.list_parameters()).result.names
+        closest = next(iter(get_close_matches(name, known, n=1)), '')
+        hint = f": did you mean '{closest}'?" if closest else ''
+        raise ArmClientError(f"{target} has no parameter '{name}'{hint}")
+    if descriptors[0].read_only:
+        raise ArmClientError(
+            f'{target} reads {name} once: give it when the node starts, -p {name}:={text}'
+        )
+    parameter = Parameter(name, value=_value(descriptors[0], text))
+    answer = result(client.set_parameters([parameter])).results[0]
+    if not answer.successful:
+        raise ArmClientError(f'{target} refuses: {answer.reason}')
+    return parameter.value
+
+
+def _value(descriptor: ParameterDescriptor, text: str) -> Any:
+    """Return what the text means for a parameter of that type."""
+    if descriptor.type == _Type.STRING.value:
+        return text
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        value = None
+    if descriptor.type == _Type.DOUBLE.value:
+        value = _number(value)
+    elif descriptor.type == _Type.DOUBLE_ARRAY.value and value is not None:
+        elements = value if isinstance(value, list) else [value]
+        value = [_number(element) for element in elements]
+    try:
+        _Type.from_parameter_value(value)
+    except TypeError:
+        value = None
+    if value is None:
+        raise ArmClientError(f'{text!r} is no value of a parameter: 0.5, true or [1.0, 2.0] are')
+    return value
+
+
+def _number(value: Any) -> Any:
+    """Return a floating-point number where YAML reads another: 2, and 1e-3, a text to it."""
+    if isinstance(value, bool):
+        return value
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return value

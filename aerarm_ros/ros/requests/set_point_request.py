@@ -1,0 +1,131 @@
+"""Sending the arm to a posture, and seeing it arrive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from numpy.typing import NDArray
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.live_topics.topic import Topic
+from aerarm_ros.ros.executors.spinning import spin_until, this_domain
+from aerarm_ros.ros.graph.endpoint_name import endpoint_name
+from aerarm_ros.ros.requests.arm_client import ArmClientError
+from aerarm_ros.ros.states.arm_modes import HELD
+
+_LISTENER = 'recorder'  # hears everything, and moves nothing
+_REPORT = 1.5  # [s] within which every controller has reported on /diagnostics
+_COUNT, _REASON = 'rejected inputs', 'last rejection'  # of a controller's status
+
+
+class SetPointRequest:
+    """Publishes a set point, and listens to what becomes of it.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and subscriptions; no executor may hold it.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._state: JointState | None = None
+        self._mode = ''
+        self._rejections: dict[str, tuple[int, str]] = {}
+        topic = topics.SET_POINT
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+        self._listen(topics.JOINT_STATES, self._on_state)
+        self._listen(topics.ARM_MODE, self._on_mode)
+        self._listen(topics.DIAGNOSTICS, self._on_diagnostics)
+
+    def go(self, posture: Sequence[float], tolerance: float, timeout: float) -> None:
+        """Send the arm to a posture and wait until it is there.
+
+        Parameters
+        ----------
+        posture
+            Joint angles in the order of `joint_states` [rad].
+        tolerance
+            How near every joint must come [rad].
+        timeout
+            Longest time for a controller to be found, and again for the way [s].
+
+        Raises
+        ------
+        ArmClientError
+            If no arm or controller is there, the posture is of another arm or rejected, or it is
+            not reached.
+        """
+        names = self._find_arm(timeout)
+        if len(posture) != len(names):
+            raise ArmClientError(f'give {len(names)} angles [rad], of {", ".join(names)}')
+        spin_until(self._node, lambda: self._rejections, _REPORT)
+        before = dict(self._rejections)
+        self._publisher.publish(JointState(name=names, position=list(posture)))
+
+        def rejection() -> str:
+            later = self._rejections.items()
+            return next((why for name, (n, why) in later if n > before.get(name, (n, ''))[0]), '')
+
+        def distance() -> NDArray[np.float64]:
+            assert self._state is not None
+            error: NDArray[np.float64] = np.abs(np.array(self._state.position) - posture)
+            return error
+
+        def ended() -> bool:
+            return bool(np.all(distance() <= tolerance) or rejection())
+
+        in_time = spin_until(self._node, ended, timeout)
+        if rejection():
+            raise ArmClientError(f'rejected: {rejection()}')
+        if not in_time:
+            far = np.argmax(distance())
+            raise ArmClientError(
+                f'{names[far]} is still {distance()[far]:.3f} rad away after {timeout:g} s; '
+                f'arm_mode is {self._mode}'
+            )
+
+    def _find_arm(self, timeout: float) -> list[str]:
+        """Return the joints' names once arm and controller are there."""
+
+        def is_there() -> bool:
+            return self._state is not None and bool(self._mode)
+
+        if not spin_until(self._node, lambda: is_there() and self._is_heard(), timeout):
+            what = 'no controller takes a set_point' if is_there() else 'there are no joint_states'
+            raise ArmClientError(
+                f'{what}: do a bridge and computed_torque or gravity_compensation run in '
+                f'{this_domain()}?'
+            )
+        if self._mode not in HELD:
+            raise ArmClientError(f'arm_mode is {self._mode}: arm enable first')
+        assert self._state is not None
+        return list(self._state.name)
+
+    def _is_heard(self) -> bool:
+        """Tell whether a controller listens, and everybody who does is connected."""
+        listeners = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        names = [endpoint_name(listener) for listener in listeners]
+        if not all(names) or all(name.rpartition('/')[2] == _LISTENER for name in names):
+            return False
+        return bool(self._publisher.get_subscription_count() >= len(listeners))
+
+    def _listen(self, topic: Topic, callback: Callable[..., None]) -> None:
+        self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
+
+    def _on_state(self, message: JointState) -> None:
+        self._state = message
+
+    def _on_mode(self, message: String) -> None:
+        self._mode = message.data
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            if _COUNT in values:
+                self._rejections[status.name] = int(values[_COUNT]), values[_REASON]

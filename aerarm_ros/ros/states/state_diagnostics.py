@@ -1,0 +1,138 @@
+"""What a node that answers joint states tells on /diagnostics, once a second."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_ros.realtime.timing_statistics import TimingStatistics
+from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.diagnostics.waiting_notice import WaitingNotice
+from aerarm_ros.ros.graph.sole_publisher import SolePublisher
+from aerarm_ros.ros.states.state_stream import StateStream
+
+# A rejection is a warning for this long [s].
+_REMEMBERED = 5.0
+_SILENCE = 'no joint states: is the bridge running?'
+
+
+class StateDiagnostics:
+    """Publishes one status; the loop's thread only adds numbers.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and timer.
+    warning
+        Returns what the node itself finds wrong, '' if nothing.
+    values
+        Returns what the node itself has to say, by name.
+    arm
+        The arm's name.
+    notice
+        When to log that no states come; never if not given, for a node that does so itself.
+    every_state
+        Whether each state should be answered: if not, nobody counts those that aren't.
+
+    Attributes
+    ----------
+    latency
+        Time from a state's publication to the answer.
+    rejections, last_rejection
+        Inputs not used, and why the last one wasn't.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        warning: Callable[[], str],
+        values: Callable[[], Mapping[str, object]],
+        arm: str = '',
+        notice: WaitingNotice | None = None,
+        every_state: bool = True,
+    ) -> None:
+        self._node = node
+        self._notice = notice
+        self._every_state = every_state
+        self._warning = warning
+        self._values = values
+        self._stream: StateStream | None = None
+        self._received = 0
+        self._rejected_at = -np.inf
+        self.latency = TimingStatistics()
+        self.rejections = 0
+        self.last_rejection = ''
+        self._sources = SolePublisher(node, topics.JOINT_STATES)
+        self._output = DiagnosticsPublisher(node, arm, self._now_ns)
+        node.create_timer(PERIOD, self.publish)
+
+    def watch(self, stream: StateStream) -> None:
+        """Report on the stream from now on."""
+        self._stream = stream
+
+    def add_rejection(self, reason: str) -> None:
+        """Count an input that isn't used."""
+        self.rejections += 1
+        self.last_rejection = reason
+        self._rejected_at = time.monotonic()
+
+    def account(self) -> str:
+        """Return one line for the log's end."""
+        latency, skipped = self.latency.summary(), self._skipped()
+        rejected = f'{self.rejections} inputs rejected'
+        if not latency.count:
+            received = self._stream.received if self._stream else 0
+            came = f'{received} states came, none was answered' if received else 'no states came'
+            return f'{came}, {rejected}'
+        unanswered = '' if skipped is None else f'{skipped} not answered, '
+        return (
+            f'{latency.count} states answered, {unanswered}{rejected}; '
+            f'answer p50 {latency.p50 * 1e6:.0f} us, p99 {latency.p99 * 1e6:.0f} us after the state'
+        )
+
+    def publish(self) -> None:
+        """Publish the status."""
+        self._output.report(self._problem(), self._all_values())
+
+    def _now_ns(self) -> int | None:
+        """Return the time as the states tell it [ns], None before the first."""
+        return self._stream.stamp_ns if self._stream else None
+
+    def _problem(self) -> str:
+        news = self._sources.news()
+        if news:
+            self._node.get_logger().warning(news)
+        received = self._stream.received if self._stream else 0
+        is_silent, self._received = received == self._received, received
+        if is_silent:
+            self._say_waiting()
+            return _SILENCE
+        if time.monotonic() - self._rejected_at < _REMEMBERED:
+            return f'rejected: {self.last_rejection}'
+        return self._sources.problem() or self._warning()
+
+    def _say_waiting(self) -> None:
+        text = self._notice.update([_SILENCE], time.monotonic()) if self._notice else ''
+        if text:
+            self._node.get_logger().info(text)
+
+    def _all_values(self) -> dict[str, object]:
+        latency, skipped = self.latency.summary(), self._skipped()
+        return {
+            'states answered': latency.count,
+            'states not answered': 'not counted' if skipped is None else skipped,
+            'rejected inputs': self.rejections,
+            'last rejection': self.last_rejection,
+            'answer p50 [us]': round(latency.p50 * 1e6),
+            'answer p99 [us]': round(latency.p99 * 1e6),
+            'answer max [us]': round(latency.maximum * 1e6),
+            **self._values(),
+        }
+
+    def _skipped(self) -> int | None:
+        # Nearly always one that a newer state replaced before the loop came to it.
+        return self._stream.lost if self._stream and self._every_state else None

@@ -1,0 +1,123 @@
+"""When the bridge reports: from the cycle's slack, once a second and at every new mode."""
+
+import time
+from collections.abc import Callable
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, Watched
+from aerarm_ros.ros.bridge.bridge_timing import BridgeTiming
+from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
+from aerarm_ros.ros.graph.rival_watch import RivalWatch
+
+PERIOD = 1e-3
+PIECES = 20  # cycles in which a report is complete
+
+
+class Listener:
+    """A bridge's diagnostics and who receives them, both on one node."""
+
+    def __init__(self, node: Node) -> None:
+        self.messages: list[DiagnosticArray] = []
+        self.diagnostics = BridgeDiagnostics(node, time.time_ns)
+        topic = topics.DIAGNOSTICS
+        node.create_subscription(topic.type, topic.name, self.messages.append, topic.qos)
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+        config = load_arm_config()
+        self.cycle = BridgeCycle(config, make_emulated_transport(config, load_robot()))
+        publishers = CommandPublishers()
+        self.watch = PublisherWatch(node, topics.JOINT_COMMAND, publishers.look)
+        timing = BridgeTiming(PeriodicLoop(PERIOD))
+        self.rivals = RivalWatch(node, topics.JOINT_STATES)
+        self.watched = Watched(
+            config.joint_names, self.cycle, timing, publishers, self.watch, self.rivals
+        )
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        end = time.monotonic() + 20.0
+        while not condition():
+            assert time.monotonic() < end
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def step(self, start: float, cycles: int) -> None:
+        for index in range(cycles):
+            self.diagnostics.step(start + index * PERIOD)
+
+    def arm(self, index: int = -1) -> DiagnosticStatus:
+        return self.messages[index].status[0]
+
+
+@pytest.fixture
+def listener(ros_node: Node) -> Listener:
+    return Listener(ros_node)
+
+
+def test_an_inactive_bridge_says_so_by_itself(listener: Listener) -> None:
+    listener.wait_for(lambda: bool(listener.messages))
+    assert listener.arm().name == '/test: arm'
+    assert listener.arm().level == DiagnosticStatus.STALE
+    assert listener.arm().message == 'not active'
+
+
+def test_an_active_bridge_reports_once_a_second_and_only_from_its_cycle(
+    listener: Listener,
+) -> None:
+    listener.wait_for(lambda: bool(listener.messages))
+    listener.diagnostics.watch(listener.watched)
+    before = len(listener.messages)
+    for second in range(3):
+        listener.step(100.0 + second, 1000)
+        listener.wait_for(lambda: len(listener.messages) > before)  # noqa: B023
+        assert len(listener.messages) == before + 1
+        before += 1
+    names = [status.name for status in listener.messages[-1].status]
+    assert names == ['/test: arm', '/test: motors', '/test: timing']
+    assert listener.arm().level == DiagnosticStatus.ERROR  # no board was asked yet
+    listener.diagnostics.unwatch()
+    listener.wait_for(lambda: len(listener.messages) > before)
+    assert listener.arm().message == 'not active'
+
+
+def test_a_new_mode_is_reported_within_some_cycles(listener: Listener) -> None:
+    listener.diagnostics.watch(listener.watched)
+    listener.step(100.0, PIECES)
+    listener.wait_for(lambda: any(m.status[0].message != 'not active' for m in listener.messages))
+    listener.cycle.e_stop('test')
+    listener.cycle.update(100.02)
+    before = len(listener.messages)
+    listener.diagnostics.publish_soon()
+    listener.step(100.03, PIECES)
+    listener.wait_for(lambda: len(listener.messages) > before)
+    assert listener.arm().level == DiagnosticStatus.ERROR
+    assert 'emergency stop: test' in listener.arm().message
+
+
+def test_a_publisher_that_is_not_heard_is_reported(listener: Listener) -> None:
+    listener.watch.problems = ('joint_command of /other is not heard: it is another type',)
+    for now in range(20):
+        listener.cycle.update(100.0 + now * PERIOD)
+    listener.diagnostics.watch(listener.watched)
+    listener.step(100.1, PIECES)
+    listener.wait_for(lambda: any('not heard' in m.status[0].message for m in listener.messages))
+    assert listener.arm().level == DiagnosticStatus.WARN
+
+
+def test_another_publisher_of_joint_states_is_reported(listener: Listener) -> None:
+    listener.rivals.problem = 'joint_states has 2 publishers'
+    for now in range(20):
+        listener.cycle.update(100.0 + now * PERIOD)
+    listener.diagnostics.watch(listener.watched)
+    listener.step(100.1, PIECES)
+    listener.wait_for(lambda: any('2 pub' in m.status[0].message for m in listener.messages))
+    assert listener.arm().level == DiagnosticStatus.WARN

@@ -1,0 +1,139 @@
+"""The managed node: configure, activate, deactivate, cleanup, shutdown by a lifecycle client."""
+
+import rclpy
+from bridge_client import BridgeClient, StartBridge, velocity_command
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.node import Node
+
+from aerarm_ros.ros.executors.spinning import spin_until
+
+
+class Lifecycle:
+    """What a launch file or `ros2 lifecycle` asks of a node."""
+
+    def __init__(self, node: Node, name: str = 'fake_hardware') -> None:
+        self._node = node
+        self._change = node.create_client(ChangeState, f'{name}/change_state')
+        self._state = node.create_client(GetState, f'{name}/get_state')
+        assert self._change.wait_for_service(20.0)
+        assert self._state.wait_for_service(20.0)
+        # An answer to a client that the node has not discovered yet is lost: ask until one
+        # comes. Clients are discovered in the order in which they were made.
+        answers = 0
+        while not answers:
+            future = self._state.call_async(GetState.Request())
+            rclpy.spin_until_future_complete(node, future, timeout_sec=1.0)
+            answers += future.done()
+
+    def trigger(self, transition: int) -> bool:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return self._call(self._change, request).success
+
+    @property
+    def state(self) -> int:
+        return self._call(self._state, GetState.Request()).current_state.id
+
+    def _call(self, client, request):
+        future = client.call_async(request)
+        rclpy.spin_until_future_complete(self._node, future, timeout_sec=20.0)
+        assert future.result() is not None
+        return future.result()
+
+
+def test_all_transitions(start_bridge: StartBridge, ros_node: Node) -> None:
+    process = start_bridge(autostart=False)
+    client, lifecycle = BridgeClient(ros_node), Lifecycle(ros_node)
+    assert lifecycle.state == State.PRIMARY_STATE_UNCONFIGURED
+    answer = client.call('enable')
+    assert not answer.success
+    assert 'activate it first' in answer.message
+
+    assert lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
+    assert lifecycle.state == State.PRIMARY_STATE_INACTIVE
+    assert not client.states
+    assert lifecycle.trigger(Transition.TRANSITION_ACTIVATE)
+    client.make_ready()
+    client.answer = lambda state: velocity_command(state, [0.3, 0.0, 0.0, 0.0])
+    client.wait_for_mode('running')
+
+    # Deactivating switches the motors off; activating does not switch them on again.
+    assert lifecycle.trigger(Transition.TRANSITION_DEACTIVATE)
+    client.answer = None
+    client.wait_for_mode('inactive')
+    client.wait_for(lambda: client.messages['arm'] == 'not active')
+    assert not client.call('enable').success
+    assert lifecycle.trigger(Transition.TRANSITION_ACTIVATE)
+    client.wait_for_mode('idle')
+    client.modes.clear()
+    assert client.call('enable').success
+    client.wait_for_mode('ready')
+    assert 'aligning' in client.modes
+
+    assert lifecycle.trigger(Transition.TRANSITION_DEACTIVATE)
+    assert lifecycle.trigger(Transition.TRANSITION_CLEANUP)
+    assert lifecycle.state == State.PRIMARY_STATE_UNCONFIGURED
+    assert lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
+    assert lifecycle.trigger(Transition.TRANSITION_ACTIVATE)
+    client.make_ready()
+    assert lifecycle.trigger(Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    assert process.wait(20.0) == 0
+    assert 'Traceback' not in process.tail(100)
+
+
+def test_what_is_wrong_when_configuring_is_reported(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    process = start_bridge(autostart=False, config='/nowhere/arm.yaml')
+    lifecycle = Lifecycle(ros_node)
+    assert not lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
+    assert lifecycle.state == State.PRIMARY_STATE_UNCONFIGURED
+    assert 'not configured' in process.tail()
+    assert '/nowhere/arm.yaml' in process.tail()
+    assert lifecycle.trigger(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+    assert process.wait(20.0) == 0
+
+
+def test_what_ends_the_process_is_said_once(start_bridge: StartBridge) -> None:
+    process = start_bridge(config='/nowhere/arm.yaml')
+    assert process.wait(20.0) == 1
+    assert process.tail().count('/nowhere/arm.yaml') == 1
+    assert 'fake_hardware: not configured: ' in process.tail()
+
+
+def test_invalid_transitions_are_refused_and_change_nothing(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    process = start_bridge(autostart=False)
+    lifecycle = Lifecycle(ros_node)
+    for transition in (
+        Transition.TRANSITION_ACTIVATE,
+        Transition.TRANSITION_DEACTIVATE,
+        Transition.TRANSITION_CLEANUP,
+        Transition.TRANSITION_ACTIVE_SHUTDOWN,
+        250,
+    ):
+        assert not lifecycle.trigger(transition)
+        assert lifecycle.state == State.PRIMARY_STATE_UNCONFIGURED
+    assert 'from unconfigured: possible are configure, shutdown' in process.tail()
+    assert lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
+    assert not lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
+    assert lifecycle.state == State.PRIMARY_STATE_INACTIVE
+    assert lifecycle.trigger(Transition.TRANSITION_ACTIVATE)
+    assert not lifecycle.trigger(Transition.TRANSITION_CLEANUP)
+    assert lifecycle.state == State.PRIMARY_STATE_ACTIVE
+    client = BridgeClient(ros_node)
+    client.wait_for_mode('idle')  # the cycle has not noticed
+
+
+def test_the_second_configuration_leaves_one_drone(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    start_bridge(autostart=False, base_motion_profile='moving')
+    lifecycle = Lifecycle(ros_node)
+    for _ in range(2):
+        assert lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
+        assert spin_until(ros_node, lambda: ros_node.count_publishers('imu') > 0, 20.0)
+        assert ros_node.count_publishers('imu') == 1
+        assert lifecycle.trigger(Transition.TRANSITION_CLEANUP)
+        assert spin_until(ros_node, lambda: ros_node.count_publishers('imu') == 0, 20.0)

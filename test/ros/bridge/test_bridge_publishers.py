@@ -1,0 +1,105 @@
+"""Who may command a running bridge."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from bridge_client import BridgeClient, StartBridge, velocity_command
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from aerarm_msgs_py.topics import JOINT_COMMAND
+from aerarm_ros.ros.process.node_process import NodeProcess
+
+FIRST = [0.2, 0.0, 0.0, 0.0]
+SECOND = [-0.4, 0.0, 0.0, 0.0]
+
+
+@pytest.fixture
+def intruder(ros_node: Node) -> Iterator[Publisher]:
+    node = rclpy.create_node('intruder')
+    yield node.create_publisher(JOINT_COMMAND.type, JOINT_COMMAND.name, JOINT_COMMAND.qos)
+    node.destroy_node()
+
+
+def count(client: BridgeClient, reason: str) -> int:
+    return int(client.diagnostics['arm'].get(f'rejected {reason}', 0))
+
+
+def test_two_bridges_warn_of_each_other(
+    client: BridgeClient, bridge: NodeProcess, tmp_path: Path
+) -> None:
+    client.wait_for_mode('idle')
+    assert 'publishers' not in bridge.tail()
+    text = '/joint_states has 2 publishers, /fake_hardware and /other: stop all but one'
+    clocks = '/clock has 2 publishers, /fake_hardware and /other, each with a time of its own'
+    rename = ('--ros-args', '-r', '__node:=other')
+    keep_up = {'pace': 'keep_up'}
+    with NodeProcess('fake_hardware', rename, keep_up, log=tmp_path / 'other') as other:
+        client.wait_for(lambda: text in bridge.tail() and text in other.tail())
+        client.wait_for(lambda: clocks in bridge.tail() and clocks in other.tail())
+        client.wait_for(lambda: text in client.messages['arm'])
+    # Several looks later, the second one is gone.
+    client.wait_for(lambda: client.messages['arm'] == 'idle')
+    assert bridge.tail(50).count('joint_states has') == 1
+
+
+def test_a_second_publisher_is_told_apart_rejected_and_named(
+    client: BridgeClient, bridge: NodeProcess, intruder: Publisher
+) -> None:
+    client.make_ready()
+    client.answer = lambda state: velocity_command(state, FIRST)
+    client.wait_for_mode('running')
+    # Numbers less than 100 apart are not told apart: that is another test's matter.
+    heard = len(client.states)
+    client.wait_for(lambda: len(client.states) > heard + 300)
+
+    def both(state):
+        # Only the newest command counts, so each comes last in turn.
+        if len(client.states) % 2:
+            intruder.publish(velocity_command(state, SECOND))
+            return velocity_command(state, FIRST)
+        client.commands.publish(velocity_command(state, FIRST))
+        intruder.publish(velocity_command(state, SECOND))
+        return None
+
+    client.answer = both
+    client.wait_for(lambda: count(client, 'source') > 100)
+    assert 'joint_command has 2 publishers (/intruder, /test)' in client.messages['arm']
+    assert client.diagnostics['arm']['publishers of joint_command'] == '/intruder, /test'
+    said = 'a command was rejected: joint_command has 2 publishers (/intruder, /test)'
+    client.wait_for(lambda: said in bridge.tail(50))
+    # The first one is followed on.
+    client.wait_for(lambda: client.states[-1].velocity[0] > 0.1)
+    assert client.modes[-1] == 'running'
+    # It ends: after its claim has run out, the other one has the arm.
+    client.answer = None
+    client.wait_for_mode('damping')
+
+    def second(state):
+        intruder.publish(velocity_command(state, SECOND))
+
+    client.answer = second
+    client.wait_for(lambda: client.states[-1].velocity[0] < -0.3)
+
+
+def test_only_allowed_publishers_command(
+    start_bridge: StartBridge, ros_node: Node, intruder: Publisher
+) -> None:
+    start_bridge(allowed_publishers=['test'])
+    client = BridgeClient(ros_node)
+    client.make_ready()
+
+    def as_intruder(state):
+        intruder.publish(velocity_command(state, SECOND))
+
+    client.answer = as_intruder
+    client.wait_for(lambda: count(client, 'not_allowed') > 100)
+    assert '/intruder publishes joint_command without being on the list' in client.messages['arm']
+    assert client.modes[-1] == 'ready'
+    intruder.destroy()
+    client.answer = lambda state: velocity_command(state, FIRST)
+    client.wait_for_mode('running')
+    client.wait_for(lambda: client.states[-1].velocity[0] > 0.15)
+    client.wait_for(lambda: 'allowed_publishers' not in client.messages['arm'])

@@ -1,0 +1,23 @@
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.gate.answer import Answer
+from aerarm_ros.ros.bridge.bridge_services import BridgeServices
+from aerarm_ros.ros.bridge.cycle_requests import Action
+from aerarm_ros.ros.executors.spinning import spin_until
+
+
+def late(action: Action, is_stop: bool) -> Answer:
+    raise TimeoutError
+
+
+def test_a_cycle_that_does_not_answer_is_said_with_where_to_look(ros_node: Node) -> None:
+    BridgeServices(ros_node, late, {'disable': BridgeCycle.disable})
+    client = ros_node.create_client(Trigger, '~/disable')
+    assert client.wait_for_service(20.0)
+    answer = client.call_async(Trigger.Request())
+    assert spin_until(ros_node, answer.done, 20.0)
+    assert not answer.result().success
+    expected = 'the cycle did not answer: see the console of the bridge, or view'
+    assert answer.result().message == expected

@@ -1,0 +1,127 @@
+"""What a controller must not follow: refused with a reason, while the arm stays as it was."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from controller_bench import NAMES, ControllerBench, trajectory
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from sensor_msgs.msg import Imu, JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from aerarm_msgs_py import topics
+from aerarm_ros.ros.process.node_process import NodeProcess
+
+HERE = [0.0, np.pi / 2, 0.0, 0.0]
+
+
+@pytest.fixture
+def bench(tmp_path: Path, ros_node: Node) -> Iterator[ControllerBench]:
+    bench = ControllerBench(tmp_path, ros_node)
+    with bench.hardware:
+        bench.start()
+        yield bench
+
+
+def refuse(
+    bench: ControllerBench, process: NodeProcess, send: Callable[[], None], reason: str
+) -> None:
+    """Require that what is sent is refused on diagnostics and in the log, and moves nothing."""
+    bench.problems.clear()
+    bench.wait(lambda: any(reason in text for text in bench.problems), reason, send)
+    bench.wait(lambda: reason in process.log.read_text(), f'{reason} in the log', send)
+    assert bench.mode == 'running'
+    assert np.abs(bench.q - HERE).max() < 0.02
+
+
+def backwards() -> JointTrajectory:
+    message = trajectory(HERE, 2.0)
+    message.points += trajectory(HERE, 1.0).points
+    return message
+
+
+def far_away() -> JointTrajectory:
+    message = trajectory([1.0, 1.0, 0.0, 0.0], 0.0)
+    message.points += trajectory(HERE, 2.0).points
+    return message
+
+
+TRAJECTORIES = {
+    'joint2 at 5 rad is outside': lambda: trajectory([0.0, 5.0, 0.0, 0.0], 2.0),
+    'joint1 needs': lambda: trajectory([2.0, np.pi / 2, 0.0, 0.0], 0.1),
+    'elbow': lambda: trajectory(HERE, 2.0, [*NAMES[:3], 'elbow']),
+    'times must increase': backwards,
+    'rad away from joint1': far_away,
+    'positions must be finite': lambda: trajectory([np.nan, *HERE[1:]], 2.0),
+}
+
+
+def imu(**orientation: float) -> Imu:
+    message = Imu()
+    message.linear_acceleration.z = 9.81
+    message.orientation.w = 1.0
+    for axis, value in orientation.items():
+        setattr(message.orientation, axis, value)
+    return message
+
+
+def test_trajectories_and_imu_samples(bench: ControllerBench) -> None:
+    with bench.controller('computed_torque', base_motion='full') as process:
+        trajectories = bench.publisher(topics.JOINT_TRAJECTORY)
+        bench.wait(lambda: bench.mode == 'running', 'commands')
+        for reason, make in TRAJECTORIES.items():
+            message = make()
+            refuse(bench, process, lambda m=message: trajectories.publish(m), reason)
+        imus = bench.publisher(topics.IMU)
+        for reason, sample in (
+            ('length 0, not 1', imu(w=0.0)),
+            ('NaN', imu(x=float('nan'))),
+        ):
+            refuse(bench, process, lambda s=sample: imus.publish(s), reason)
+
+
+def test_set_points(bench: ControllerBench) -> None:
+    with bench.controller('gravity_compensation') as process:
+        set_points = bench.publisher(topics.SET_POINT)
+        bench.wait(lambda: bench.mode == 'running', 'commands')
+        for reason, message in (
+            ('joint2 at 9 rad is outside', JointState(name=NAMES, position=[0.0, 9.0, 0.0, 0.0])),
+            ('shoulder', JointState(name=['shoulder', *NAMES[1:]], position=HERE)),
+            ('it needs 4 positions', JointState(name=NAMES, position=HERE[:3])),
+            ('must be finite', JointState(name=NAMES, position=[float('nan'), *HERE[1:]])),
+        ):
+            refuse(bench, process, lambda m=message: set_points.publish(m), reason)
+
+
+@pytest.mark.parametrize('name', ['kinematic_control', 'impedance_control'])
+def test_tool_targets(bench: ControllerBench, name: str) -> None:
+    with bench.controller(name) as process:
+        targets = bench.publisher(topics.TOOL_TRAJECTORY)
+        bench.wait(lambda: bench.mode == 'running', 'commands')
+        unreachable, not_a_number, elsewhere = PoseStamped(), PoseStamped(), PoseStamped()
+        unreachable.pose.position.x = 3.0
+        not_a_number.pose.position.y = float('nan')
+        elsewhere.header.frame_id = 'map'
+        for reason, message in (
+            ('the arm reaches', unreachable),
+            ('three finite numbers', not_a_number),
+            ("send it in 'base_link'", elsewhere),
+        ):
+            refuse(bench, process, lambda m=message: targets.publish(m), reason)
+
+
+def test_a_set_point_for_an_arm_that_is_stopped(bench: ControllerBench) -> None:
+    with bench.controller('gravity_compensation') as process:
+        bench.wait(lambda: bench.mode == 'running', 'commands')
+        bench.call('e_stop')
+        bench.wait(lambda: bench.mode == 'fault', 'the stop')
+        set_points = bench.publisher(topics.SET_POINT)
+        message = JointState(name=NAMES, position=HERE)
+        reason = "set_point: the arm is 'fault': enable it, or clear its fault, first"
+        bench.wait(
+            lambda: reason in process.log.read_text(),
+            reason,
+            lambda: set_points.publish(message),
+        )

@@ -1,0 +1,44 @@
+"""A line a phase in a log, one line rewritten on a terminal."""
+
+import io
+
+from aerarm_ros.ros.diagnostics.progress_line import ProgressLine
+
+SECOND = 1_000_000_000
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def show_three_phases(stream: io.StringIO) -> str:
+    progress = ProgressLine('name', stream)
+    for now in range(0, 3 * SECOND, SECOND // 20):
+        if progress.due(now, f'phase {now // SECOND}'):
+            progress.show(f'{now / SECOND:.2f}')
+    progress.close()
+    return stream.getvalue()
+
+
+def test_a_log_gets_a_line_a_phase() -> None:
+    assert show_three_phases(io.StringIO()) == 'name: 0.00\nname: 1.00\nname: 2.00\n'
+
+
+def test_a_terminal_is_rewritten_ten_times_a_second() -> None:
+    assert show_three_phases(Terminal()).count('\r') == 30
+
+
+def test_a_terminal_line_is_rewritten_and_leaves_nothing_behind() -> None:
+    stream = Terminal()
+    progress = ProgressLine('name', stream)
+    progress.show('a long line')
+    progress.show('short')
+    progress.close()
+    assert stream.getvalue() == '\rname: a long line' + '\rname: short      ' + '\n'
+
+
+def test_closing_without_a_line_writes_nothing() -> None:
+    stream = Terminal()
+    ProgressLine('name', stream).close()
+    assert stream.getvalue() == ''

@@ -1,0 +1,17 @@
+from aerarm_ros.ros.diagnostics.waiting_notice import PATIENCE, REPETITION, WaitingNotice
+
+
+def test_says_what_a_long_wait_is_for_and_repeats_it_now_and_then() -> None:
+    notice = WaitingNotice(10.0)
+    said = {time: notice.update(['a', 'b'], time) for time in (10.0, 11.9, 12.0, 16.9, 17.0)}
+    assert said == {
+        10.0: '',
+        10.0 + PATIENCE - 0.1: '',
+        10.0 + PATIENCE: 'waiting: a; b',
+        10.0 + PATIENCE + REPETITION - 0.1: '',
+        10.0 + PATIENCE + REPETITION: 'waiting: a; b',
+    }
+
+
+def test_says_nothing_when_nothing_is_missing() -> None:
+    assert WaitingNotice(0.0).update([], 100.0) == ''

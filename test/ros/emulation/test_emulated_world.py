@@ -1,0 +1,211 @@
+"""The emulated arm's own time: what a pause of the host, or of a controller, does to it."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bridge_client import BridgeClient, StartBridge, velocity_command
+from lifecycle_msgs.srv import ChangeState
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.bags.bag_reader import read_joint_states
+from aerarm_ros.ros.executors.spinning import spin_until
+from aerarm_ros.ros.process.node_process import NodeProcess
+
+PERIOD_NS = 1_000_000
+PAUSE = 0.4  # [s]
+
+
+def stamp_ns(message: JointState | Clock) -> int:
+    stamp = message.clock if isinstance(message, Clock) else message.header.stamp
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def pause(process: NodeProcess, seconds: float = PAUSE) -> None:
+    os.kill(process.pid, signal.SIGSTOP)
+    time.sleep(seconds)
+    os.kill(process.pid, signal.SIGCONT)
+
+
+def steps(client: BridgeClient) -> np.ndarray:
+    """Return the numbers of periods from state to state."""
+    return np.diff([stamp_ns(state) for state in client.states]) / PERIOD_NS
+
+
+def hold(state: JointState) -> JointState:
+    return velocity_command(state, [0.0] * 4)
+
+
+@pytest.mark.parametrize('pace', ['keep_up', 'real_time'])
+def test_a_pause_of_the_host_is_none_of_the_emulated_world(
+    start_bridge: StartBridge, ros_node: Node, pace: str
+) -> None:
+    bridge = start_bridge(pace=pace)
+    client = BridgeClient(ros_node)
+    client.wait_for(lambda: len(client.states) > 50)
+    pause(bridge)
+    count = len(client.states)
+    client.wait_for(lambda: len(client.states) > count + 50)
+    longest = steps(client).max()
+    # This client is a Python process of its own, which may miss some states.
+    assert longest < 0.5e3 * PAUSE if pace == 'keep_up' else longest > 0.9e3 * PAUSE
+
+
+@pytest.mark.pace('keep_up')
+def test_stamps_lie_on_the_grid_of_the_period(client: BridgeClient) -> None:
+    client.wait_for(lambda: len(client.states) > 50)
+    taken = steps(client)
+    assert (taken == taken.round()).all()
+
+
+@pytest.mark.pace('keep_up')
+def test_the_world_waits_for_a_controller_that_was_paused(
+    client: BridgeClient, tmp_path: Path
+) -> None:
+    client.make_ready()
+    parameters = {'periods': 1, 'fundamental': 0.5, 'harmonics': 2, 'amplitude': 0.1}
+    log = tmp_path / 'excitation.log'
+    with NodeProcess('excitation', (), parameters, log=log) as excitation:
+        client.wait_for_mode('running')
+        for _ in range(3):
+            pause(excitation)
+            client.spin(0.2)
+        deadline = time.monotonic() + 60.0
+        while excitation.returncode is None and time.monotonic() < deadline:
+            client.spin(0.1)
+        assert excitation.returncode == 0, log.read_text()
+    running = client.modes[client.modes.index('running') :]
+    assert 'damping' not in running[: running.index('running') + 1]
+    assert client.modes.count('running') == 1
+
+
+@pytest.mark.pace('keep_up')
+def test_a_controller_that_ends_leaves_a_damped_arm(
+    client: BridgeClient, bridge: NodeProcess
+) -> None:
+    client.make_ready()
+    with NodeProcess('gravity_compensation', log=bridge.log.with_name('controller.log')):
+        client.wait_for_mode('running')
+    client.wait_for_mode('damping')
+
+
+def test_in_lockstep_who_never_answers_is_waited_for_once(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    bridge = start_bridge(pace='lockstep', answer_timeout=0.5)
+    client = BridgeClient(ros_node)
+    client.make_ready()
+    client.answer = hold
+    client.wait_for_mode('running')
+    client.answer = None
+    client.wait_for_mode('damping')
+    assert bridge.log.read_text().count('was not answered within 0.5 s') == 1
+
+
+def test_a_controller_takes_over_where_the_clock_was_set_back(
+    start_bridge: StartBridge, ros_node: Node, tmp_path: Path
+) -> None:
+    first = start_bridge(pace='keep_up')
+    client = BridgeClient(ros_node)
+    with NodeProcess('gravity_compensation', log=tmp_path / 'controller.log') as controller:
+        client.make_ready()
+        client.wait_for_mode('running')
+        late = stamp_ns(client.states[-1])
+        assert first.stop() == 0
+        client.states.clear()
+        start_bridge(pace='lockstep')  # its world begins at 0
+        client.wait_for(lambda: bool(client.states) and stamp_ns(client.states[-1]) < late)
+        client.make_ready()
+        client.wait_for_mode('running')
+        assert controller.returncode is None, controller.tail()
+
+
+def test_in_lockstep_requests_are_served_while_the_world_stands(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    start_bridge(pace='lockstep', answer_timeout=60.0)
+    client = BridgeClient(ros_node)
+    client.make_ready()
+    client.answer = hold
+    client.wait_for_mode('running')
+    client.answer = None
+    client.spin(0.5)
+    assert client.modes[-1] == 'running'  # no time passes
+    assert client.call('enable').message == 'already enabled: the arm is held where it is'
+    client.wait_for_mode('ready')
+    assert client.call('e_stop').success
+    client.wait_for_mode('fault')
+
+
+@pytest.mark.pace('keep_up')
+def test_the_clock_tells_the_time_of_the_states(client: BridgeClient, ros_node: Node) -> None:
+    clock: list[int] = []
+    ros_node.create_subscription(
+        Clock, topics.CLOCK.name, lambda message: clock.append(stamp_ns(message)), topics.CLOCK.qos
+    )
+    client.wait_for(lambda: len(clock) > 50)
+    assert all(np.diff(clock) > 0)
+    states = {stamp_ns(state) for state in client.states}
+    assert states.intersection(clock)
+
+
+def test_in_real_time_there_is_no_clock(start_bridge: StartBridge, ros_node: Node) -> None:
+    start_bridge(pace='real_time')
+    client = BridgeClient(ros_node)
+    client.wait_for(lambda: len(client.states) > 10)
+    assert ros_node.count_publishers(topics.CLOCK.name) == 0
+    assert abs(time.time_ns() - stamp_ns(client.states[-1])) < 5e9
+
+
+def lockstep_run(folder: Path, ros_node: Node) -> list[np.ndarray]:
+    """Play a short excitation in lockstep; return stamps and numbers of the recorded states."""
+    folder.mkdir()
+    arm = {'pace': 'lockstep', 'seed': 3}
+    motion = {
+        'periods': 1,
+        'fundamental': 0.5,
+        'harmonics': 2,
+        'amplitude': 0.1,
+        'wait_for_recorder': True,
+    }
+    with NodeProcess('fake_hardware', (), arm, log=folder / 'arm.log'):
+        BridgeClient(ros_node).make_ready()
+        with NodeProcess('recorder', (), {'bag': folder / 'bag'}, log=folder / 'recorder.log'):
+            player = NodeProcess('excitation', (), motion, log=folder / 'excitation.log')
+            with player:
+                assert player.wait(60.0) == 0, player.tail()
+    series = read_joint_states(folder / 'bag', topics.JOINT_STATES.name)
+    return [series.stamp, series.position, series.velocity, series.effort]
+
+
+def test_in_lockstep_two_runs_are_the_same_to_the_bit(tmp_path: Path, ros_node: Node) -> None:
+    runs = [lockstep_run(tmp_path / name, ros_node) for name in ('first', 'second')]
+    assert len(runs[0][0]) > 3000
+    # None is missing, none is there twice.
+    assert (np.diff(runs[0][0] * 1e9).round() == PERIOD_NS).all()
+    for first, second in zip(*runs, strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.pace('keep_up')
+def test_time_goes_on_where_the_bridge_was_deactivated(
+    client: BridgeClient, ros_node: Node
+) -> None:
+    service = ros_node.create_client(ChangeState, 'fake_hardware/change_state')
+    client.wait_for_mode('idle')
+    for transition in (4, 3):  # deactivate, activate
+        request = ChangeState.Request()
+        request.transition.id = transition
+        future = service.call_async(request)
+        assert spin_until(ros_node, future.done, 20.0)
+        assert future.result().success
+    count = len(client.states)
+    client.wait_for(lambda: len(client.states) > count + 20)
+    assert client.modes[-1] == 'idle'
+    assert steps(client).min() > 0

@@ -1,0 +1,128 @@
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from aerarm_msgs_py.live_topics.topic import Topic
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
+
+RELIABLE = QoSProfile(depth=1)
+BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+TOPIC = Topic('watched', JointState, RELIABLE)
+
+Leave = Callable[[], None]
+MakePublisher = Callable[..., Leave]
+
+
+class Watched:
+    """A watch that is polled, as by a loop, until something is seen."""
+
+    def __init__(self, node: Node) -> None:
+        self.names: list[str] = []
+        self.looks = 0
+        self.watch = PublisherWatch(node, TOPIC, self._on_names)
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        end = time.monotonic() + 20.0
+        while not condition():
+            assert time.monotonic() < end, (self.names, self.watch.problems)
+            self.watch.poll()
+            time.sleep(1e-4)
+
+    def _on_names(self, names: list[str]) -> None:
+        self.names = sorted(names)
+        self.looks += 1
+
+
+@pytest.fixture
+def watched(ros_node: Node) -> Iterator[Watched]:
+    with BackgroundExecutor(ros_node):
+        yield Watched(ros_node)
+
+
+@pytest.fixture
+def make_publisher(ros_node: Node) -> Iterator[MakePublisher]:
+    """Return a function that starts a publisher as another process would, and one that ends it."""
+    with ExitStack() as stack:
+
+        def make(name: str, message: type = JointState, qos: QoSProfile = RELIABLE) -> Leave:
+            context = rclpy.Context()
+            rclpy.init(args=[], context=context)
+            node = rclpy.create_node(name, namespace='somewhere', context=context)
+            node.create_publisher(message, f'/{TOPIC.name}', qos)
+
+            def leave() -> None:
+                node.destroy_node()
+                context.try_shutdown()
+
+            stack.callback(leave)
+            return leave
+
+        yield make
+
+
+def test_publishers_that_come_and_go_are_named(
+    watched: Watched, make_publisher: MakePublisher
+) -> None:
+    leave = make_publisher('first')
+    watched.wait_for(lambda: watched.names == ['/somewhere/first'])
+    make_publisher('second')
+    watched.wait_for(lambda: watched.names == ['/somewhere/first', '/somewhere/second'])
+    leave()
+    watched.wait_for(lambda: watched.names == ['/somewhere/second'])
+
+
+def test_one_that_takes_the_place_of_another_is_named_when_asked_for(
+    watched: Watched, make_publisher: MakePublisher
+) -> None:
+    leave = make_publisher('first')
+    watched.wait_for(lambda: watched.names == ['/somewhere/first'])
+    # Between two polls: the number of publishers stays what it was.
+    leave()
+    make_publisher('second')
+
+    def asked() -> bool:
+        watched.watch.look_soon()
+        return watched.names == ['/somewhere/second']
+
+    watched.wait_for(asked)
+
+
+def test_nothing_is_looked_up_while_nothing_changes(
+    watched: Watched, make_publisher: MakePublisher
+) -> None:
+    make_publisher('only')
+    watched.wait_for(lambda: watched.names == ['/somewhere/only'])
+    looks = watched.looks
+    for _ in range(5000):
+        watched.watch.poll()
+    make_publisher('other')
+    watched.wait_for(lambda: len(watched.names) == 2)
+    assert watched.looks <= looks + 2  # a name may be unknown at first
+
+
+def test_who_is_not_heard_is_reported_with_the_reason(
+    watched: Watched, make_publisher: MakePublisher
+) -> None:
+    make_publisher('heard')
+    leave = make_publisher('weak', qos=BEST_EFFORT)
+    make_publisher('strange', String)
+    watched.wait_for(
+        lambda: (
+            watched.names == ['/somewhere/heard']
+            and ['/somewhere/' in text for text in watched.watch.problems] == [True, True]
+        )
+    )
+    strange, unreliable = sorted(watched.watch.problems)
+    assert '/somewhere/strange is not heard: it is std_msgs/msg/String' in strange
+    assert '/somewhere/weak is not heard: its quality of service' in unreliable
+    assert 'eliab' in unreliable
+    leave()
+    watched.wait_for(lambda: len(watched.watch.problems) == 1)

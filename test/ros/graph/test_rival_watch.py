@@ -1,0 +1,42 @@
+import time
+from collections.abc import Callable
+
+import pytest
+import rclpy
+from rclpy.node import Node
+
+from aerarm_msgs_py.topics import JOINT_STATES
+from aerarm_ros.ros.graph.rival_watch import RivalWatch
+
+
+def publish(name: str) -> Node:
+    node = rclpy.create_node(name)
+    node.create_publisher(JOINT_STATES.type, JOINT_STATES.name, JOINT_STATES.qos)
+    return node
+
+
+def test_warns_once_of_each_change_of_who_publishes_beside_the_node(
+    ros_node: Node, capfd: pytest.CaptureFixture[str]
+) -> None:
+    ros_node.create_publisher(JOINT_STATES.type, JOINT_STATES.name, JOINT_STATES.qos)
+    rivals = RivalWatch(ros_node, JOINT_STATES)
+
+    def wait_for(condition: Callable[[], bool]) -> None:
+        end = time.monotonic() + 20.0
+        while not condition():
+            assert time.monotonic() < end, rivals.problem
+            for _ in range(1000):
+                rivals.poll()
+            rclpy.spin_once(ros_node, timeout_sec=0.01)
+
+    one = publish('one')
+    wait_for(lambda: '2 publishers, /one and /test: stop all but one' in rivals.problem)
+    two = publish('two')
+    wait_for(lambda: '3 publishers, /one and /test and /two: stop' in rivals.problem)
+    two.destroy_node()
+    one.destroy_node()
+    wait_for(lambda: rivals.problem == '')
+    log = capfd.readouterr().err
+    assert log.count('/joint_states has 2 publishers, /one and /test') >= 1
+    assert log.count('/joint_states has 3 publishers') == 1
+    assert 'WARN' in log

@@ -1,0 +1,42 @@
+"""What a loop asks of the system, and what happens when that says no."""
+
+import gc
+from types import SimpleNamespace
+
+import pytest
+
+from aerarm_ros.ros.parameters import real_time_parameters
+from aerarm_ros.ros.parameters.real_time_parameters import prepare_thread
+
+
+class Logger:
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+
+    def warning(self, text: str) -> None:
+        self.warnings.append(text)
+
+
+@pytest.fixture(autouse=True)
+def collector_as_before():
+    yield
+    gc.unfreeze()
+    gc.enable()
+
+
+def test_the_garbage_collector_stops_unless_it_is_wanted() -> None:
+    values = SimpleNamespace(realtime_priority=0, lock_memory=False)
+    logger = Logger()
+    prepare_thread(SimpleNamespace(**vars(values), freeze_gc=False, cpus=[]), logger)
+    assert gc.isenabled()
+    prepare_thread(values, logger)
+    assert not gc.isenabled()
+    assert logger.warnings == []
+
+
+def test_a_refusal_is_a_warning(monkeypatch) -> None:
+    refusal = 'no right to SCHED_FIFO: raise rtprio in /etc/security/limits.d'
+    monkeypatch.setattr(real_time_parameters, 'set_fifo', lambda priority: refusal)
+    logger = Logger()
+    prepare_thread(SimpleNamespace(realtime_priority=70, lock_memory=False), logger)
+    assert logger.warnings == [refusal]

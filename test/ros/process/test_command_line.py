@@ -1,0 +1,134 @@
+"""Help and mistakes of a node's command line, and both of every node as a process."""
+
+import subprocess
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process.command_line import CommandLine
+from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
+
+PARAMETERS = ParameterTable(
+    Parameter('periods', 2, 'how often', '', 1, 10),
+    Parameter('gains', [1.0, 2.0], 'stiffness of each joint', 'Nm/rad', 0.0, live=True),
+    Parameter('bag', '', 'where it goes'),
+)
+COMMAND_LINE = CommandLine('player', PARAMETERS, 'Plays a motion.\n\n    Usage: player\n')
+
+
+def check(*arguments: str) -> list[str]:
+    return COMMAND_LINE.check(RosArguments(arguments))
+
+
+def test_help_tells_of_every_parameter() -> None:
+    text = COMMAND_LINE.help()
+    assert 'Plays a motion.\n\nUsage: player\n' in text
+    assert '  periods (integer, default 2, from 1 to 10)\n      how often' in text
+    assert '  gains (double list [Nm/rad], default [1.0, 2.0], at least 0.0, live)' in text
+    assert '  bag (string)\n' in text
+
+
+@pytest.mark.parametrize(
+    ('line', 'said'),
+    [
+        ('periods:=3', "'periods:=3' is not understood: parameters are given with --ros-args -p"),
+        ('--periods 3', "'--periods' is not understood"),
+        ('--ros-args -p perods:=3', "no parameter 'perods': did you mean 'periods'?"),
+        ('--ros-args -p speed:=3', "no parameter 'speed': .player --help lists all"),
+        ('--ros-args -p player:gain:=[3.0]', "did you mean 'gains'?"),
+        (
+            '--ros-args -p qos_overrides./joint_states.publisher.depth:=3',
+            "no parameter 'qos_overrides./joint_states.publisher.depth'",
+        ),
+        ('--ros-args -p plyer:periods:=3', '-p plyer:periods is for /plyer, not /player'),
+    ],
+)
+def test_what_the_node_does_not_have_is_refused(line: str, said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        check(*line.split())
+
+
+@pytest.mark.parametrize('name', ['periods', 'use_sim_time', 'start_type_description_service'])
+def test_parameters_of_rclpy_are_legal(name: str) -> None:
+    assert check('--ros-args', '-p', f'{name}:=1') == []
+
+
+def check_file(tmp_path: Path, text: str) -> list[str]:
+    file = tmp_path / 'parameters.yaml'
+    file.write_text(text)
+    return check('--ros-args', '--params-file', str(file))
+
+
+def test_a_files_key_for_this_node_is_refused_with_file_and_hint(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"parameters.yaml: there is no parameter 'perods': did"):
+        check_file(tmp_path, '/**/player: {ros__parameters: {perods: 3}}')
+
+
+def test_other_nodes_parameters_in_a_file_are_no_mistake(tmp_path: Path) -> None:
+    text = (
+        '/**: {ros__parameters: {speed: 3}}\n'
+        'recorder: {ros__parameters: {perods: 3}}\n'
+        'player: {ros__parameters: {periods: 3}}\n'
+        'player2: {ros__parameters: {perods: 3}}\n'
+        'left/player: {ros__parameters: {perods: 3}}\n'
+    )
+    assert check_file(tmp_path, text) == []
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('/**: {ros__parameters: {perods: 3}}', "did you mean 'periods'?"),
+        ('plyer: {ros__parameters: {periods: 3}}', 'nothing for /player, but a section /plyer'),
+    ],
+)
+def test_a_probable_slip_that_may_be_meant_for_another_node_is_a_warning(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    (warning,) = check_file(tmp_path, text)
+    assert said in warning
+
+
+def executables() -> list[str]:
+    """Return what is installed of this package."""
+    scripts = entry_points(group='console_scripts')
+    return sorted({s.name for s in scripts if s.value.startswith('aerarm_ros.executables:')})
+
+
+@pytest.mark.parametrize('name', executables())
+def test_every_executable_explains_itself_and_starts_nothing(
+    name: str, ros_domain: dict[str, str], tmp_path: Path
+) -> None:
+    command = [sys.executable, '-m', f'aerarm_ros.nodes.{name}', '--help']
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert run.returncode == 0
+    assert run.stdout.startswith('usage: ')
+    assert run.stderr == ''
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize('name', executables())
+def test_no_executable_starts_with_an_argument_that_it_does_not_have(
+    name: str, ros_domain: dict[str, str], tmp_path: Path
+) -> None:
+    command = [sys.executable, '-m', f'aerarm_ros.nodes.{name}', '--nonsense']
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert run.returncode == 2
+    assert 'Traceback' not in run.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_mistyped_parameter_moves_nothing(ros_domain: dict[str, str], tmp_path: Path) -> None:
+    command = [sys.executable, '-m', 'aerarm_ros.nodes.excitation', '--ros-args']
+    command += ['-p', f'save:={tmp_path / "drawn.yaml"}', '-p', 'perods:=3']
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert run.returncode == 2
+    assert run.stderr == (
+        "excitation: -p: there is no parameter 'perods': did you mean 'periods'? "
+        '(excitation --help lists all)\n'
+    )
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,99 @@
+"""The stop signals in a process of their own: asked once, and once more in earnest."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+
+SCRIPT = """
+import signal, sys, time
+from aerarm_ros.ros.process.stop_signals import StopSignals
+calls = []
+with StopSignals(lambda: calls.append(1)):
+    print('ready', flush=True)
+    for line in sys.stdin:
+        print(len(calls), flush=True)
+"""
+
+
+class Stopped:
+    """A process that counts how often it was asked to stop."""
+
+    def __init__(self, *prefix: str) -> None:
+        command = [*prefix, sys.executable, '-c', SCRIPT]
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            text=True,
+        )  # fmt: skip
+        assert self._line() == 'ready'
+
+    def send(self, number: signal.Signals) -> None:
+        self.process.send_signal(number)
+
+    def calls(self) -> int:
+        print(file=self.process.stdin, flush=True)
+        return int(self._line())
+
+    def _line(self) -> str:
+        assert self.process.stdout
+        return self.process.stdout.readline().strip()
+
+
+@pytest.fixture
+def stopped() -> Iterator[Stopped]:
+    stopped = Stopped()
+    yield stopped
+    end(stopped)
+
+
+def end(stopped: Stopped) -> None:
+    stopped.process.kill()
+    stopped.process.communicate()
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_each_of_them_asks_to_stop(stopped: Stopped, number: signal.Signals) -> None:
+    stopped.send(number)
+    assert stopped.calls() == 1
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_the_second_ends_the_process(stopped: Stopped, number: signal.Signals) -> None:
+    stopped.send(number)
+    assert stopped.calls() == 1
+    begin = time.monotonic()
+    while stopped.process.poll() is None and time.monotonic() < begin + 10.0:
+        stopped.send(signal.SIGTERM)
+        time.sleep(0.1)
+    assert stopped.process.returncode == -signal.SIGTERM
+    assert time.monotonic() > begin + 0.5
+
+
+def test_the_same_ctrl_c_from_two_sides_asks_once(stopped: Stopped) -> None:
+    # As from a terminal and from a supervisor at the same time.
+    for _ in range(3):
+        stopped.send(signal.SIGINT)
+    assert stopped.calls() == 1
+
+
+def test_hanging_up_any_number_of_times_asks_once(stopped: Stopped) -> None:
+    for _ in range(3):
+        stopped.send(signal.SIGHUP)
+        assert stopped.calls() == 1
+    # As when the session is ended: that is the first SIGTERM.
+    stopped.send(signal.SIGTERM)
+    assert stopped.calls() == 1
+    stopped.send(signal.SIGHUP)
+    assert stopped.calls() == 1
+
+
+def test_nohup_is_respected() -> None:
+    stopped = Stopped('nohup')
+    stopped.send(signal.SIGHUP)
+    assert stopped.calls() == 0
+    stopped.send(signal.SIGTERM)
+    assert stopped.calls() == 1
+    end(stopped)

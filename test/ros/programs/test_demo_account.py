@@ -1,0 +1,59 @@
+"""What the demo says at its end, read from its nodes' logs."""
+
+from pathlib import Path
+
+import pytest
+
+from aerarm_ros.ros.programs.demo_account import DemoAccount
+
+BRIDGE = 'fake_hardware: 999 cycles, the world ran at {} % of real time{}\n'
+RECORDER = (
+    '[INFO] [1.0] [recorder]: /joint_states: 900 messages, 5 lost\n'
+    '[INFO] [1.1] [recorder]: out/bag: 2000 messages, {} lost\n'
+)
+
+
+def account(
+    tmp_path: Path, share: str = '99.9', lost: int | str = 0, slip: str = ''
+) -> DemoAccount:
+    bridge, first, second = (tmp_path / name for name in ('bridge', 'first', 'second'))
+    bridge.write_text('[INFO] idle\n' + BRIDGE.format(share, slip))
+    first.write_text(RECORDER.format(0))
+    second.write_text(RECORDER.format(lost))
+    return DemoAccount.read(bridge, {'identification': first, 'validation': second})
+
+
+def test_says_how_fast_the_world_ran_and_what_was_lost(tmp_path: Path) -> None:
+    assert list(account(tmp_path).lines()) == [
+        'Bridge    999 cycles, the world ran at 99.9 % of real time',
+        'Recorder  identification: 2000 messages, 0 lost',
+        'Recorder  validation: 2000 messages, 0 lost',
+    ]
+
+
+@pytest.mark.parametrize(
+    ('given', 'said'),
+    [
+        (
+            {'share': '81.6', 'slip': ', 11.68 s behind it: too slow here for a real arm'},
+            'NOTE      the world waited for this host, so the result is as on a faster one; a '
+            'real arm would not have waited: ',
+        ),
+        ({'lost': 7}, 'WARNING   the bags lack 7 messages: '),
+    ],
+)
+def test_warns_with_what_to_do(tmp_path: Path, given: dict, said: str) -> None:
+    *_, warning = account(tmp_path, **given).lines()
+    assert warning.startswith(said)
+    assert 'real-time priority (docs/how-to/raspberry_pi.md, "Real time")' in warning
+
+
+def test_messages_without_numbers_are_not_called_complete(tmp_path: Path) -> None:
+    *_, last = account(tmp_path, lost='unknown').lines()
+    assert last == 'Recorder  validation: 2000 messages, unknown lost'
+
+
+def test_a_log_without_an_account_is_named(tmp_path: Path) -> None:
+    (tmp_path / 'bridge').write_text('Killed\n')
+    with pytest.raises(ValueError, match='bridge ends without'):
+        DemoAccount.read(tmp_path / 'bridge', {})

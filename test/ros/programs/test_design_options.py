@@ -1,0 +1,67 @@
+"""The designer's command line: periods, and arms with and without a drive train."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.ros.programs.design_options import excitation_setup, torque_noise, whole_periods
+
+
+def options(**changes) -> argparse.Namespace:
+    nothing = {
+        'urdf': None, 'config': None, 'excitation_config': None, 'bias': None, 'locked': [],
+        'package_directory': [], 'acceleration_limit': None, 'current_limit': None,
+        'torque_per_ampere': None, 'torque_noise': None,
+    }  # fmt: skip
+    return argparse.Namespace(**{**nothing, **changes})
+
+
+def test_whole_periods() -> None:
+    assert whole_periods(20.0, 0.1) == 2
+    # 0.3 has no exact binary fraction, and 10 / 3 s no exact decimal one.
+    assert whole_periods(10.0, 0.3) == 3
+
+
+@pytest.mark.parametrize(
+    ('duration', 'fundamental', 'message'),
+    [
+        (25.0, 0.1, 'take 20 s or 30 s'),
+        (4.0, 0.1, 'take 10 s$'),
+        (float('nan'), 0.1, 'duration must be positive'),
+        (20.0, 0.0, 'fundamental must be positive'),
+    ],
+)
+def test_parts_of_periods_are_refused(duration: float, fundamental: float, message: str) -> None:
+    with pytest.raises(ExcitationError, match=message):
+        whole_periods(duration, fundamental)
+
+
+def test_the_packaged_arm_with_another_centre() -> None:
+    setup = excitation_setup(options(bias=[0.1, 1.4, 0.0, 0.0]))
+    np.testing.assert_array_equal(setup.config.bias_of(setup.robot), [0.1, 1.4, 0.0, 0.0])
+    assert np.isfinite(setup.limits.current).all()
+
+
+def test_another_arm_by_its_urdf(example_urdf: Callable[[str], Path]) -> None:
+    urdf = example_urdf('ur10_robot.urdf')
+    setup = excitation_setup(options(urdf=urdf, acceleration_limit=[3.0]))
+    np.testing.assert_array_equal(setup.limits.acceleration, np.full(6, 3.0))
+    assert np.isinf(setup.limits.current).all()
+
+
+def test_limits_of_an_arm_with_a_drive_train_are_not_options() -> None:
+    with pytest.raises(ExcitationError, match='--acceleration-limit, --torque-per-ampere: for an'):
+        excitation_setup(options(acceleration_limit=[3.0], torque_per_ampere=[1.0]))
+
+
+def test_torque_noise() -> None:
+    assert torque_noise(options(), 4) is None
+    np.testing.assert_array_equal(torque_noise(options(torque_noise=[0.2]), 4), np.full(4, 0.2))
+    with pytest.raises(ExcitationError, match='1 value or 4'):
+        torque_noise(options(torque_noise=[0.2, 0.1]), 4)
+    with pytest.raises(ExcitationError, match='must be positive'):
+        torque_noise(options(torque_noise=[0.2, 0.1, float('nan'), 0.1]), 4)
