@@ -18,6 +18,8 @@ PYTHONS    := 3.11 3.12 3.13 3.14
 WHY        :=
 endif
 BIN := $(VENV)/bin
+# Which Python it is; for a virtual environment, of which it was made.
+WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
@@ -37,7 +39,8 @@ setup: $(VENV)/.ready
 
 $(VENV)/.ready: setup.py pyproject.toml setup.cfg
 	@$(PYTHON) -c 'import sys; v = "%d.%d" % sys.version_info[:2]; sys.exit(0 if v in "$(PYTHONS)".split() else "$(PYTHON) is Python " + v + ", make takes $(PYTHONS)$(WHY): set PYTHON, as in make PYTHON=python3.12 ...")'
-	$(PYTHON) -m venv $(VENV_FLAGS) $(VENV)
+	@# Made anew for another Python: one laid over the other is neither.
+	@[ "$$($(BIN)/python -c '$(WHICH)' 2>&1)" = "$$($(PYTHON) -c '$(WHICH)')" ] || $(PYTHON) -m venv --clear $(VENV_FLAGS) $(VENV)
 	$(BIN)/python -m pip install --quiet --editable '.[$(EXTRAS)]'
 	@$(BIN)/python -c 'import pinocchio' || { echo 'Pinocchio is missing: with the ROS of apt it comes from there, sudo apt install ros-jazzy-pinocchio'; exit 1; }
 	@$(BIN)/python -m pip install --quiet 'spidev>=3.5,<4' || echo 'spidev was not built (C compiler, Python headers?): its tests are skipped'
