@@ -115,7 +115,7 @@ def require_running(client: ArmClient, folder: Path) -> None:
         raise SystemExit(f'tracking: {error}\n' + ''.join(logs)) from None
 
 
-class States:
+class ArmStates:
     """The arm's joint states, whose stamps are the time."""
 
     def __init__(self, node: Node, names: tuple[str, ...]) -> None:
@@ -144,7 +144,7 @@ class States:
         return samples
 
 
-def go_to(node: Node, states: States, names: tuple[str, ...], q: np.ndarray) -> None:
+def go_to(node: Node, states: ArmStates, names: tuple[str, ...], q: np.ndarray) -> None:
     """Send the arm to a posture and give it the time."""
     publisher = node.create_publisher(JointState, topics.SET_POINT.name, topics.SET_POINT.qos)
     while not publisher.get_subscription_count():
@@ -161,7 +161,7 @@ def track(
     node = rclpy.create_node('tracking')
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         client = start_arm(stack, node, Path(folder), feedback, base, awareness)
-        states = States(node, names)
+        states = ArmStates(node, names)
         go_to(node, states, names, motion.evaluate(0.0).q)
         topic = topics.JOINT_TRAJECTORY
         publisher = node.create_publisher(topic.type, topic.name, topic.qos)

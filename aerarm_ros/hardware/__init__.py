@@ -9,7 +9,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=['boards', 'emulation', 'frames', 'gate', 'transports'],
+    submodules=['frames', 'transports', 'gate', 'boards', 'emulation'],
     submod_attrs={
         'bridge_cycle': ['BridgeCycle', 'MODES'],
         'bridge_report': ['BridgeReport'],

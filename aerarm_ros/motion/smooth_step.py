@@ -17,11 +17,12 @@ PEAK_CURVATURE = 10.0 / np.sqrt(3.0)
 
 
 class SmoothStep(NamedTuple):
-    """Step value, its slope and its integral from 0."""
+    """Step value, its slope, its integral from 0, and its second derivative."""
 
     value: FloatArray
     slope: FloatArray
     integral: FloatArray
+    curvature: FloatArray
 
 
 def smooth_step(x: ArrayLike) -> SmoothStep:
@@ -36,6 +37,7 @@ def smooth_step(x: ArrayLike) -> SmoothStep:
         u**3 * (10.0 - 15.0 * u + 6.0 * u**2),
         30.0 * u**2 * (1.0 - u) ** 2,
         u**4 * (2.5 - 3.0 * u + u**2),
+        60.0 * u * (1.0 - u) * (1.0 - 2.0 * u),
     )
 
 

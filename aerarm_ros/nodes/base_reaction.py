@@ -90,7 +90,7 @@ def _point_message(header: Header, point: NDArray[np.float64]) -> PointStamped:
     return message
 
 
-def _inertia_message(header: Header, result: BaseReaction.Result) -> InertiaStamped:
+def _inertia_message(header: Header, result: BaseReaction.ArmReaction) -> InertiaStamped:
     message = InertiaStamped(header=header)
     inertia, tensor = message.inertia, result.inertia.tolist()
     inertia.m = result.mass

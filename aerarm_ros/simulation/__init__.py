@@ -1,4 +1,4 @@
-"""The arm on a physics engine that shares no code with the controllers' model.
+"""The arm on a physics engine that shares no dynamics with the controllers' model.
 
 In come torques of the drives and what the arm is truly made of; out go true joint positions, on a
 base that stands still or moves, and what an IMU on it would read.

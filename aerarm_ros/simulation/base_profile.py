@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from aerarm_ros.motion.smooth_step import smooth_step
+
 Array = NDArray[np.float64]
 
 
@@ -79,10 +81,9 @@ class BaseProfile:
 
     def _oscillation(self, time: float, frequency: float) -> tuple[float, float, float]:
         """Return a sine that grows to amplitude 1, and its two derivatives."""
-        x = min(max(time / self.ramp, 0.0), 1.0)
-        grown = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
-        growth = 30.0 * x**2 * (1.0 - x) ** 2 / self.ramp
-        bend = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / self.ramp**2
+        step = smooth_step(time / self.ramp)
+        grown, growth = float(step.value), float(step.slope) / self.ramp
+        bend = float(step.curvature) / self.ramp**2
         w = 2.0 * pi * frequency
         s, c = sin(w * time), cos(w * time)
         return (

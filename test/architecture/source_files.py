@@ -26,6 +26,16 @@ def modules_in(folder: str) -> list[str]:
     return sorted(path.stem for path in (ROOT / folder).glob('*.py') if path.stem != '__init__')
 
 
+def rooms_offered_by(folder: str) -> tuple[str, ...]:
+    """Return the rooms inside a room, in the order of `submodules` in its `__init__.py`."""
+    tree = ast.parse((ROOT / folder / '__init__.py').read_text())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.keyword) and node.arg == 'submodules':
+            names: list[str] = ast.literal_eval(node.value)
+            return tuple(name for name in names if (ROOT / folder / name).is_dir())
+    raise ValueError(f'{folder} offers no rooms')
+
+
 def executables() -> list[str]:
     """Return the names in the list EXECUTABLES of setup.py."""
     for statement in ast.parse((ROOT / 'setup.py').read_text()).body:

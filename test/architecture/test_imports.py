@@ -19,7 +19,7 @@ ALLOWED = {
     'control': {'motion', 'model', 'description'},
     'excitation': {'motion', 'model', 'description'},
     'identification': {'model', 'description'},
-    'simulation': {'model', 'description'},
+    'simulation': {'motion', 'model', 'description'},
     'hardware': {'motion', 'simulation', 'model', 'description'},
     'experiment': {
         *('control', 'excitation', 'identification', 'hardware', 'simulation'),

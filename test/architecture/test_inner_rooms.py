@@ -1,71 +1,33 @@
 """Rooms within rooms: named after the steps of a flow, in an order that imports follow."""
 
+import ast
+import re
 from pathlib import Path
 
 import pytest
-from source_files import ROOT, imported_modules, modules_in, package_folders, python_files
+from source_files import (
+    ROOT,
+    SUITE,
+    imported_modules,
+    modules_in,
+    package_folders,
+    python_files,
+    rooms_offered_by,
+)
 
-# The rooms inside a room, in order: each may import from those before it only. Modules beside
-# the inner rooms are doors, which may import all of them and which none of them imports.
+# The rooms inside a room, in the order in which its `__init__.py` names them: each may import from
+# those before it only. Modules beside the inner rooms are doors, which may import all of them and
+# which none of them imports.
 INNER_ROOMS = {
-    'aerarm_ros/control': (
-        'checks',
-        'base',
-        'references',
-        'compensation',
-        'laws',
-    ),
-    'aerarm_ros/excitation': (
-        'settings',
-        'trajectory',
-        'clearance',
-        'feasibility',
-        'planning',
-        'design',
-        'player',
-        'preview',
-    ),
-    'aerarm_ros/hardware': (
-        'frames',
-        'transports',
-        'gate',
-        'boards',
-        'emulation',
-    ),
-    'aerarm_ros/identification': (
-        'recording',
-        'conditioning',
-        'parameters',
-        'regression',
-        'solvers',
-        'model_choice',
-        'assessment',
-        'payload',
-        'files',
-        'report',
-        'motor_bench',
-    ),
-    'aerarm_ros/ros': (
-        'parameters',
-        'process',
-        'executors',
-        'graph',
-        'diagnostics',
-        'states',
-        'bridge',
-        'emulation',
-        'requests',
-        'controllers',
-        'playback',
-        'recording',
-        'page',
-        'programs',
-    ),
-    'aerarm_msgs_py': (
-        'codecs',
-        'live_topics',
-        'bags',
-    ),
+    outer: rooms_offered_by(outer)
+    for outer in (
+        'aerarm_ros/control',
+        'aerarm_ros/excitation',
+        'aerarm_ros/hardware',
+        'aerarm_ros/identification',
+        'aerarm_ros/ros',
+        'aerarm_msgs_py',
+    )
 }
 MOST_MODULES = 20
 
@@ -101,3 +63,23 @@ def test_every_room_with_rooms_inside_has_an_order() -> None:
 @pytest.mark.parametrize('folder', sorted(package_folders()))
 def test_a_folder_tells_its_story_with_few_modules(folder: str) -> None:
     assert len(modules_in(folder)) <= MOST_MODULES
+
+
+@pytest.mark.parametrize('folder', sorted(package_folders()))
+def test_a_room_says_what_comes_in_and_what_goes_out(folder: str) -> None:
+    if folder in ('aerarm_ros', 'aerarm_ros/nodes'):  # the house, and its doors
+        return
+    text = ast.get_docstring(ast.parse((ROOT / folder / '__init__.py').read_text())) or ''
+    assert re.search(r'\b[Ii]n comes?\b', text)
+    assert re.search(r'\bgo(es)? out\b|\bout go(es)?\b', text)
+
+
+def test_no_two_classes_have_one_name() -> None:
+    places: dict[str, list[str]] = {}
+    for path in [
+        file for folder in (*SUITE, 'test', 'benchmarks') for file in python_files(folder)
+    ]:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef) and node.name != 'TestShutdown':  # of launch_testing
+                places.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert {name: files for name, files in places.items() if len(files) > 1} == {}

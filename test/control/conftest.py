@@ -33,7 +33,7 @@ class Run:
     effort: Array
 
 
-class Bench:
+class LawBench:
     """The arm on the physics engine, with torque commands at 1 kHz and perfect sensors."""
 
     def __init__(self, robot: Robot, parameters: PlantParameters, q: npt.ArrayLike) -> None:
@@ -80,13 +80,13 @@ def parameters(config: ArmConfig, robot: Robot) -> PlantParameters:
 
 
 @pytest.fixture
-def frictionless_bench(robot: Robot, parameters: PlantParameters) -> Callable[..., Bench]:
-    return lambda q: Bench(robot, parameters.without_friction(), q)
+def frictionless_bench(robot: Robot, parameters: PlantParameters) -> Callable[..., LawBench]:
+    return lambda q: LawBench(robot, parameters.without_friction(), q)
 
 
 @pytest.fixture
-def bench(robot: Robot, parameters: PlantParameters) -> Callable[..., Bench]:
-    return lambda q: Bench(robot, parameters, q)
+def bench(robot: Robot, parameters: PlantParameters) -> Callable[..., LawBench]:
+    return lambda q: LawBench(robot, parameters, q)
 
 
 @pytest.fixture

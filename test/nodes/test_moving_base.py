@@ -24,7 +24,7 @@ def bench(tmp_path: Path, ros_node: Node) -> Iterator[ControllerBench]:
         yield bench
 
 
-class Swing:
+class SwingingArm:
     """What the IMU says of the base, and how far the joints wander meanwhile."""
 
     def __init__(self, bench: ControllerBench) -> None:
@@ -60,7 +60,7 @@ class Swing:
 
 @pytest.mark.parametrize('base_motion', ['full', 'none'])
 def test_the_arm_is_held_on_a_swinging_base(bench: ControllerBench, base_motion: str) -> None:
-    swing = Swing(bench)
+    swing = SwingingArm(bench)
     with bench.controller('computed_torque', base_motion=base_motion) as process:
         bench.wait(lambda: bench.mode == 'running', 'commands')
         swing.wait_for_both_sides()

@@ -31,7 +31,7 @@ class BaseReaction:
         The model, to be told of a payload.
     """
 
-    class Result(NamedTuple):
+    class ArmReaction(NamedTuple):
         """All in the base frame's axes, moments about its origin.
 
         `wrench` (6,) is force [N] and moment [Nm] of the arm on the drone; `static` is the
@@ -51,7 +51,7 @@ class BaseReaction:
 
     def evaluate(
         self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None = None
-    ) -> 'BaseReaction.Result':
+    ) -> 'BaseReaction.ArmReaction':
         """Return wrench and mass properties of a motion.
 
         Parameters
@@ -66,4 +66,4 @@ class BaseReaction:
         gravity = (self.dynamics.still if base is None else base).gravity
         weight = mass * gravity
         static = np.concatenate([weight, np.cross(com, weight)])
-        return self.Result(wrench, static, wrench - static, mass, com, inertia)
+        return self.ArmReaction(wrench, static, wrench - static, mass, com, inertia)

@@ -35,7 +35,7 @@ class DampedInverse:
         If one isn't positive.
     """
 
-    class Result(NamedTuple):
+    class InvertedJacobian(NamedTuple):
         """Inverse (n, m), projector into the null space (n, n), least singular value."""
 
         inverse: Array
@@ -46,7 +46,7 @@ class DampedInverse:
         self._threshold = positive('threshold', threshold)
         self._damping = positive('damping', damping)
 
-    def of(self, jacobian: Array) -> Result:
+    def of(self, jacobian: Array) -> InvertedJacobian:
         """Invert a Jacobian (m, n), m <= n."""
         left, values, right = np.linalg.svd(jacobian, full_matrices=False)
         scaled = np.minimum(values / self._threshold, 1.0)
@@ -54,4 +54,4 @@ class DampedInverse:
         gains = values / (values * values + damping)
         inverse = (right.T * gains) @ left.T
         null_space = np.eye(jacobian.shape[1]) - (right.T * (gains * values)) @ right
-        return self.Result(inverse, null_space, float(values[-1]))
+        return self.InvertedJacobian(inverse, null_space, float(values[-1]))

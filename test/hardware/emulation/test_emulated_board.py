@@ -15,7 +15,7 @@ MOTOR = MotorConfig('MN4006', 12, 380.0, 16.0, 1.3e-5, 0.15)
 TIMING = AlignmentTiming(0.05, 0.05, 0.01)
 
 
-class Bench:
+class BoardBench:
     """A board with two free rotors, light enough to follow any field."""
 
     def __init__(self, profile='uomodri_v3', **options):
@@ -57,7 +57,7 @@ class Bench:
 
 
 def test_is_off_until_told():
-    bench = Bench()
+    bench = BoardBench()
     state = bench.cycles(10)
     assert not state.system_enabled
     assert state.motor_enabled == [False, False]
@@ -65,7 +65,7 @@ def test_is_off_until_told():
 
 
 def test_enabling_aligns_then_reports_ready():
-    bench = Bench()
+    bench = BoardBench()
     bench.command.enable_system = True
     bench.command.enable_motor = [True, True]
     bench.held = False
@@ -81,7 +81,7 @@ def test_enabling_aligns_then_reports_ready():
 
 
 def test_one_motor_alone():
-    bench = Bench()
+    bench = BoardBench()
     bench.command.enable_system = True
     bench.command.enable_motor = [False, True]
     bench.held = False
@@ -92,13 +92,13 @@ def test_one_motor_alone():
 
 
 def test_echoes_the_index_of_the_command_before():
-    bench = Bench()
+    bench = BoardBench()
     bench.cycle()
     assert [bench.cycle().index for _ in range(3)] == [1, 2, 3]
 
 
 def test_reports_measurements_with_noise_on_the_current_only():
-    bench = Bench().enabled()
+    bench = BoardBench().enabled()
     bench.command.current = [1.0, -2.0]
     currents = []
     for _ in range(300):
@@ -112,7 +112,7 @@ def test_reports_measurements_with_noise_on_the_current_only():
 
 
 def test_clock_runs_in_milliseconds_and_wraps():
-    bench = Bench()
+    bench = BoardBench()
     first, second = bench.cycle(), bench.cycle()
     assert second.timestamp - first.timestamp == pytest.approx(0.001)
     bench.board._clock = 65.5359
@@ -121,7 +121,7 @@ def test_clock_runs_in_milliseconds_and_wraps():
 
 @pytest.mark.parametrize('profile', ['uomodri_v3', 'udriver_v2'])
 def test_bad_frames_are_ignored_and_the_last_command_goes_on(profile):
-    bench = Bench(profile).enabled()
+    bench = BoardBench(profile).enabled()
     bench.command.current = [1.0, 1.0]
     bench.cycle()
     good = bench.codec.encode(bench.command)
@@ -133,7 +133,7 @@ def test_bad_frames_are_ignored_and_the_last_command_goes_on(profile):
 
 
 def test_silence_stops_a_driven_motor_with_error_2():
-    bench = Bench().enabled()
+    bench = BoardBench().enabled()
     bench.command.current, bench.command.timeout = [1.0, 0.0], 0.005
     bench.cycles(10)
     bench.cycles(4, send=False)
@@ -145,7 +145,7 @@ def test_silence_stops_a_driven_motor_with_error_2():
 
 
 def test_silence_without_current_is_no_error():
-    bench = Bench().enabled()
+    bench = BoardBench().enabled()
     bench.command.timeout = 0.005
     bench.cycles(10)
     bench.cycles(50, send=False)
@@ -159,7 +159,7 @@ def switched_off(bench):
 
 
 def test_v3_keeps_an_error_until_the_power_cycle():
-    bench = Bench('uomodri_v3').enabled()
+    bench = BoardBench('uomodri_v3').enabled()
     bench.board.raise_error(7)
     assert bench.cycles(3).error == 7
     assert switched_off(bench).error == 7
@@ -169,7 +169,7 @@ def test_v3_keeps_an_error_until_the_power_cycle():
 
 
 def test_v2_drops_an_error_when_it_is_switched_off():
-    bench = Bench('udriver_v2').enabled()
+    bench = BoardBench('udriver_v2').enabled()
     bench.board.raise_error(7)
     assert bench.cycles(3).error == 7
     assert switched_off(bench).error == 0
@@ -177,14 +177,14 @@ def test_v2_drops_an_error_when_it_is_switched_off():
 
 
 def test_the_first_error_stays():
-    board = Bench().board
+    board = BoardBench().board
     board.raise_error(3)
     board.raise_error(7)
     assert board.error == 3
 
 
 def test_saturation_of_the_command_is_kept_and_never_above_the_motors():
-    bench = Bench().enabled()
+    bench = BoardBench().enabled()
     bench.command.current, bench.command.current_saturation = [30.0, 30.0], [2.0, 25.0]
     bench.cycles(20)
     assert bench.board.motors[0].torque_current == pytest.approx(2.0)
@@ -192,20 +192,20 @@ def test_saturation_of_the_command_is_kept_and_never_above_the_motors():
 
 
 def test_a_motor_that_left_its_128_turns_stops_the_board():
-    bench = Bench().enabled()
+    bench = BoardBench().enabled()
     bench.angles[1] = 129 * 2 * math.pi
     assert bench.cycle().error == 5
 
 
 def test_a_blocked_rotor_fails_its_alignment_with_its_encoders_error():
-    bench = Bench()
+    bench = BoardBench()
     bench.command.enable_system = True
     bench.command.enable_motor = [False, True]
     assert bench.cycles(130).error == 6
 
 
 def test_laas_power_reports_voltages():
-    bench = Bench('laas_power').enabled()
+    bench = BoardBench('laas_power').enabled()
     bench.command.kp, bench.command.position = [1.0, 0.0], [bench.angles[0] + 2.0, 0.0]
     state = bench.cycles(20)
     assert state.quadrature_voltage[0] == pytest.approx(0.15 * 2.0, abs=0.01)
@@ -213,7 +213,7 @@ def test_laas_power_reports_voltages():
 
 
 def test_wire_faults():
-    bench = Bench(seed=3)
+    bench = BoardBench(seed=3)
     bench.board.faults.bit_error_rate = 0.5
     bad = sum(bench.cycle() is None for _ in range(400))
     assert bad == pytest.approx(200, abs=50)
@@ -234,7 +234,7 @@ def test_wire_faults():
 
 def test_a_seed_repeats_noise_and_faults():
     def run(seed):
-        bench = Bench(seed=seed)
+        bench = BoardBench(seed=seed)
         bench.board.faults.bit_error_rate = 0.3
         return [state and state.current for state in (bench.cycle() for _ in range(50))]
 
@@ -243,7 +243,7 @@ def test_a_seed_repeats_noise_and_faults():
 
 
 def test_a_prepared_frame_shows_the_board_as_it_was_then():
-    bench = Bench().enabled()
+    bench = BoardBench().enabled()
     bench.board.prepare()
     bench.angles = [0.5, -0.5]
     for _ in range(4):
@@ -256,7 +256,7 @@ def test_a_prepared_frame_shows_the_board_as_it_was_then():
 
 
 def test_an_error_after_a_frame_was_prepared_is_in_it():
-    bench = Bench().enabled()
+    bench = BoardBench().enabled()
     bench.board.prepare()
     bench.board.raise_error(7)
     state = bench.codec.decode(bench.board.exchange(bench.codec.encode(bench.command)))

@@ -21,7 +21,7 @@ Leave = Callable[[], None]
 MakePublisher = Callable[..., Leave]
 
 
-class Watched:
+class WatchedTopic:
     """A watch that is polled, as by a loop, until something is seen."""
 
     def __init__(self, node: Node) -> None:
@@ -42,9 +42,9 @@ class Watched:
 
 
 @pytest.fixture
-def watched(ros_node: Node) -> Iterator[Watched]:
+def watched(ros_node: Node) -> Iterator[WatchedTopic]:
     with BackgroundExecutor(ros_node):
-        yield Watched(ros_node)
+        yield WatchedTopic(ros_node)
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def make_publisher(ros_node: Node) -> Iterator[MakePublisher]:
 
 
 def test_publishers_that_come_and_go_are_named(
-    watched: Watched, make_publisher: MakePublisher
+    watched: WatchedTopic, make_publisher: MakePublisher
 ) -> None:
     leave = make_publisher('first')
     watched.wait_for(lambda: watched.names == ['/somewhere/first'])
@@ -80,7 +80,7 @@ def test_publishers_that_come_and_go_are_named(
 
 
 def test_one_that_takes_the_place_of_another_is_named_when_asked_for(
-    watched: Watched, make_publisher: MakePublisher
+    watched: WatchedTopic, make_publisher: MakePublisher
 ) -> None:
     leave = make_publisher('first')
     watched.wait_for(lambda: watched.names == ['/somewhere/first'])
@@ -96,7 +96,7 @@ def test_one_that_takes_the_place_of_another_is_named_when_asked_for(
 
 
 def test_nothing_is_looked_up_while_nothing_changes(
-    watched: Watched, make_publisher: MakePublisher
+    watched: WatchedTopic, make_publisher: MakePublisher
 ) -> None:
     make_publisher('only')
     watched.wait_for(lambda: watched.names == ['/somewhere/only'])
@@ -109,7 +109,7 @@ def test_nothing_is_looked_up_while_nothing_changes(
 
 
 def test_who_is_not_heard_is_reported_with_the_reason(
-    watched: Watched, make_publisher: MakePublisher
+    watched: WatchedTopic, make_publisher: MakePublisher
 ) -> None:
     make_publisher('heard')
     leave = make_publisher('weak', qos=BEST_EFFORT)
