@@ -60,6 +60,8 @@ class BaseReactionNode(StateNode):
     def answer(self, stamp_ns: int, state: ArmState) -> None:
         """Publish the reaction if it is due."""
         now = stamp_ns * 1e-9
+        if now == self._last:
+            return  # an emulated arm tells its state again while it waits
         dt, self._last = now - self._last, now
         if not 0.0 < dt < LONGEST_GAP:
             self._acceleration.reset()

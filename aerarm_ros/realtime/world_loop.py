@@ -38,6 +38,9 @@ class WorldLoop(PeriodicLoop):
         As of a `PeriodicLoop`, in the host's time; no cycle is ever missed.
     slipped_ns
         Time [ns] that went by on the host and not in the world.
+    stood_ns
+        Time [ns] that the world stood still because nothing happened in it: for `hold` to add to,
+        and left out of the share of real time.
 
     Raises
     ------
@@ -53,7 +56,7 @@ class WorldLoop(PeriodicLoop):
         start_ns: int = 0,
     ) -> None:
         super().__init__(period)
-        self.slipped_ns = 0
+        self.slipped_ns = self.stood_ns = 0
         self._hold = hold
         self._wait_first = wait_first
         self._host_ns = 0
@@ -112,7 +115,8 @@ class WorldLoop(PeriodicLoop):
     @property
     def share_of_real_time(self) -> float:
         """World time over the host's, since the start; above one for a world that runs ahead."""
-        return self.cycles * self.period_ns / self._host_ns if self._host_ns else 1.0
+        host_ns = self._host_ns - self.stood_ns
+        return self.cycles * self.period_ns / host_ns if host_ns > 0 else 1.0
 
     def assess(self, interval: TimingSummary, execution: TimingSummary) -> tuple[int, str]:
         """Return a level of `timing_assessment` and one line: a slow world is no fault."""

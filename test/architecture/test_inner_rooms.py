@@ -70,6 +70,7 @@ def test_a_room_says_what_comes_in_and_what_goes_out(folder: str) -> None:
     if folder in ('aerarm_ros', 'aerarm_ros/nodes'):  # the house, and its doors
         return
     text = ast.get_docstring(ast.parse((ROOT / folder / '__init__.py').read_text())) or ''
+    text = ' '.join(text.split())
     assert re.search(r'\b[Ii]n comes?\b', text)
     assert re.search(r'\bgo(es)? out\b|\bout go(es)?\b', text)
 

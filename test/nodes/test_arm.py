@@ -3,7 +3,6 @@
 import time
 from pathlib import Path
 
-import pytest
 from rclpy.node import Node
 
 from aerarm_ros.ros.process.node_process import NodeProcess
@@ -51,7 +50,6 @@ def test_with_two_bridges_only_what_stops_goes_to_both(
         client.wait_for_mode(['fault'], 30.0)
 
 
-@pytest.mark.pace('keep_up')
 def test_an_injected_fault_and_the_way_back(bridge: NodeProcess, tmp_path: Path) -> None:
     log = tmp_path / 'arm.log'
     assert ask(log, 'enable', '--wait-before', 'idle', '--wait', 'ready')[0] == 0

@@ -98,7 +98,6 @@ def test_some_bad_frames_are_counted_only(client: BridgeClient) -> None:
     assert client.diagnostics['arm']['board0 bad frames'] == '0'
 
 
-@pytest.mark.pace('keep_up')
 def test_faults_by_service_and_bad_requests(client: BridgeClient) -> None:
     answer = client.call('inject_fault')
     assert not answer.success

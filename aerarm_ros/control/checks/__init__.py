@@ -1,6 +1,6 @@
 """What is given to a controller is checked here, before anything is changed.
 
-In come gains, limits and references; out they go as they were, or an error says what to give
+In come gains, limits and references; the same go out as they were, or an error says what to give
 instead: `ValueError` when a law is made, `RejectedInputError` while the arm is moved.
 """
 

@@ -37,6 +37,10 @@ def state_node_parameters(*parameters: Parameter) -> ParameterTable:
     return ParameterTable(*ARM_PARAMETERS, *LOOP_PARAMETERS, *parameters)
 
 
+# States further apart than this [ns] are not neighbours.
+_GAP_NS = 5_000_000
+
+
 class StateNode:
     """Calls `answer` for every joint state, with the base's motion kept up to date.
 
@@ -163,24 +167,26 @@ class StateNode:
 
     def _take(self) -> None:
         newest = self._stream.newest_state()
-        before, after = self._stream.imu_samples()
-        # A sample's age is counted from the state that came before it: a drone's clock need not
-        # be ours. One that came with a newer state is nevertheless older than that.
-        self._offer(before)
+        samples = self._stream.imu_samples()
+        before_ns, stamp_ns = self.stamp_ns, newest[0] if newest is not None else self.stamp_ns
+        for sample, lead_ns in samples:
+            if lead_ns > 0:
+                self._offer(sample, _arrival(before_ns, stamp_ns, lead_ns))
         if newest is not None:
             self.stamp_ns, self.state = newest
             while self._requests:
-                self._try(self._requests.popleft())
-            self.answer(self.stamp_ns, self.state)
-        self._offer(after)
+                self._try(self._requests.popleft(), stamp_ns)
+            self.answer(stamp_ns, self.state)
+        for sample, lead_ns in samples:
+            if lead_ns <= 0:
+                self._offer(sample, stamp_ns)
 
-    def _offer(self, samples: list[ImuSample]) -> None:
-        for sample in samples:
-            self._try(partial(self.base.offer, sample))
+    def _offer(self, sample: ImuSample, now_ns: int) -> None:
+        self._try(partial(self.base.offer, sample), now_ns)
 
-    def _try(self, action: Callable[[float], None]) -> None:
+    def _try(self, action: Callable[[float], None], now_ns: int) -> None:
         try:
-            action(self.stamp_ns * 1e-9)
+            action(now_ns * 1e-9)
         except RejectedInputError as error:
             self.reject(str(error))
 
@@ -208,3 +214,22 @@ class StateNode:
 
     def _on_stop(self) -> None:
         self._stopping = True
+
+
+def _arrival(before_ns: int, stamp_ns: int, lead_ns: int) -> int:
+    """Return when, in the states' time, an IMU sample came [ns].
+
+    A sample's age is counted from the state that came before it: a drone's clock need not be ours,
+    and an emulated arm's time is not the host's. After a gap, as a pause of this process, many came
+    since that state: then it is as long before the new state as it came before it on this host.
+
+    Parameters
+    ----------
+    before_ns, stamp_ns
+        Stamps of the state before, and of the new one [ns].
+    lead_ns
+        How long before the new state it came [ns].
+    """
+    if stamp_ns - before_ns <= _GAP_NS:
+        return before_ns
+    return max(before_ns, stamp_ns - lead_ns)

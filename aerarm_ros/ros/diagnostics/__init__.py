@@ -1,6 +1,6 @@
 """What people are told while something works: on /diagnostics, in the log, on the terminal.
 
-In come numbers and problems, as often as there are any; out they go as often as a person reads.
+In come numbers and problems, as often as there are any; the same go out as often as a person reads.
 """
 
 import lazy_loader

@@ -145,8 +145,9 @@ class EmulatedWorld:
     def _hold(self) -> bool:
         """Wait until the world may go on; return whether it may hurry."""
         self.is_waiting = False
-        if self._mode not in COMMANDABLE:
-            self._watch.forget()
+        if self._mode not in COMMANDABLE or self._mode == 'ready':
+            self._watch.forget()  # who commands next is another one, maybe
+            self._warned.clear()
         self._stands = (
             self._in_lockstep
             and self._mode in _STANDING
@@ -155,11 +156,23 @@ class EmulatedWorld:
         if not (self._in_lockstep and self._watch.awaits(self.now_ns())):
             self._look()  # else it is waited for
         if self._stands:
-            self._wait(lambda: self._command is None, None)
+            self._stand()
             return True
         if self._is_ahead() and not self._wait(self._is_ahead, self._patience):
             self._give_up()
         return self._in_lockstep and (self._watch.expects or self._mode in _ALONE)
+
+    def _stand(self) -> None:
+        """Wait until somebody does something, which takes no time in the world."""
+        begun = time.monotonic_ns()
+        if not self._wait(lambda: self._command is None, self._patience):
+            if self._mode == 'ready' and self._streams.commands.publishers():
+                self._say(
+                    'joint_command has a publisher that answers no state: the emulated world '
+                    'stands still until it does (one told again wants an answer too)'
+                )
+            self._wait(lambda: self._command is None, None)
+        self.loop.stood_ns += time.monotonic_ns() - begun
 
     def _is_ahead(self) -> bool:
         """Whether the world would run away from who commands or records the arm."""
@@ -174,23 +187,34 @@ class EmulatedWorld:
 
     def _wait(self, is_needed: Callable[[], bool], patience: float | None) -> bool:
         """Wait while it is needed, or until something is asked; False if that takes too long."""
-        begun = told = now = time.monotonic()
+        waited = 0.0  # while the others could run as well: a pause of the host does not count
+        last = told = time.monotonic()
+        has_told = False
         while is_needed() and not (self.loop.is_stopped or self._requests.are_waiting):
             # An answer takes a fraction of a millisecond: who looks again at once has it sooner
             # than who is woken up.
-            is_eager = self._in_lockstep and now - begun < _EAGER
+            is_eager = self._in_lockstep and waited < _EAGER
             if self._streams.commands.wait(0.0 if is_eager else _SLICE):
                 self._look()
-                continue
             now = time.monotonic()
-            if patience is not None and now - begun > patience:
+            waited += min(now - last, 4 * _SLICE)
+            last = now
+            if patience is not None and waited > patience:
                 return False
             if now - told > _REPEAT:
-                told = now
+                told, has_told = now, True
                 self._tell_again()
+                self._clock.tell_again()
                 self._wait_idly()
-        self.is_waiting = told > begun and is_needed()
+        self.is_waiting = self._is_alone(has_told)
         return True
+
+    def _is_alone(self, has_told: bool) -> bool:
+        """Whether nobody commands the arm, after a wait with or without telling the state again."""
+        commands = self._streams.commands
+        if not self._watch.awaits(self.now_ns()):
+            return False
+        return has_told or commands.publishers() < self._publishers
 
     def _look(self) -> None:
         """Take the newest command, if there is one."""
@@ -199,11 +223,17 @@ class EmulatedWorld:
         except ValueError as error:
             self._command = error
             return
-        if command is not None and not self._is_early(command[1].stamp_ns):
-            self._command = command
-            if not self._watch.expects:
-                self._publishers = self._streams.commands.publishers()
-            self._watch.note(command[1].stamp_ns, self.now_ns())
+        if command is None or self._is_early(command[1].stamp_ns):
+            return
+        stamp_ns, now_ns = command[1].stamp_ns, self.now_ns()
+        if self._watch.expects and not self._watch.is_answer(stamp_ns, now_ns):
+            # A stranger's: it must neither replace an answer nor end the wait for one.
+            self._command = self._command or command
+            return
+        self._command = command
+        if not self._watch.expects:
+            self._publishers = self._streams.commands.publishers()
+        self._watch.note(stamp_ns, now_ns)
 
     def _is_early(self, stamp_ns: int) -> bool:
         """Whether a first command answers a state before the one at which the world stands."""
@@ -221,9 +251,12 @@ class EmulatedWorld:
             self._warn('the last state was not answered', 'and the arm is damped')
 
     def _warn(self, what: str, then: str) -> None:
-        if what not in self._warned:
-            self._warned.add(what)
-            self._logger.warning(
-                f'{what} within {self._patience:g} s: the emulated world goes on without, {then} '
-                '(answer_timeout lengthens the wait)'
-            )
+        self._say(
+            f'{what} within {self._patience:g} s: the emulated world goes on without, {then} '
+            '(answer_timeout lengthens the wait)'
+        )
+
+    def _say(self, text: str) -> None:
+        if text not in self._warned:
+            self._warned.add(text)
+            self._logger.warning(text)

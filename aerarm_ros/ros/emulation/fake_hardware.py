@@ -36,6 +36,7 @@ PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS, *PACE_PARAMETERS, *EMULATION_PAR
 # What is looked after once a cycle, looked after as often as that while the world stands still.
 _CYCLES_OF_A_WAIT = 10
 _STILL = 0.05  # [rad/s] joints slower than this
+_FAULT_TIME = 1.0  # [s] world time in which a fault shows
 _FALL_TIME = 2.0  # [s] by then an arm whose motors are off has begun to fall
 
 
@@ -51,6 +52,7 @@ class FakeHardware(HardwareBridge):
         self._drone: EmulatedDrone | None = None
         self._world: EmulatedWorld | None = None
         self._now = 0.0
+        self._awake_until = 0.0
         super().__init__('fake_hardware', PARAMETERS)
 
     def make_transport(
@@ -162,6 +164,8 @@ class FakeHardware(HardwareBridge):
         cycle, boards = self._cycle, self._boards
         if cycle is None or boards is None or np.abs(cycle.dq).max() > _STILL:
             return False
+        if self._now < self._awake_until:
+            return False
         # An arm that is let go rests at first, and falls.
         return mode != 'idle' or boards.is_carried or since > _FALL_TIME
 
@@ -203,6 +207,7 @@ class FakeHardware(HardwareBridge):
         if boards is None or not fault:
             return Answer(False, f'set the parameter fault first: {FORM}')
         FaultRequest.parse(fault, len(boards.boards)).apply(boards)
+        self._awake_until = self._now + _FAULT_TIME
         return Answer(True, f'{fault}: {FAULTS[fault.partition(":")[0].strip()].meaning}')
 
     def _put_back(self, cycle: BridgeCycle) -> Answer:

@@ -33,13 +33,20 @@ class WorldClock:
         self._node = node
         self._publisher = node.create_publisher(topic.type, topic.name, topic.qos)
         self._due = 0
+        self._told = b''
         self._rivals = RivalWatch(node, topic, _ADVICE)
 
     def tell(self, now_ns: int) -> None:
         """Publish `now_ns` [ns] if it is time."""
         if now_ns >= self._due:
             self._due = now_ns + _PERIOD_NS
-            self._publisher.publish(_CDR.pack(*_ENCAPSULATION, *divmod(now_ns, 1_000_000_000)))
+            self._told = _CDR.pack(*_ENCAPSULATION, *divmod(now_ns, 1_000_000_000))
+            self._publisher.publish(self._told)
+
+    def tell_again(self) -> None:
+        """Publish the last time once more, for who has not heard it."""
+        if self._told:
+            self._publisher.publish(self._told)
 
     def poll(self) -> None:
         """Look for another clock; to be called in every cycle, costs a microsecond."""

@@ -16,6 +16,7 @@ from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.ros.diagnostics.progress_line import ProgressLine
 from aerarm_ros.ros.diagnostics.waiting_notice import WaitingNotice
+from aerarm_ros.ros.graph.endpoint_name import endpoint_name
 from aerarm_ros.ros.playback.start_conditions import StartConditions
 from aerarm_ros.ros.states.arm_modes import COMMANDABLE
 from aerarm_ros.ros.states.state_stream import StateStream
@@ -69,6 +70,8 @@ class MotionPlayback:
         self._commands = node.create_publisher(command.type, command.name, command.qos)
         self._conditions = StartConditions(node, self._commands, subscribers, recorder)
         self._rejection = ''
+        self._answered_ns: int | None = None
+        self._command = b''
         self._on_rejection = on_rejection
         self.states = StateStream(node, joint_names, self._reject)
 
@@ -155,19 +158,34 @@ class MotionPlayback:
                 f"arm_mode became '{self._conditions.mode}' in the {player.stage}: see the console "
                 'of the bridge, or view'
             )
-        command = bytes(self._codec.pack(stamp_ns, *player.update(stamp_ns, state.q)))
-        self._commands.publish(command)
-        listener(stamp_ns, state, command)
+        if stamp_ns != self._answered_ns:
+            self._answered_ns = stamp_ns
+            self._command = bytes(self._codec.pack(stamp_ns, *player.update(stamp_ns, state.q)))
+            self._commands.publish(self._command)
+            listener(stamp_ns, state, self._command)
+        else:
+            # An emulated arm tells its state again: it did not hear the answer.
+            self._commands.publish(self._command)
 
     def _check_silence(self, heard: float, silence: float, stage: str) -> None:
-        is_emulated = self._node.count_publishers(topics.CLOCK.name) > 0
-        timeout = max(silence, _PATIENCE) if is_emulated else silence
-        if time.monotonic() - heard > timeout:
+        silent_for = time.monotonic() - heard
+        if silent_for <= silence:
+            return
+        timeout = max(silence, _PATIENCE) if self._is_emulated() else silence
+        if silent_for > timeout:
             why = self._rejection or (
                 'did the bridge end, or is the computer overloaded? '
                 'state_timeout lengthens the wait'
             )
             raise ExcitationError(f'no joint state for {timeout:g} s in the {stage}: {why}')
+
+    def _is_emulated(self) -> bool:
+        """Whether the arm has a time of its own: who publishes its states publishes /clock too."""
+        clocks, arms = (
+            {endpoint_name(endpoint) for endpoint in self._node.get_publishers_info_by_topic(name)}
+            for name in (topics.CLOCK.name, self._node.resolve_topic_name(topics.JOINT_STATES.name))
+        )
+        return bool(clocks & arms)
 
     def _reject(self, reason: str) -> None:
         self._rejection = reason

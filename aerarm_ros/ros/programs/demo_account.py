@@ -7,10 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-# Below this share of real time the host would have kept a real arm waiting [%].
-SHARE_MIN = 99.9
 _CYCLES = re.compile(
-    r'\d+ cycles, the world ran at (?P<share>[\d.]+) % of real time.*$', re.MULTILINE
+    r'\d+ cycles, the world ran at [\d.]+ % of real time(?P<slow>.*too slow.*)?$', re.MULTILINE
 )
 _MESSAGES = re.compile(r'\d+ messages, (?P<lost>\d+|unknown) lost$', re.MULTILINE)
 _ADVICE = (
@@ -27,8 +25,8 @@ class DemoAccount:
     ----------
     cycles
         Of the bridge.
-    share
-        World time over the host's [%].
+    too_slow
+        Whether the host would have kept a real arm waiting.
     messages
         Of the recorder of each motion.
     lost
@@ -36,7 +34,7 @@ class DemoAccount:
     """
 
     cycles: str
-    share: float
+    too_slow: bool
     messages: Mapping[str, str]
     lost: Mapping[str, int | None]
 
@@ -53,7 +51,7 @@ class DemoAccount:
         messages = {name: _last(_MESSAGES, log) for name, log in recorders.items()}
         return cls(
             cycles[0],
-            float(cycles['share']),
+            cycles['slow'] is not None,
             {name: found[0] for name, found in messages.items()},
             {name: _count(found['lost']) for name, found in messages.items()},
         )
@@ -63,7 +61,7 @@ class DemoAccount:
         yield f'Bridge    {self.cycles}'
         for name, text in self.messages.items():
             yield f'Recorder  {name}: {text}'
-        if self.share < SHARE_MIN:
+        if self.too_slow:
             yield (
                 'NOTE      the world waited for this host, so the result is as on a faster one; a '
                 f'real arm would not have waited: {_ADVICE}'

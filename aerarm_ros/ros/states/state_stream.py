@@ -88,16 +88,14 @@ class StateStream:
         """
         return time.time_ns() - self._published_ns
 
-    def imu_samples(self) -> tuple[list[ImuSample], list[ImuSample]]:
-        """Return the IMU samples that came before the newest state, and those that came after.
+    def imu_samples(self) -> list[tuple[ImuSample, int]]:
+        """Return the IMU samples that wait, each with its lead over the newest state [ns].
 
-        Faulty ones are rejected.
+        The lead is negative for one that came after it. Faulty ones are rejected.
         """
-        before: list[ImuSample] = []
-        after: list[ImuSample] = []
+        samples: list[tuple[ImuSample, int]] = []
         while (message := self._reader.take(_IMU)) is not None:
             payload, info = message
-            came_before = info['received_timestamp'] < self._received_ns
             try:
                 sample = to_imu_sample(deserialize_message(payload, Imu))
             except RejectedInputError as error:
@@ -105,8 +103,8 @@ class StateStream:
             except RuntimeError as error:  # RMWError: no message at all
                 self._reject(f'imu: {error}')
             else:
-                (before if came_before else after).append(sample)
-        return before, after
+                samples.append((sample, self._received_ns - info['received_timestamp']))
+        return samples
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""

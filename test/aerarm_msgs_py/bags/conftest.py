@@ -16,7 +16,7 @@ JOINT_STATE = 'sensor_msgs/msg/JointState'
 
 
 @dataclass(frozen=True)
-class RecordedBag:
+class BagOnDisk:
     """What is in the bags: joint states and motor states by turns, and a silent topic."""
 
     names: tuple[str, ...] = ('joint1', 'joint2', 'joint3', 'joint4')
@@ -45,12 +45,12 @@ class RecordedBag:
 
 
 @pytest.fixture
-def recording() -> RecordedBag:
-    return RecordedBag()
+def recording() -> BagOnDisk:
+    return BagOnDisk()
 
 
 @pytest.fixture
-def write_bag(tmp_path: Path, recording: RecordedBag) -> Callable[..., Path]:
+def write_bag(tmp_path: Path, recording: BagOnDisk) -> Callable[..., Path]:
     """Return a function that writes messages into a bag and returns its directory."""
 
     def write(messages=None, name='bag', compression='zstd', topics=recording.topics) -> Path:

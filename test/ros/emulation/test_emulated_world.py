@@ -95,7 +95,7 @@ def test_a_controller_that_ends_leaves_a_damped_arm(
     client.wait_for_mode('damping')
 
 
-def test_in_lockstep_who_never_answers_is_waited_for_once(
+def test_in_lockstep_who_answers_no_more_is_waited_for_once(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:
     bridge = start_bridge(pace='lockstep', answer_timeout=0.5)
@@ -191,6 +191,82 @@ def test_in_lockstep_two_runs_are_the_same_to_the_bit(tmp_path: Path, ros_node: 
     assert (np.diff(runs[0][0] * 1e9).round() == PERIOD_NS).all()
     for first, second in zip(*runs, strict=True):
         np.testing.assert_array_equal(first, second)
+
+
+def test_in_lockstep_a_silent_publisher_is_named(start_bridge: StartBridge, ros_node: Node) -> None:
+    bridge = start_bridge(answer_timeout=0.3)
+    client = BridgeClient(ros_node)  # it has a publisher of joint_command
+    client.make_ready()
+    said = 'joint_command has a publisher that answers no state'
+    client.wait_for(lambda: said in bridge.tail(50))
+    client.answer = hold
+    client.wait_for_mode('running')
+
+
+def test_in_lockstep_a_second_controller_is_waited_for_as_the_first(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    start_bridge(answer_timeout=1.0)
+    client = BridgeClient(ros_node)
+    client.make_ready()
+    for _ in range(2):
+        client.answer = hold
+        client.wait_for_mode('running')
+        client.answer = None
+        client.spin(0.1)
+        last = stamp_ns(client.states[-1])
+        client.spin(0.1)
+        assert stamp_ns(client.states[-1]) == last  # not one state ahead of the answer
+        client.wait_for_mode('damping')
+        assert client.call('enable').success
+        client.wait_for_mode('ready')
+
+
+def test_the_world_waits_for_its_recorder(client: BridgeClient, tmp_path: Path) -> None:
+    bag = tmp_path / 'bag'
+    client.make_ready()
+    client.answer = hold
+    client.wait_for_mode('running')
+    with NodeProcess('recorder', (), {'bag': bag}, log=tmp_path / 'recorder.log') as recorder:
+        client.wait_for(lambda: 'joint_command' in recorder.tail())
+        client.spin(1.0)
+        os.kill(recorder.pid, signal.SIGSTOP)
+        client.spin(1.5)
+        begun = stamp_ns(client.states[-1])
+        client.spin(1.0)
+        assert stamp_ns(client.states[-1]) == begun  # half a second ahead, and no further
+        os.kill(recorder.pid, signal.SIGCONT)
+        client.wait_for(lambda: stamp_ns(client.states[-1]) - begun > 1_000_000_000)
+    steps = np.diff(read_joint_states(bag, topics.JOINT_STATES.name).stamp * 1e9).round()
+    assert np.flatnonzero(steps != PERIOD_NS).tolist() == [], (steps[steps != PERIOD_NS], len(steps))
+
+
+def moving_base_run(folder: Path, ros_node: Node) -> dict[int, bytes]:
+    """Hold the arm on a moving base in lockstep; return the recorded states by their stamps."""
+    folder.mkdir()
+    arm = {'pace': 'lockstep', 'seed': 3, 'base_motion_profile': 'moving'}
+    bag, log = folder / 'bag', folder / 'recorder.log'
+    with (
+        NodeProcess('fake_hardware', (), arm, log=folder / 'arm.log'),
+        NodeProcess('recorder', (), {'bag': bag}, log=log) as recorder,
+    ):
+        client = BridgeClient(ros_node)
+        client.make_ready()
+        client.wait_for(lambda: 'joint_states' in recorder.tail())
+        law = {'base_motion': 'full', 'observer_gain': 20.0}
+        with NodeProcess('computed_torque', (), law, log=folder / 'law.log'):
+            client.wait_for(lambda: bool(client.states) and stamp_ns(client.states[-1]) > 4e9)
+    series = read_joint_states(bag, topics.JOINT_STATES.name)
+    rows = np.hstack([series.position, series.velocity, series.effort])
+    stamps = (series.stamp * 1e9).round().astype(int).tolist()
+    return {stamp: row.tobytes() for stamp, row in zip(stamps, rows, strict=True)}
+
+
+def test_in_lockstep_imu_and_observer_make_no_difference(tmp_path: Path, ros_node: Node) -> None:
+    first, second = (moving_base_run(tmp_path / name, ros_node) for name in ('first', 'second'))
+    common = first.keys() & second.keys()
+    assert len(common) > 2000
+    assert [stamp for stamp in sorted(common) if first[stamp] != second[stamp]] == []
 
 
 @pytest.mark.pace('keep_up')
