@@ -49,6 +49,7 @@ class BaseReactionNode(StateNode):
         # A little less than a period: states come with jitter.
         self._period = 1.0 / self.values.rate - 0.5e-3
         self._last = self._due = -np.inf
+        self._result: BaseReaction.ArmReaction | None = None
 
     def connect(self) -> None:
         """Advertise what the drone wants to know."""
@@ -60,8 +61,9 @@ class BaseReactionNode(StateNode):
     def answer(self, stamp_ns: int, state: ArmState) -> None:
         """Publish the reaction if it is due."""
         now = stamp_ns * 1e-9
-        if now == self._last:
-            return  # an emulated arm tells its state again while it waits
+        if now == self._last and self._result is not None:
+            self._send(stamp_ns, self._result)  # an emulated arm tells its state again
+            return
         dt, self._last = now - self._last, now
         if not 0.0 < dt < LONGEST_GAP:
             self._acceleration.reset()
@@ -70,13 +72,16 @@ class BaseReactionNode(StateNode):
         if now < self._due:
             return
         self._due = now + self._period
-        result = self._reaction.evaluate(state.q, state.dq, ddq, self.base.motion(now))
+        self._result = self._reaction.evaluate(state.q, state.dq, ddq, self.base.motion(now))
+        self._send(stamp_ns, self._result)
+        self.count_answer()
+
+    def _send(self, stamp_ns: int, result: BaseReaction.ArmReaction) -> None:
         header = base_header(stamp_ns)
         self._wrench.publish(_wrench_message(header, result.wrench))
         self._static.publish(_wrench_message(header, result.static))
         self._com.publish(_point_message(header, result.com))
         self._inertia.publish(_inertia_message(header, result))
-        self.count_answer()
 
 
 def _wrench_message(header: Header, wrench: NDArray[np.float64]) -> WrenchStamped:

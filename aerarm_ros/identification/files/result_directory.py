@@ -1,5 +1,6 @@
 """A result folder that is there completely or not at all."""
 
+import contextlib
 import json
 import os
 import shutil
@@ -70,6 +71,9 @@ class ResultDirectory:
                 f'{self.target}: cannot be written ({error.strerror or error}): check the '
                 f'permissions, or name another folder with {self._option}'
             ) from None
+        except KeyboardInterrupt:
+            self._remove()
+            raise
         return self
 
     def _check_earlier(self) -> None:
@@ -129,8 +133,8 @@ class ResultDirectory:
         """Make missing folders and remember them, so that a failure leaves none behind."""
         missing = [folder for folder in (parent, *parent.parents) if not folder.exists()]
         for folder in reversed(missing):
+            self._made.append(folder)  # before: an interruption may come between the two
             folder.mkdir()
-            self._made.append(folder)
 
     def _move_into_place(self, collected: Path) -> None:
         if self.target.exists():
@@ -146,7 +150,5 @@ class ResultDirectory:
         if self._collected is not None:
             shutil.rmtree(self._collected, ignore_errors=True)
         for folder in reversed(self._made):
-            try:
+            with contextlib.suppress(OSError):  # it was not made, or holds more by now
                 folder.rmdir()
-            except OSError:
-                break

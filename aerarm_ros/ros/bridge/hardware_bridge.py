@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
 from collections.abc import Mapping
@@ -48,6 +47,7 @@ from aerarm_ros.ros.graph.rival_watch import RivalWatch
 from aerarm_ros.ros.parameters.arm_files import load_arm
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.real_time_parameters import prepare_thread
+from aerarm_ros.ros.process.exit_status import print_account
 from aerarm_ros.ros.process.stop_signals import StopSignals
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -250,8 +250,7 @@ class HardwareBridge(LifecycleNode):
             prepare_thread(self.values, self.get_logger())
             self._run_while_active()
         account = self._timing.account() if self._timing else 'no cycle ran'
-        with contextlib.suppress(OSError):  # the terminal may be closed
-            print(f'{self.get_name()}: {account}', flush=True)
+        print_account(self.get_name(), account)
 
     def close(self) -> None:
         """Destroy the node."""

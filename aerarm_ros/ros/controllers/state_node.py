@@ -27,6 +27,7 @@ from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.real_time_parameters import prepare_thread
+from aerarm_ros.ros.process.exit_status import print_account
 from aerarm_ros.ros.process.stop_signals import StopSignals
 from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
 from aerarm_ros.ros.states.state_stream import StateStream
@@ -158,7 +159,7 @@ class StateNode:
             while not self._stopping and rclpy.ok():
                 if self._stream.wait(self.values.state_timeout):
                     self._take()
-        print(f'{self.node.get_name()}: {self.diagnostics.account()}', flush=True)
+        print_account(self.node.get_name(), self.diagnostics.account())
 
     def close(self) -> None:
         """Destroy the node."""

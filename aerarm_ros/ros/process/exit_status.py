@@ -1,7 +1,8 @@
 """How a program ends that a user has to mend, or has ended: a line and a status."""
 
-import contextlib
+import os
 import sys
+from typing import TextIO
 
 USER_ERROR = 2  # what was asked for cannot be done as asked
 INTERRUPTED = 130  # ended by Ctrl-C, as shells say it
@@ -9,5 +10,17 @@ INTERRUPTED = 130  # ended by Ctrl-C, as shells say it
 
 def print_error(name: str, error: object) -> None:
     """Print an error on one line of standard error, after the name of the executable."""
-    with contextlib.suppress(OSError):  # the terminal may be closed
-        print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr, flush=True)
+    _print(f'{name}: {" ".join(str(error).split())}', sys.stderr)
+
+
+def print_account(name: str, account: str) -> None:
+    """Print the last words of an executable, if its terminal is still there."""
+    _print(f'{name}: {account}', sys.stdout)
+
+
+def _print(text: str, stream: TextIO) -> None:
+    try:
+        print(text, file=stream, flush=True)
+    except OSError:
+        # The terminal is closed. Python tries once more when it ends, and would end with 120.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
