@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from aerarm_ros.ros.programs.identifier_run import IdentifierRun
 
 _NAME = 'identifier'
+_AGAIN = 1.0  # [s] longer than it takes to remove what was begun
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -32,11 +33,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not options.bag and not options.model:
         parser.error('the following arguments are required: --bag, or --model and --payload')
     # SIGINT too: a shell that starts this in the background, or in a script, makes it ignored.
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, _interrupt)
     try:
         return _run(options)
     except KeyboardInterrupt:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         print(f'{_NAME}: interrupted, nothing was written', file=sys.stderr)
         return INTERRUPTED
 
@@ -68,6 +70,9 @@ def _report(error: object) -> int:
 
 
 def _interrupt(number: int, frame: Any) -> NoReturn:
+    # What is raised inside a callback of an extension module, or while an object is destroyed, is
+    # lost. So it is raised again, unless the program has ended by then.
+    signal.setitimer(signal.ITIMER_REAL, _AGAIN)
     raise KeyboardInterrupt
 
 
