@@ -83,6 +83,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (share(), ['package.xml']),
         (share('config'), glob('config/*.*')),
+        (share('config', 'drones'), glob('config/drones/*.*')),
         (share('config', 'profiles'), glob('config/profiles/*.*')),
         (share('urdf'), glob('urdf/*.urdf')),
         (share('launch'), glob('launch/*.launch.py')),

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped, PointStamped, PoseStamped, WrenchStamped
-from nav_msgs.msg import Path
+from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
@@ -48,6 +48,11 @@ SET_POINT = Topic('set_point', JointState, RELIABLE)
 TOOL_TRAJECTORY = Topic('tool_trajectory', PoseStamped, RELIABLE)
 TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
 IMU = Topic('imu', Imu, SENSOR)
+# Pose of the drone's body in the world, and its twist in body axes.
+ODOMETRY = Topic('odometry', Odometry, SENSOR)
+# Thrust of each rotor [N] as effort, by the rotors' names; stamped as the odometry that it answers.
+ROTOR_COMMAND = Topic('rotor_command', JointState, NEWEST)
+FLIGHT_SET_POINT = Topic('flight_set_point', PoseStamped, RELIABLE)
 BASE_WRENCH = Topic('base_wrench', WrenchStamped, NEWEST)
 ARM_INERTIA = Topic('arm_inertia', InertiaStamped, NEWEST)
 ARM_COM = Topic('arm_com', PointStamped, NEWEST)
@@ -76,6 +81,9 @@ TOPICS = MappingProxyType(
             TOOL_TRAJECTORY,
             TOOL_POSE,
             IMU,
+            ODOMETRY,
+            ROTOR_COMMAND,
+            FLIGHT_SET_POINT,
             BASE_WRENCH,
             ARM_INERTIA,
             ARM_COM,

@@ -1,7 +1,8 @@
 """The arm as data, checked when it is read.
 
 In come a URDF and YAML files; out go the robot, with its Pinocchio model and frames, and frozen
-dataclasses of boards, motors, gears, joints and limits. A wrong file is one clear error.
+dataclasses of boards, motors, gears, joints and limits, and of the drone that carries it all. A
+wrong file is one clear error.
 """
 
 import lazy_loader
@@ -14,11 +15,14 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'config_error': ['ConfigError', 'check_choice', 'check_name', 'check_range'],
         'config_reader': ['build', 'check_keys', 'read_yaml', 'section'],
         'description_error': ['DescriptionError'],
+        'drone_config': ['DroneConfig', 'load_drone_config'],
         'gear_config': ['GearConfig'],
         'joint_config': ['JointConfig'],
         'motor_config': ['MotorConfig', 'torque_constant'],
+        'pose_config': ['PoseConfig'],
         'resources': ['resource', 'share_directory'],
         'robot': ['Robot', 'load_robot'],
+        'rotor_config': ['RotorConfig'],
         'urdf_document': ['UrdfDocument', 'UrdfJoint'],
     },
 )

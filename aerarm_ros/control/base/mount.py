@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
 
 Array = npt.NDArray[np.float64]
@@ -28,6 +29,14 @@ class Mount:
     def aligned(cls) -> 'Mount':
         """Return the mount of an IMU whose frame is the arm's base frame."""
         return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
+    def from_drone(cls, drone: DroneConfig) -> 'Mount':
+        """Return the mount of a drone's IMU."""
+        base, imu = drone.mount, drone.imu
+        to_base = base.rotation.T
+        offset = np.array(imu.position) - base.position
+        return cls(to_base @ imu.rotation, to_base @ offset)
 
     @classmethod
     def from_robot(cls, robot: Robot, imu_frame: str) -> 'Mount':

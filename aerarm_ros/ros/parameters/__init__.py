@@ -1,7 +1,8 @@
 """What a user can set: tables of parameters, and what several nodes make of theirs.
 
 In comes a table, and what a command line or a YAML file gives; out go values that are kept up to
-date, or a `ParameterError` that says what would be right. Files of the arm and wishes to the
+date, or a `ParameterError` that says what would be right. Files of arm and
+drone and wishes to the
 operating system are parameters of several nodes, so they are here.
 """
 
@@ -11,6 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'arm_files': ['ARM_FILES', 'load_arm'],
+        'drone_file': ['DRONE_FILE', 'load_drone'],
         'parameter': ['Parameter'],
         'parameter_table': ['ParameterError', 'ParameterTable'],
         'real_time_parameters': ['REAL_TIME_PARAMETERS', 'prepare_thread'],

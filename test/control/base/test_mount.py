@@ -1,8 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.mount import Mount
+from aerarm_ros.description.drone_config import load_drone_config
+from aerarm_ros.description.pose_config import PoseConfig
 from aerarm_ros.description.robot import load_robot
 
 IMU_LINK = """
@@ -26,3 +30,20 @@ def test_reads_the_urdf(robot) -> None:
 def test_a_link_that_cannot_hold_the_imu_is_refused(robot, link, message) -> None:
     with pytest.raises(ValueError, match=message):
         Mount.from_robot(robot, link)
+
+
+def test_sees_the_drones_imu_from_the_arms_base() -> None:
+    drone = replace(
+        load_drone_config(),
+        mount=PoseConfig((0.02, 0.0, -0.08), (np.pi, 0.0, 0.3)),
+        imu=PoseConfig((0.03, -0.01, 0.05), (0.1, 0.2, 0.4)),
+    )
+    mount = Mount.from_drone(drone)
+    base = Rotation.from_euler('xyz', drone.mount.rpy)
+    imu = Rotation.from_euler('xyz', drone.imu.rpy)
+    np.testing.assert_allclose(
+        mount.rotation_imu_to_base, (base.inv() * imu).as_matrix(), atol=1e-12
+    )
+    # Back in the body frame it is where the file says.
+    place = base.apply(mount.imu_position_in_base) + drone.mount.position
+    np.testing.assert_allclose(place, drone.imu.position, atol=1e-12)
