@@ -129,7 +129,10 @@ WRONG: dict[str, tuple[Document, str]] = {
         'check their positions',
     ),
     'all on one side': (
-        {f'rotors.{i}.position': [0.1 + 0.1 * (i // 2), 0.2 * (i % 3) - 0.2, 0.0] for i in range(6)},
+        {
+            f'rotors.{i}.position': [0.1 + 0.1 * (i // 2), 0.2 * (i % 3) - 0.2, 0.0]
+            for i in range(6)
+        },
         'lift 0.00 times its weight',
     ),
     'too weak': (
