@@ -19,6 +19,7 @@ from aerarm_ros.ros.requests.arm_client import ArmClientError
 from aerarm_ros.ros.states.arm_modes import HELD
 
 _LISTENER = 'recorder'  # hears everything, and moves nothing
+_SEARCH = 10.0  # [s] that a busy machine may take to bring processes together
 _REPORT = 1.5  # [s] within which every controller has reported on /diagnostics
 _COUNT, _REASON = 'rejected inputs', 'last rejection'  # of a controller's status
 
@@ -53,7 +54,8 @@ class SetPointRequest:
         tolerance
             How near every joint must come [rad].
         timeout
-            Longest time for a controller to be found, and again for the way [s].
+            Longest time for a controller to be found once the arm is there, and again for the
+            way [s].
 
         Raises
         ------
@@ -96,8 +98,12 @@ class SetPointRequest:
         def is_there() -> bool:
             return self._state is not None and bool(self._mode)
 
-        if not spin_until(self._node, lambda: is_there() and self._is_heard(), timeout):
-            what = 'no controller takes a set_point' if is_there() else 'there are no joint_states'
+        what = ''
+        if not spin_until(self._node, is_there, max(timeout, _SEARCH)):
+            what = 'there are no joint_states'
+        elif not spin_until(self._node, self._is_heard, timeout):
+            what = 'no controller takes a set_point'
+        if what:
             raise ArmClientError(
                 f'{what}: do a bridge and computed_torque or gravity_compensation run in '
                 f'{this_domain()}?'

@@ -1,0 +1,92 @@
+"""Twenty seconds of excitation in lockstep, recorded: what it takes, and whether it repeats.
+
+`fake_hardware`, `recorder` and `excitation` run as processes, as people run them. The motion is
+what the commands' stamps span, with approach and return; the time is that of the excitation's
+process, from its start to its end.
+"""
+
+import argparse
+import os
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.bags.bag_reader import read_joint_states
+from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.requests.arm_client import ArmClient
+
+TOPICS = (topics.JOINT_STATES.name, topics.JOINT_COMMAND.name)
+PERIODS = 2  # of 10 s
+GOAL = 12.0  # [s]
+
+
+def play(folder: Path, node: Node, priority: int) -> tuple[float, dict[str, dict[float, bytes]]]:
+    """Play the excitation; return how long its process took [s], and what was recorded by topic."""
+    folder.mkdir()
+    bag, arm = folder / 'bag', ArmClient(node, ['fake_hardware'])
+    hardware = {'pace': 'lockstep', 'seed': 3, 'realtime_priority': priority}
+    motion = {'seed': 1, 'periods': PERIODS, 'subscribers': 2, 'wait_for_recorder': True}
+    motion['realtime_priority'] = max(0, priority - 1)
+    with NodeProcess('fake_hardware', (), hardware, log=folder / 'hardware.log'):
+        arm.wait_for_mode(['idle'], 60.0)
+        arm.call('enable')
+        arm.wait_for_mode(['ready'], 60.0)
+        with NodeProcess('recorder', (), {'bag': bag}, log=folder / 'recorder.log'):
+            begun = time.monotonic()
+            with NodeProcess('excitation', (), motion, log=folder / 'excitation.log') as excitation:
+                if excitation.wait(600.0) != 0:
+                    raise SystemExit(f'lockstep: excitation failed:\n{excitation.tail()}')
+            took = time.monotonic() - begun
+    return took, {topic: recorded(bag, topic) for topic in TOPICS}
+
+
+def recorded(bag: Path, topic: str) -> dict[float, bytes]:
+    """Return position, velocity and effort of the messages of a bag by their stamps.
+
+    A command is in it twice where the arm did not hear it and told its state again.
+    """
+    series = read_joint_states(bag, topic)
+    rows = np.column_stack([series.position, series.velocity, series.effort])
+    return {stamp: row.tobytes() for stamp, row in zip(series.stamp.tolist(), rows, strict=True)}
+
+
+def repeats(first: dict[float, bytes], second: dict[float, bytes]) -> str:
+    """Say in how many of the messages that two runs have both differ."""
+    common = first.keys() & second.keys()
+    differ = sum(first[stamp] != second[stamp] for stamp in common)
+    return f'{differ} of {len(common)} differ from those of the first run'
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--runs', type=int, default=3, help='how often it is played')
+    parser.add_argument('--priority', type=int, default=80, help='SCHED_FIFO, 0 for none')
+    options, _ = parser.parse_known_args()
+    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    rclpy.init(args=[])
+    node = rclpy.create_node('bench')
+    with tempfile.TemporaryDirectory() as folder:
+        runs = [
+            play(Path(folder) / str(run), node, options.priority) for run in range(options.runs)
+        ]
+    node.destroy_node()
+    rclpy.shutdown()
+    first = runs[0][1]
+    stamps = sorted(first[topics.JOINT_COMMAND.name])
+    print(f'motion of {stamps[-1] - stamps[0]:.1f} s, {len(stamps)} commands')
+    times = [took for took, _ in runs]
+    print(f'{"took, in each run [s]":38}' + ''.join(f'{t:8.1f}' for t in times))
+    print(f'{"median [s]":38}{np.median(times):8.1f} (goal {GOAL:g}, idle machine)')
+    for _, other in runs[1:]:
+        for topic in TOPICS:
+            print(f'{topic:38}{repeats(first[topic], other[topic])}')
+
+
+if __name__ == '__main__':
+    main()
