@@ -1,0 +1,228 @@
+"""A bridge under attack: emulated boards, the true arm, and a host of the attacker's choice.
+
+Everything is in virtual time and exact: the same attack gives the same figures on any machine.
+What is under test is `BridgeCycle` whole, commands in and frames out; the plant is MuJoCo.
+
+    rig = AttackRig(config, robot, posture=[0, 1.2, 0, 0], payload=0.2, seed=3)
+    log = rig.run(2.0, lambda rig: Offer(velocity=[0, 5, 0, 0]))
+    log.beyond(config).max()    # [rad] how far the true arm was beyond its position limits
+    log.time, log.q, log.dq     # true time and joints, every millisecond and when time was read
+    log.modes, log.faults       # what the bridge said, a mode a cycle
+    rig.frames.commands(0)      # every frame to board 0, decoded without the suite's codec
+
+- Posture, seed (of the arm's deviations from its drawing), payload: arguments of the rig. Base:
+  `gravity`, its direction in the base frame.
+- Command source: a function of the rig that returns an `Offer`, or None for silence; called once a
+  cycle with the bridge's newest state, and its answer acts in the next update, as over topics.
+- Host: a function `delays(cycle, point)` in seconds, see `attack_world`: it holds the host up at
+  WAKE, READ, or before (EXCHANGE) and after (ANSWER) a frame. Cycles that are missed are skipped,
+  as the real loop does, and the arm is looked at all the same. None is a perfect 1 kHz.
+- Boards: `rig.world.boards`, an `EmulatedTransport`; faults with `inject`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+from attack_world import WAKE, AttackWorld, Delays
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.emulation.fault_injection import inject
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.model.gravity_load import largest_gravity_load
+from aerarm_ros.simulation.plant_parameters import PlantParameters
+
+PERIOD = 1e-3
+PAYLOAD_CENTRE = (0.1, 0.0, 0.0)  # [m] tool0
+_PAYLOAD_RADIUS = 0.03  # [m]
+_QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
+
+
+class Offer(NamedTuple):
+    """A joint command, (n,) each, None or NaN where unused, and who sends it."""
+
+    position: Sequence[float] | np.ndarray | None = None
+    velocity: Sequence[float] | np.ndarray | None = None
+    effort: Sequence[float] | np.ndarray | None = None
+    source: object = 'attacker'
+    age: float = PERIOD
+
+
+Source = Callable[['AttackRig'], Offer | None]
+
+
+@dataclass
+class AttackLog:
+    """A run: the true arm each millisecond, the bridge's mode each cycle, its stops, its trust.
+
+    Attributes
+    ----------
+    time, q_rows, dq_rows
+        Rows of `q` and `dq` with their true times [s].
+    modes
+        The bridge's mode after each cycle.
+    faults
+        Every stop, and every fault of a board, once.
+    accepted
+        Commands that passed.
+    """
+
+    time: list[float] = field(default_factory=list)
+    q_rows: list[np.ndarray] = field(default_factory=list)
+    dq_rows: list[np.ndarray] = field(default_factory=list)
+    modes: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
+    accepted: int = 0
+
+    @property
+    def q(self) -> np.ndarray:
+        """True joint angles [rad], (M, n)."""
+        return np.array(self.q_rows)
+
+    @property
+    def dq(self) -> np.ndarray:
+        """True joint velocities [rad/s], (M, n)."""
+        return np.array(self.dq_rows)
+
+    def beyond(self, config: ArmConfig) -> np.ndarray:
+        """Return how far each joint was beyond its position limits at most [rad], (n,)."""
+        above = self.q - config.column('position_max')
+        below = config.column('position_min') - self.q
+        return np.maximum(above, below).max(axis=0)
+
+    def speed_ratio(self, config: ArmConfig) -> np.ndarray:
+        """Return the largest speed of each joint as a multiple of its limit, (n,)."""
+        return np.abs(self.dq).max(axis=0) / config.column('velocity_max')
+
+
+class AttackRig:
+    """Emulated boards, a true arm, a bridge and its host; see the module.
+
+    Parameters
+    ----------
+    config, robot
+        The arm as drawn.
+    posture
+        Joint angles (n,) at the start [rad]; the configuration's rest position if not given.
+    payload
+        Mass at the tool [kg], which the bridge is not told.
+    seed
+        Of the arm's deviations from its drawing; None for an arm as drawn.
+    settings, gains
+        The bridge's; gains are (kp, kd), motor side.
+    delays
+        The host's script, None for a perfect 1 kHz.
+    gravity
+        (3,) in the base frame [m/s^2], which the bridge is not told.
+    """
+
+    def __init__(
+        self,
+        config: ArmConfig,
+        robot: Robot,
+        *,
+        posture: Sequence[float] | None = None,
+        payload: float = 0.0,
+        seed: int | None = None,
+        settings: BridgeSettings | None = None,
+        gains: tuple[Sequence[float], Sequence[float]] | None = None,
+        delays: Delays | None = None,
+        gravity: Sequence[float] | None = None,
+    ) -> None:
+        self.config = config
+        truth = PlantParameters.nominal(config, robot)
+        if seed is not None:
+            truth = truth.perturbed(seed)
+        truth = replace(truth.carrying(payload, PAYLOAD_CENTRE, _PAYLOAD_RADIUS), seed=seed)
+        self.boards = make_emulated_transport(
+            config, robot, seed, position=posture, parameters=truth, alignment=_QUICK
+        )
+        if gravity is not None:
+            self.plant.gravity_in_base = gravity
+        self.log = AttackLog()
+        self._script = delays
+        self.world = AttackWorld(self.boards, self._look)
+        self.bridge = BridgeCycle(
+            config, self.world, settings, load_max=largest_gravity_load(robot)
+        )
+        if gains is not None:
+            self.bridge.set_gains(*gains)
+        self.cycles = 0
+
+    @property
+    def plant(self):
+        """The true arm."""
+        return self.boards.plant
+
+    @property
+    def frames(self):
+        """Every frame of the run, a `FrameLog`."""
+        return self.world.frames
+
+    @property
+    def now(self) -> float:
+        """True time [s], which is the host's clock."""
+        return self.world.now
+
+    def bring_up(self) -> 'AttackRig':
+        """Enable the arm, declare its motors aligned, and let it carry its weight.
+
+        The host's script begins afterwards, with cycle 0.
+        """
+        self.run(0.02)
+        answer = self.bridge.enable()
+        assert answer.accepted, answer.message
+        for board in self.boards.boards:
+            for motor in board.motors:
+                motor.ready = True
+        self.run(0.02)
+        self.plant.support = 0.0
+        self.run(0.1)
+        assert self.bridge.mode == 'ready', self.bridge.faults
+        self.cycles, self.log = 0, AttackLog()
+        self.world.script(self._script)
+        return self
+
+    def run(self, seconds: float, source: Source | None = None) -> AttackLog:
+        """Run for a true time [s]; return the log since `bring_up`, which goes on growing."""
+        end = self.now + seconds
+        while self.now < end - 1e-9:
+            self.cycle(source)
+        return self.log
+
+    def cycle(self, source: Source | None = None) -> None:
+        """Run one cycle of the host."""
+        world, bridge, log = self.world, self.bridge, self.log
+        due = PERIOD * ceil(world.now / PERIOD + 1e-6)
+        offer = source(self) if source is not None else None
+        world.pass_time(due)
+        world.cycle = self.cycles
+        world.hold_up(WAKE)
+        if offer is not None:
+            offered = OfferedCommand(self.config.joint_names, *offer[:3], offer.age, offer.source)
+            log.accepted += bridge.command(offered, world.clock())
+        bridge.update(world.clock())
+        self.cycles += 1
+        log.modes.append(bridge.mode)
+        if bridge.gate.stop and bridge.gate.stop not in log.faults:
+            log.faults.append(bridge.gate.stop)
+        monitors = [link.monitor.fault for link in bridge.links]
+        log.faults += [fault for fault in monitors if fault and fault not in log.faults]
+
+    def _look(self, now: float) -> None:
+        self.log.time.append(now)
+        self.log.q_rows.append(self.plant.position)
+        self.log.dq_rows.append(self.plant.velocity)
+
+    def inject(
+        self, fault: str, board: int = 0, motor: int = 0, value: float | None = None
+    ) -> None:
+        """Make a board or motor faulty."""
+        inject(self.boards, fault, board, motor, value)
