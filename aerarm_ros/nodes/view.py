@@ -22,6 +22,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.page.page_guard import PageGuard, is_loopback
 from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics, ViewStatus
 from aerarm_ros.ros.page.view_history import ViewHistory
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
@@ -34,13 +35,12 @@ from aerarm_ros.ros.requests.emergency_stop import EmergencyStop
 from aerarm_ros.ros.states.state_sampler import StateSampler
 
 NAME = 'view'
-LOOPBACK = ('127.0.0.1', 'localhost', '::1')
 # The scene moves at every cycle, text and plots are sent at every third.
 TEXT_EVERY = 3
 
 PARAMETERS = ParameterTable(
-    Parameter('host', LOOPBACK[0], 'address to serve the page at; others than this machine '
-              'reach it only if it is another one, and may then stop the arm'),
+    Parameter('host', '127.0.0.1', 'address to serve the page at; others than this machine reach '
+              'it only if it is another one, and then need the token in the address printed'),
     Parameter('port', 8080, 'first TCP port to try', '', 1, 65535),
     Parameter('bridges', list(BRIDGES),
               'node names of the bridges whose e_stop service the button calls'),
@@ -87,11 +87,12 @@ class View:
 
     def run(self) -> None:
         """Show until stopped."""
-        address = f'http://{self._server.get_host()}:{self._server.get_port()}'
-        self._node.get_logger().info(f'the arm is shown at {address}')
-        if self._values.host not in LOOPBACK:
+        address = self._guard.address(self._values.host, self._server.get_port())
+        # Not by the log: that is published, and kept, and the address may hold a token.
+        print(f'{NAME}: the arm is shown at {address}', flush=True)
+        if not is_loopback(self._values.host):
             self._node.get_logger().warning(
-                'the page is open to the network: whoever reaches it can stop the arm'
+                'the page is open to the network: who knows its address can stop the arm'
             )
         with BackgroundExecutor(self._node), StopSignals(self._loop.stop):
             self._loop.run(self._update)
@@ -105,8 +106,7 @@ class View:
 
     def _serve(self, robot: Robot) -> None:
         try:
-            import viser
-
+            from aerarm_ros.ros.page.page_server import PageError, serve_page
             from aerarm_ros.ros.page.view_panel import ViewPanel
             from aerarm_ros.ros.page.view_scene import ViewScene
         except ImportError as error:
@@ -114,10 +114,19 @@ class View:
         _check_address(self._values.host)
         # A browser's spare connections are no errors, and the address is said below.
         logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
-        with redirect_stdout(StringIO()):
-            self._server = viser.ViserServer(self._values.host, self._values.port, verbose=False)
+        self._guard = PageGuard.for_host(self._values.host)
+        try:
+            with redirect_stdout(StringIO()):
+                self._server = serve_page(
+                    self._values.host, self._values.port, self._guard, self._tell_refused
+                )
+        except PageError as error:
+            raise ViewError(str(error)) from None
         self._scene = ViewScene(self._server, robot, self._values.tool)
         self._panel = ViewPanel(self._server, self._names, self._values.history, self._stop.press)
+
+    def _tell_refused(self, text: str) -> None:
+        self._node.get_logger().warning(text)
 
     def _subscribe(self) -> None:
         for topic, callback in (

@@ -5,14 +5,20 @@ from __future__ import annotations
 import base64
 import io
 import json
+import re
 import shutil
 import socket
 import subprocess
+import threading
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -138,6 +144,53 @@ def page(ros_domain: dict[str, str], port: int, tmp_path: Path) -> Iterator[str]
         assert node.stop() == 0, node.tail()
 
 
+@contextmanager
+def foreign_site(html: str) -> Iterator[str]:
+    """Serve a page of somebody else; the port makes it another site."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:  # noqa: N802
+            self.send_response(200)
+            self.send_header('Content-Type', 'text/html')
+            self.end_headers()
+            self.wfile.write(html.encode())
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    server = ThreadingHTTPServer(('127.0.0.1', 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f'http://127.0.0.1:{server.server_port}'
+    server.shutdown()
+    server.server_close()
+
+
+def get(address: str) -> tuple[int, bytes]:
+    try:
+        with urllib.request.urlopen(address) as reply:
+            return reply.status, reply.read()
+    except urllib.error.HTTPError as refused:
+        return refused.code, refused.read()
+
+
+# What a foreign page tries; what came of it ends up in its title.
+ATTACK = """<body><script>
+const found = {};
+function note(key, value) { found[key] = value; document.title = JSON.stringify(found); }
+const socket = new WebSocket('ws://HOST', ['viser-vVERSION']);
+socket.onopen = () => note('socket', 'open');
+socket.onmessage = () => note('message', 'heard');
+socket.onclose = () => note('socket', found.socket || 'refused');
+fetch('http://HOST/').then(r => r.text()).then(
+  text => note('fetch', text), () => note('fetch', 'refused'));
+const frame = document.createElement('iframe');
+frame.onload = () => note('frame', 'tried');
+frame.src = 'http://HOST/';
+frame.width = 1300; frame.height = 800;
+document.body.appendChild(frame);
+</script></body>"""
+
+
 @pytest.fixture
 def browser(page: str, tmp_path: Path) -> Iterator[HeadlessBrowser]:
     browser = HeadlessBrowser(page, tmp_path / 'profile')
@@ -177,6 +230,69 @@ def test_the_page_needs_nothing_from_the_internet(browser: HeadlessBrowser, page
     until(lambda: 'EMERGENCY STOP' in browser.text())
     names = browser.evaluate("performance.getEntriesByType('resource').map(e => e.name)")
     assert [name for name in names if name.startswith('http') and not name.startswith(page)] == []
+
+
+@needs_browser
+def test_another_site_in_the_same_browser_reaches_nothing(page: str, tmp_path: Path) -> None:
+    import viser
+
+    html = ATTACK.replace('HOST', page.removeprefix('http://'))
+    with foreign_site(html.replace('VERSION', viser.__version__)) as site:
+        browser = HeadlessBrowser(site, tmp_path / 'profile')
+        try:
+            done = {'socket', 'fetch', 'frame'}
+            until(lambda: done <= set(json.loads(str(browser.evaluate('document.title')) or '{}')))
+            found = json.loads(str(browser.evaluate('document.title')))
+            assert found['socket'] == 'refused'
+            assert found['fetch'] == 'refused'
+            assert 'message' not in found
+            tree = browser.call('Page.getFrameTree')['frameTree']
+            (child,) = tree['childFrames']
+            assert 'unreachableUrl' in child['frame']
+        finally:
+            browser.close()
+
+
+@needs_browser
+def test_the_address_with_its_token_is_a_working_page(
+    ros_domain: dict[str, str], port: int, tmp_path: Path
+) -> None:
+    with open_to_the_network(port, tmp_path) as (_, address):
+        browser = HeadlessBrowser(address, tmp_path / 'profile')
+        try:
+            until(lambda: 'no joint_states in this ROS domain' in browser.text())
+            browser.press('EMERGENCY STOP')
+            until(lambda: 'NOT STOPPED' in browser.text())
+        finally:
+            browser.close()
+
+
+def test_on_the_network_it_is_shown_to_who_has_its_address_only(
+    ros_domain: dict[str, str], port: int, tmp_path: Path
+) -> None:
+    with open_to_the_network(port, tmp_path) as (node, address):
+        token = address.rstrip('/').rsplit('/', 1)[1]
+        assert len(token) >= 32
+        for path in ('/', f'/{token[:-1]}/', f'/?{token}'):
+            status, content = get(f'http://127.0.0.1:{port}{path}')
+            assert status == 403
+            assert b'<html' not in content.lower()
+        assert get(address)[0] == 200
+        assert node.log is not None
+        assert node.log.read_text().count(token) == 1
+        command_lines = [path.read_bytes() for path in Path('/proc').glob('[0-9]*/cmdline')]
+        assert not any(token.encode() in line for line in command_lines)
+
+
+@contextmanager
+def open_to_the_network(port: int, tmp_path: Path) -> Iterator[tuple[NodeProcess, str]]:
+    """Serve at all interfaces; the second value is the address that was printed."""
+    log = tmp_path / 'view.log'
+    with NodeProcess('view', parameters={'port': port, 'host': '0.0.0.0'}, log=log) as node:
+        line = until(lambda: re.search(r'shown at (http://\S+)\n', log.read_text()))
+        assert isinstance(line, re.Match)
+        path = urlsplit(line[1]).path
+        yield node, f'http://127.0.0.1:{port}{path}'
 
 
 def test_serves_on_the_loopback_address_only(page: str, port: int) -> None:
