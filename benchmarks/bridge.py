@@ -158,7 +158,6 @@ def processor_time(process: NodeProcess) -> float:
 def real_time_run(seconds: float) -> None:
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    os.environ['OPENBLAS_NUM_THREADS'] = '1'
     rclpy.init(args=[])
     node = rclpy.create_node('bench')
     diagnosed, arm = Diagnosed(node), ArmClient(node, [BRIDGE])

@@ -198,7 +198,6 @@ def run_pair(pair: str, cycles: int) -> tuple[dict[str, float], dict[str, float]
     isolation = {
         'ROS_DOMAIN_ID': str(1 + os.getpid() % 100),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        'OPENBLAS_NUM_THREADS': '1',
     }
     command = [sys.executable, __file__, '--cycles', str(cycles), '--pair', pair, '--part']
     processes = [

@@ -189,7 +189,6 @@ def main() -> None:
     options, _ = parser.parse_known_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     motion = draw_motion(options.seed, options.periods)
     rclpy.init(args=[])
     headings = ('feedback', 'base', 'uses', 'joints RMS [mrad]', 'joints max [mrad]', 'heard')

@@ -74,7 +74,6 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     variables = {
         'ROS_DOMAIN_ID': str(next(domain for domain in domains if _is_free(domain))),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        'OPENBLAS_NUM_THREADS': '1',
     }
     environment = ros_environment(variables)
     for name in (*variables, 'FASTRTPS_DEFAULT_PROFILES_FILE'):

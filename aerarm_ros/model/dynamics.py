@@ -73,6 +73,10 @@ class Dynamics:
         """Return B(q), (n, n) [kg m^2], symmetric, rotors included."""
         return np.asarray(pin.crba(self._model, self._data, q))
 
+    def mobility_matrix(self, q: Array) -> Array:
+        """Return B(q)^-1, (n, n) [1/(kg m^2)], symmetric, without a factorisation of B."""
+        return np.asarray(pin.computeMinverse(self._model, self._data, q))
+
     def coriolis_matrix(self, q: Array, dq: Array) -> Array:
         """Return C(q, dq), (n, n) [Nms/rad], for which dB/dt - 2 C is skew-symmetric."""
         return np.asarray(pin.computeCoriolisMatrix(self._model, self._data, q, dq))

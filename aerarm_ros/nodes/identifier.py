@@ -7,7 +7,6 @@ identified.urdf, summary.json and report.html.
 from __future__ import annotations
 
 import argparse
-import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -25,9 +24,6 @@ _AGAIN = 1.0  # [s] longer than it takes to remove what was begun
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the identifier; return 0, or 2 if the user has something to check."""
-    # Before numpy is imported: the matrices are small, and more threads only fight over them.
-    for variable in ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'):
-        os.environ.setdefault(variable, '1')
     parser = identifier_parser(_NAME, __doc__)
     options = parser.parse_args(_without_ros_arguments(arguments))
     if not options.bag and not options.model:

@@ -47,7 +47,8 @@ def test_importing_a_package_imports_none_of_its_modules() -> None:
     )
     command = [sys.executable, '-c', script, *PACKAGES]
     run = subprocess.run(command, check=True, capture_output=True, text=True, cwd=ROOT)
-    assert sorted(run.stdout.split()) == sorted(PACKAGES)
+    # But what has to be said before NumPy is imported.
+    assert set(run.stdout.split()) == {*PACKAGES, 'aerarm_ros.algebra_threads'}
 
 
 @pytest.mark.parametrize('folder', [*SUITE, 'launch', 'benchmarks', 'test'])

@@ -79,6 +79,9 @@ def test_rotors_add_their_inertia_to_the_diagonal(robot: Robot, samples: np.ndar
         assert np.allclose(added, np.diag(rotor))
         torque = with_rotors.inverse(q, dq, ddq) - without.inverse(q, dq, ddq)
         assert np.allclose(torque, rotor * ddq)
+        mobility = with_rotors.mobility_matrix(q)
+        assert np.allclose(mobility @ with_rotors.inertia_matrix(q), np.eye(robot.n))
+        assert np.array_equal(mobility, mobility.T)
 
 
 def test_the_rate_of_the_inertia_matrix_minus_twice_c_is_skew(

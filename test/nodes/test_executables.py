@@ -1,5 +1,6 @@
-"""The installed commands, interrupted while they are still being imported."""
+"""The installed commands: interrupted while they are still being imported, and their threads."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -7,6 +8,7 @@ import sys
 import pytest
 
 from aerarm_ros import executables
+from aerarm_ros.algebra_threads import THREAD_VARIABLES
 
 # An installed command whose module takes its time.
 COMMAND = """
@@ -39,3 +41,23 @@ def test_ctrl_c_at_the_start_is_quiet() -> None:
 def test_what_is_no_command_is_no_attribute() -> None:
     with pytest.raises(AttributeError):
         executables._private  # noqa: B018
+
+
+def threads_added_by(module: str) -> int:
+    """Count them in the environment that users have."""
+    program = f"""
+import os, rclpy
+before = os.listdir('/proc/self/task')
+import {module}, numpy
+numpy.linalg.solve(numpy.eye(300), numpy.ones(300))
+print(len(os.listdir('/proc/self/task')) - len(before))
+"""
+    environment = {k: v for k, v in os.environ.items() if k not in THREAD_VARIABLES}
+    command = [sys.executable, '-c', program]
+    return int(subprocess.run(command, env=environment, capture_output=True, check=True).stdout)
+
+
+@pytest.mark.skipif(os.cpu_count() == 1, reason='one core: NumPy has no threads here anyway')
+def test_executables_share_no_matrix_among_threads() -> None:
+    assert threads_added_by('numpy') > 0
+    assert threads_added_by('aerarm_ros.nodes.impedance_control') == 0

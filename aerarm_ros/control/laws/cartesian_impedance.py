@@ -90,19 +90,35 @@ class CartesianImpedance:
         """Return the effort (n,) [Nm]; `dt` isn't used."""
         q, dq, _ = state
         jacobian = self._kinematics.position_jacobian(q)
-        inertia = self._dynamics.fixed.inertia_matrix(q)
-        # B^-1 J^T and the inertia the tool shows in the task.
-        mobility = np.linalg.solve(inertia, jacobian.T)
-        task_inertia = np.linalg.inv(jacobian @ mobility + self._floor)
+        mobility = self._dynamics.fixed.mobility_matrix(q) @ jacobian.T
         force = self.stiffness * (reference.p - self._kinematics.position(q))
         force += self.damping * (reference.dp - jacobian @ dq)
-        force += task_inertia @ reference.ddp
         posture = self._rest_stiffness * (self._rest - q) - self._rest_damping * dq
+        # L times what the task wants, without what the posture's torque would do to it:
         # N^T = 1 - J^T (L J B^-1), dynamically consistent.
-        force -= task_inertia @ (mobility.T @ posture)
+        wanted = reference.ddp - mobility.T @ posture
+        force += _solved(jacobian @ mobility + self._floor, wanted)
         bias = self._dynamics.bias(q, dq, base)
         tool: Array = jacobian.T @ force
         u = bias + tool + posture
         if self._friction is not None:
             u += self._friction.torque(dq, bias)
         return JointCommand(tau=u)
+
+
+def _solved(matrix: Array, vector: Array) -> Array:
+    """Return x of A x = b for a symmetric positive definite A (3, 3), by Cramer's rule.
+
+    LAPACK takes three times as long for three equations, and may start threads for them.
+    """
+    (a, b, c), (_, d, e), (_, _, f) = matrix.tolist()
+    u, v, w = vector.tolist()
+    first, second, third = d * f - e * e, c * e - b * f, b * e - c * d
+    fourth, fifth, sixth = a * f - c * c, b * c - a * e, a * d - b * b
+    x = (
+        first * u + second * v + third * w,
+        second * u + fourth * v + fifth * w,
+        third * u + fifth * v + sixth * w,
+    )
+    solution: Array = np.array(x) / (a * first + b * second + c * third)
+    return solution

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from multiprocessing.synchronize import Event
 from typing import Any
 
+from aerarm_ros.algebra_threads import THREAD_VARIABLES
 from aerarm_ros.excitation.design.design_result import DesignResult
 from aerarm_ros.excitation.design.design_specification import DesignSpecification
 from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
@@ -127,9 +128,8 @@ def _interrupts_held_back() -> Iterator[None]:
 @contextmanager
 def _single_threaded_algebra() -> Iterator[None]:
     """Keep the children's linear algebra from using more threads than there are workers."""
-    names = ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS')
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, '1'))
+    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, '1'))
     try:
         yield
     finally:

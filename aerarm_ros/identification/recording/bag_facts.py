@@ -50,6 +50,5 @@ class BagFacts:
         return [
             f'{name}: {100.0 * share:.2g} % of the cycles were missed: torque and velocity then '
             'belong to longer steps; give the bridge real-time priority '
-            '(config/parameters_fake.yaml, config/parameters_spi.yaml), or close what loads the '
-            'computer'
+            '(as in config/parameters_spi.yaml), or close what loads the computer'
         ]
