@@ -77,7 +77,8 @@ class BridgeClient:
         while time.monotonic() < end:
             rclpy.spin_once(self._node, timeout_sec=0.01)
 
-    def wait_for(self, condition: Callable[[], bool], timeout: float = 30.0) -> None:
+    def wait_for(self, condition: Callable[[], bool], timeout: float = 120.0) -> None:
+        """Wait for what must come; on a busy machine the arm's time is a fraction of this one."""
         end = time.monotonic() + timeout
         while not condition():
             assert time.monotonic() < end, (self.modes, self.messages)
