@@ -1,7 +1,8 @@
 """What the arm does: the equations of motion and all that is linear in their parameters.
 
 In come positions, velocities and accelerations of the joints; out go frames, torques, inertia,
-gravity and the regressor of the thesis. Pinocchio computes; rotors, gears and friction are ours.
+gravity, the regressor of the thesis, and the same of arm and carrier as one body. Pinocchio
+computes; rotors, gears and friction are ours.
 """
 
 import lazy_loader
@@ -23,5 +24,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         ],
         'kinematics': ['Kinematics', 'dh_forward', 'dh_transform'],
         'regressor': ['Regressor'],
+        'whole_body_dynamics': ['WholeBodyDynamics'],
     },
 )

@@ -14,6 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'base_motion_estimator': ['BaseMotionEstimator'],
         'base_motion_prediction': ['BaseMotionPrediction'],
         'base_reaction': ['BaseReaction'],
+        'free_base_motion': ['FreeBaseMotion'],
         'frame_conversion': [
             'frd_to_flu',
             'attitude_ned_frd_to_enu_flu',

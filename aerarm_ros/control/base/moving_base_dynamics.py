@@ -1,14 +1,13 @@
-"""Inverse dynamics of an arm whose base moves."""
-
-from typing import Any
+"""Inverse dynamics of an arm whose base moves, or answers the arm."""
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.free_base_motion import FreeBaseMotion
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.dynamics import Dynamics, carry
+from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 
 Array = npt.NDArray[np.float64]
 
@@ -16,10 +15,17 @@ Array = npt.NDArray[np.float64]
 class MovingBaseDynamics:
     """`B(q) ddq + h(q, dq, base) = xi`: thesis (2.5) seen from a moving base.
 
-    The arm is put on a free joint without gravity whose acceleration is the base's specific
-    force: by the principle of equivalence the arm feels nothing else of attitude and gravity,
-    so neither the base's position, velocity nor attitude enters. One recursion yields the
-    joint torques and the wrench at the mount. On a still base it is the fixed-base model.
+    A base that is moved: the arm is put on a free joint without gravity whose acceleration is the
+    base's specific force, and one recursion yields the joint torques and the wrench at the mount.
+    On a still base it is the fixed-base model.
+
+    A base that answers (`FreeBaseMotion`): its acceleration follows from the rotors' wrench and
+    from the joints' acceleration, and is `BaseMotion`'s own besides::
+
+        s = s_0 + share M_bb^-1 (w - c_b - M_bj ddq)
+        xi = M_jb s + M_jj ddq + c_j
+
+    so that B becomes `M_jj - share M_jb M_bb^-1 M_bj`; see `WholeBodyDynamics`.
 
     Made for a 1 kHz loop: arguments are not checked. An instance holds working memory: use
     one a thread.
@@ -29,32 +35,41 @@ class MovingBaseDynamics:
     robot : Robot
     rotor_inertia : float or (n,) array_like
         Rotor inertia at the joints [kg m^2].
+    carrier : (10,) array_like, optional
+        Inertial parameters of what carries the arm, in the arm's base frame, for a base that
+        answers.
 
     Attributes
     ----------
     fixed : Dynamics
         The same arm on a fixed base; B and C do not depend on the base's motion.
+    whole : WholeBodyDynamics
+        Arm and carrier.
     still : BaseMotion
         A base at rest under the robot's own gravity, used where no motion is given.
 
     Raises
     ------
     ValueError
-        If a rotor inertia is negative or not finite, or their number isn't n.
+        If a rotor inertia is negative or not finite, or their number isn't n, or no body has
+        the carrier's parameters.
     """
 
-    def __init__(self, robot: Robot, rotor_inertia: npt.ArrayLike = 0.0) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        rotor_inertia: npt.ArrayLike = 0.0,
+        carrier: npt.ArrayLike | None = None,
+    ) -> None:
         self.robot = robot
         self.n = robot.n
         self.fixed = Dynamics(robot, rotor_inertia)
         self.still = BaseMotion.still(robot.gravity_in_base)
-        self._model = _on_free_joint(robot)
-        self._model.armature = np.concatenate([np.zeros(6), self.fixed.rotor_inertia])
-        self._data = self._model.createData()
-        self._last_link = pin.Inertia(self._model.inertias[self._model.njoints - 1])
-        self._q = pin.neutral(self._model)
-        self._dq = np.zeros(6 + robot.n)
-        self._ddq = np.zeros(6 + robot.n)
+        self._arm = WholeBodyDynamics(robot, rotor_inertia)
+        self.whole = self._arm
+        if carrier is not None:
+            self.whole = WholeBodyDynamics(robot, rotor_inertia, carrier)
+        self._acceleration = np.zeros(6)
         self._zero = np.zeros(robot.n)
 
     def carry(self, payload: npt.ArrayLike) -> None:
@@ -70,10 +85,19 @@ class MovingBaseDynamics:
         ValueError
             If no body has them; nothing is changed then.
         """
-        carry(self._model, self._last_link, payload)
+        self._arm.carry(payload)
+        if self.whole is not self._arm:
+            self.whole.carry(payload)
         self.fixed.carry(payload)
 
-    def inverse(self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None = None) -> Array:
+    def inverse(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        base: BaseMotion | None = None,
+        planned: Array | None = None,
+    ) -> Array:
         """Return the joint torques xi of a motion, (n,) [Nm]; rotors included, friction not.
 
         Parameters
@@ -82,19 +106,54 @@ class MovingBaseDynamics:
             [rad], [rad/s], [rad/s^2]
         base : BaseMotion, optional
             Default: `still`.
+        planned : (n,) ndarray, optional
+            What a base that answers is expected to answer [rad/s^2], `ddq` if not given. With
+            what is planned here and what corrects an error in `ddq` too, `xi` changes with the
+            correction by B(q) of the fixed base: the joints are as stiff as there, and their
+            error obeys `D dde + B (Kd de + Kp e) = 0` with D the inertia on the free base,
+            which is stable because both are positive definite.
         """
-        return self._recursion(q, dq, ddq, base)[6:]
+        if not isinstance(base, FreeBaseMotion):
+            return self._recursion(q, dq, ddq, base)[6:]
+        forces = self.whole.forces(q, dq, ddq, base.angular_velocity)
+        inverse, coupling = self.whole.response(q)
+        wrench = base.wrench - forces[:6]
+        if planned is not None:
+            wrench = wrench + coupling @ (ddq - planned)
+        answer = inverse @ wrench
+        torques: Array = forces[6:] + self._felt(base, answer) @ coupling
+        return torques
 
     def bias(self, q: Array, dq: Array, base: BaseMotion | None = None) -> Array:
         """Return h(q, dq, base), (n,) [Nm]: the torques that leave `ddq` zero."""
-        return self._recursion(q, dq, self._zero, base)[6:]
+        return self.inverse(q, dq, self._zero, base)
 
-    def gravity(self, q: Array, base: BaseMotion | None = None) -> Array:
+    def gravity(self, q: Array, base: BaseMotion | None = None, ddq: Array | None = None) -> Array:
         """Return the torques [Nm] that hold the arm at rest on the base, (n,).
 
-        On a still base this is g(q) of thesis (2.5).
+        On a still base this is g(q) of thesis (2.5). A base that answers is moved by the joint
+        acceleration `ddq` (n,) [rad/s^2], which itself costs nothing here.
         """
-        return self._recursion(q, self._zero, self._zero, base)[6:]
+        if not isinstance(base, FreeBaseMotion):
+            return self._recursion(q, self._zero, self._zero, base)[6:]
+        forces = self.whole.forces(q, self._zero, self._zero, base.angular_velocity)
+        inverse, coupling = self.whole.response(q)
+        wrench = base.wrench - forces[:6]
+        if ddq is not None:
+            wrench = wrench - coupling @ ddq
+        torques: Array = forces[6:] + self._felt(base, inverse @ wrench) @ coupling
+        return torques
+
+    def inertia_matrix(self, q: Array, base: BaseMotion | None = None) -> Array:
+        """Return the inertia (n, n) [kg m^2] that the joints feel: B(q) of thesis (2.5).
+
+        On a base that answers it is smaller by the part with which the base gives way.
+        """
+        if not isinstance(base, FreeBaseMotion):
+            return self.fixed.inertia_matrix(q)
+        inverse, coupling = self.whole.response(q)
+        given = coupling.T @ (base.share[:, np.newaxis] * (inverse @ coupling))
+        return self.fixed.inertia_matrix(q) - given
 
     def mount_wrench(
         self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None = None
@@ -109,46 +168,19 @@ class MovingBaseDynamics:
         return self._recursion(q, dq, ddq, base)[:6]
 
     def composite_inertia(self, q: Array) -> tuple[float, Array, Array]:
-        """Return mass, centre of mass and inertia of the whole arm, in base axes.
+        """Return mass, centre of mass and inertia of the arm, as `WholeBodyDynamics` does."""
+        return self._arm.composite_inertia(q)
 
-        Returns
-        -------
-        mass : float
-            [kg]
-        com : (3,) ndarray
-            From the base frame's origin [m].
-        inertia : (3, 3) ndarray
-            About the centre of mass [kg m^2].
-        """
-        self._q[7:] = q
-        pin.crba(self._model, self._data, self._q)
-        body = self._data.Ycrb[1]
-        return float(body.mass), np.array(body.lever), np.array(body.inertia)
+    def _felt(self, base: FreeBaseMotion, answer: Array) -> Array:
+        """Return the acceleration of a base that answers, (6,)."""
+        felt = self._acceleration
+        felt[:3] = base.specific_force
+        felt[3:] = base.angular_acceleration
+        return felt + base.share * answer
 
     def _recursion(self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None) -> Array:
         motion = self.still if base is None else base
-        self._q[7:] = q
-        velocity, acceleration = self._dq, self._ddq
-        # The base's linear velocity is left at zero: only accelerations are felt.
-        velocity[3:6] = motion.angular_velocity
-        velocity[6:] = dq
-        acceleration[:3] = motion.specific_force
-        acceleration[3:6] = motion.angular_acceleration
-        acceleration[6:] = ddq
-        torques: Array = pin.rnea(self._model, self._data, self._q, velocity, acceleration)
-        return torques
-
-
-def _on_free_joint(robot: Robot) -> Any:
-    """Return the robot's model with a free joint between world and base, without gravity."""
-    source = robot.model
-    model = pin.Model()
-    parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), 'base')
-    model.appendBodyToJoint(parent, source.inertias[0], pin.SE3.Identity())
-    for index in range(1, source.njoints):
-        parent = model.addJoint(
-            parent, source.joints[index], source.jointPlacements[index], source.names[index]
-        )
-        model.appendBodyToJoint(parent, source.inertias[index], pin.SE3.Identity())
-    model.gravity = pin.Motion.Zero()
-    return model
+        felt = self._acceleration
+        felt[:3] = motion.specific_force
+        felt[3:] = motion.angular_acceleration
+        return self._arm.forces(q, dq, ddq, motion.angular_velocity, felt)

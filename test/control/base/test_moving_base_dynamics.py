@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.free_base_motion import FreeBaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.robot import load_robot
 
@@ -55,6 +56,76 @@ def test_torques_match_the_physics_engine_on_a_moving_base(dynamics, make_flying
             acceleration[3:],
         )
         np.testing.assert_allclose(dynamics.inverse(*joints, base), engine, atol=1e-9)
+
+
+@pytest.fixture
+def carried(robot, config) -> MovingBaseDynamics:
+    """Return the arm under the body of `make_flying_arm`, which is at the base's origin."""
+    carrier = [2.0, 0.0, 0.0, 0.0, 0.02, 0.0, 0.02, 0.0, 0.0, 0.03]
+    return MovingBaseDynamics(robot, config.column('reflected_inertia'), carrier)
+
+
+def samples(seed: int) -> list:
+    """Return attitude, twist and acceleration (6,), q, dq, ddq (3, 4), ten times."""
+    random = np.random.default_rng(seed)
+    return [
+        (
+            Rotation.random(random_state=random),
+            *random.normal(scale=3.0, size=(2, 6)),
+            random.normal(scale=2.0, size=(3, 4)),
+        )
+        for _ in range(10)
+    ]
+
+
+def test_torques_match_the_physics_engine_on_a_base_that_answers(carried, make_flying_arm) -> None:
+    """The engine says which wrench moves the base so; the model is told the wrench alone."""
+    flying = make_flying_arm()
+    for attitude, twist, acceleration, joints in samples(4):
+        engine = flying.inverse(attitude.as_quat()[[3, 0, 1, 2]], twist, acceleration, joints)
+        wrench = np.array(flying.data.qfrc_inverse[:6])
+        wrench[:3] = attitude.inv().apply(wrench[:3])
+        base = BaseMotion(np.zeros(3), np.zeros(3), twist[3:], np.zeros(3))
+        free = FreeBaseMotion(base, wrench, np.ones(6))
+        q, dq, ddq = joints
+        np.testing.assert_allclose(carried.inverse(q, dq, ddq, free), engine, atol=1e-9)
+        bias = carried.bias(q, dq, free)
+        np.testing.assert_allclose(bias + carried.inertia_matrix(q, free) @ ddq, engine, atol=1e-9)
+
+
+def test_a_base_whose_answer_is_not_believed_is_moved(carried) -> None:
+    for _, twist, acceleration, (q, dq, ddq) in samples(5):
+        base = BaseMotion(np.zeros(3), acceleration[:3], twist[3:], acceleration[3:])
+        free = FreeBaseMotion(base, np.ones(6), np.zeros(6))
+        for ours, theirs in (
+            (carried.inverse(q, dq, ddq, free), carried.inverse(q, dq, ddq, base)),
+            (carried.gravity(q, free), carried.gravity(q, base)),
+            (carried.inertia_matrix(q, free), carried.fixed.inertia_matrix(q)),
+        ):
+            np.testing.assert_allclose(ours, theirs, atol=1e-12)
+
+
+def test_what_corrects_an_error_acts_as_on_a_fixed_base(carried) -> None:
+    for _, twist, acceleration, (q, dq, ddq) in samples(6):
+        base = BaseMotion(np.zeros(3), acceleration[:3], twist[3:], acceleration[3:])
+        free = FreeBaseMotion(base, np.arange(6.0), np.full(6, 0.8))
+        planned = 0.5 * ddq
+        difference = carried.inverse(q, dq, ddq, free, planned)
+        difference = difference - carried.inverse(q, dq, planned, free)
+        np.testing.assert_allclose(
+            difference, carried.fixed.inertia_matrix(q) @ (ddq - planned), atol=1e-9
+        )
+
+
+def test_gravity_is_what_holds_the_arm_while_the_base_answers(carried) -> None:
+    zero = np.zeros(4)
+    for _, twist, _, (q, _, ddq) in samples(7):
+        base = BaseMotion(np.zeros(3), np.zeros(3), twist[3:], np.zeros(3))
+        free = FreeBaseMotion(base, np.arange(6.0), np.ones(6))
+        np.testing.assert_allclose(carried.gravity(q, free), carried.bias(q, zero, free))
+        # The base's answer to a joint acceleration that another torque brings about.
+        moved = carried.inverse(q, zero, ddq, free) - carried.fixed.inertia_matrix(q) @ ddq
+        np.testing.assert_allclose(carried.gravity(q, free, ddq), moved, atol=1e-9)
 
 
 def test_inertia_rate_minus_twice_coriolis_is_skew_symmetric(dynamics, postures) -> None:

@@ -1,0 +1,214 @@
+"""Arm and what carries it as one body: the dynamics of an arm on a free joint."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.dynamics import Dynamics, carry
+from aerarm_ros.model.inertia import is_physically_consistent
+
+Array = npt.NDArray[np.float64]
+
+_ROUNDING = 1e-9  # of a carrier's pseudo-inertia
+
+
+class WholeBodyDynamics:
+    """Rigid dynamics of n joints on a base that is free.
+
+    ::
+
+        [ M_bb  M_bj ] [ s   ]   [ c_b ]   [ w   ]
+        [ M_jb  M_jj ] [ ddq ] + [ c_j ] = [ tau ]
+
+    Everything of the base is at the origin of the arm's base frame and in its axes, linear before
+    angular: its acceleration `s`, the wrench `w` of the carrier's rotors. The acceleration is the
+    specific force (acceleration minus gravity): by the principle of equivalence nothing else of
+    gravity and attitude is felt, so neither enters, and `c` holds Coriolis and centrifugal forces
+    alone. In a field of gravity `h` of the usual notation is `c - M (g, 0)`.
+
+    Gyroscopic effects of motors and propellers are neglected. Arguments are not checked. An
+    instance holds working memory: use one a thread.
+
+    Parameters
+    ----------
+    robot : Robot
+        The arm.
+    rotor_inertia : float or (n,) array_like
+        Inertia of the motors' rotors at the joints [kg m^2], on the diagonal of M_jj.
+    carrier : (10,) array_like, optional
+        Inertial parameters (3.3) of what carries the arm, in the arm's base frame; none if not
+        given, and then M_bb is the arm's own.
+
+    Raises
+    ------
+    ValueError
+        If a rotor inertia is negative or not finite, or their number isn't n, or no body has
+        the carrier's parameters.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        rotor_inertia: npt.ArrayLike = 0.0,
+        carrier: npt.ArrayLike | None = None,
+    ) -> None:
+        self.robot = robot
+        self.n = robot.n
+        self._model = _on_free_joint(robot)
+        rotors = Dynamics(robot, rotor_inertia).rotor_inertia
+        self._model.armature = np.concatenate([np.zeros(6), rotors])
+        if carrier is not None:
+            whole = self._model.inertias[1].toDynamicParameters() + _checked(carrier)
+            self._model.inertias[1] = pin.Inertia.FromDynamicParameters(whole)
+        self._data = self._model.createData()
+        self._last_link = pin.Inertia(self._model.inertias[self._model.njoints - 1])
+        self._q = pin.neutral(self._model)
+        self._dq = np.zeros(6 + self.n)
+        self._ddq = np.zeros(6 + self.n)
+
+    def carry(self, payload: npt.ArrayLike) -> None:
+        """Add a body to the last link, in place of one added before.
+
+        Parameters
+        ----------
+        payload : (10,) array_like
+            Inertial parameters (3.3) in the frame of the last link's joint; zeros for nothing.
+
+        Raises
+        ------
+        ValueError
+            If no body has them.
+        """
+        carry(self._model, self._last_link, payload)
+
+    def inertia_matrix(self, q: Array) -> Array:
+        """Return M(q), (6 + n, 6 + n), symmetric, rotors included."""
+        self._q[7:] = q
+        return np.asarray(pin.crba(self._model, self._data, self._q))
+
+    def forces(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        angular_velocity: Array,
+        acceleration: Array | float = 0.0,
+    ) -> Array:
+        """Return what a motion takes: wrench on the base and joint torques.
+
+        With `acceleration` and `ddq` zero it is c; with `ddq` alone `M_bj ddq + c_b` and
+        `M_jj ddq + c_j`.
+
+        Parameters
+        ----------
+        q, dq, ddq : (n,) ndarray
+            [rad], [rad/s], [rad/s^2]
+        angular_velocity : (3,) ndarray
+            Of the base [rad/s].
+        acceleration : (6,) ndarray or float
+            Specific force [m/s^2] and angular acceleration [rad/s^2] of the base.
+
+        Returns
+        -------
+        (6 + n,) ndarray
+            Force [N], moment [Nm], torques [Nm].
+        """
+        velocity, second = self._dq, self._ddq
+        self._q[7:] = q
+        # The base's linear velocity is left at zero: only accelerations are felt.
+        velocity[3:6] = angular_velocity
+        velocity[6:] = dq
+        second[:6] = acceleration
+        second[6:] = ddq
+        return np.asarray(pin.rnea(self._model, self._data, self._q, velocity, second))
+
+    def response(self, q: Array) -> tuple[Array, Array]:
+        """Return how the base answers: `M_bb^-1` (6, 6) and M_bj (6, n).
+
+        The base under the wrench w accelerates by `s = M_bb^-1 (w - c_b - M_bj ddq)`. The
+        inverse is that of one rigid body, in closed form.
+        """
+        coupling = self.inertia_matrix(q)[:6, 6:]
+        return np.asarray(self._data.Ycrb[1].inverse()), coupling
+
+    def reduced_inertia(self, q: Array) -> Array:
+        """Return `M_jj - M_jb M_bb^-1 M_bj`, (n, n) [kg m^2]: what joints feel on a free base."""
+        matrix = self.inertia_matrix(q)
+        coupling = matrix[:6, 6:]
+        answer = self._data.Ycrb[1].inverse() @ coupling
+        return np.asarray(matrix[6:, 6:] - coupling.T @ answer)
+
+    def feedback_gain(self, q: Array) -> float:
+        """Return the gain of the loop that a measured acceleration of the base closes.
+
+        Torques that answer an acceleration `s` are `M_jb s`. They move the joints by
+        `D^-1 M_jb s`, with D the reduced inertia, and those the base by
+        `G s = M_bb^-1 M_bj D^-1 M_jb s`, against `s`. The largest eigenvalue of G (they are real
+        and not negative) is returned.
+        """
+        matrix = self.inertia_matrix(q)
+        coupling = matrix[:6, 6:]
+        answer = self._data.Ycrb[1].inverse() @ coupling
+        # The eigenvalues of a product do not depend on the order of its factors.
+        reduced = matrix[6:, 6:] - coupling.T @ answer
+        gain = np.linalg.solve(reduced, coupling.T @ answer)
+        return float(np.max(np.linalg.eigvals(gain).real))
+
+    def composite_inertia(self, q: Array) -> tuple[float, Array, Array]:
+        """Return mass, centre of mass and inertia of the whole, in base axes.
+
+        Returns
+        -------
+        mass : float
+            [kg]
+        com : (3,) ndarray
+            From the base frame's origin [m].
+        inertia : (3, 3) ndarray
+            About the centre of mass [kg m^2].
+        """
+        self.inertia_matrix(q)
+        body = self._data.Ycrb[1]
+        return float(body.mass), np.array(body.lever), np.array(body.inertia)
+
+    def centroidal_momentum(self, q: Array, dq: Array, twist: Array) -> Array:
+        """Return linear and angular momentum about the centre of mass, (6,) [Ns], [Nms].
+
+        Along the base's axes; the rotors' own spin isn't in it.
+
+        Parameters
+        ----------
+        q, dq : (n,) ndarray
+            [rad], [rad/s]
+        twist : (6,) ndarray
+            Velocity of the base's origin [m/s] and angular velocity [rad/s], in base axes.
+        """
+        self._q[7:] = q
+        velocity = np.concatenate([twist, dq])
+        momentum = pin.computeCentroidalMomentum(self._model, self._data, self._q, velocity)
+        return np.array(momentum.vector)
+
+
+def _on_free_joint(robot: Robot) -> Any:
+    """Return the robot's model with a free joint between world and base, without gravity."""
+    source = robot.model
+    model = pin.Model()
+    parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), 'base')
+    model.appendBodyToJoint(parent, source.inertias[0], pin.SE3.Identity())
+    for index in range(1, source.njoints):
+        parent = model.addJoint(
+            parent, source.joints[index], source.jointPlacements[index], source.names[index]
+        )
+        model.appendBodyToJoint(parent, source.inertias[index], pin.SE3.Identity())
+    model.gravity = pin.Motion.Zero()
+    return model
+
+
+def _checked(carrier: npt.ArrayLike) -> Array:
+    values = np.array(carrier, dtype=float)
+    numbers = values.shape == (10,) and bool(np.isfinite(values).all())
+    if not numbers or not is_physically_consistent(values, _ROUNDING):
+        raise ValueError(f'carrier {values.tolist()}: no body has these inertial parameters')
+    return values
