@@ -5,9 +5,20 @@ end too. So the commands come through here, where nothing is imported beforehand
 """
 
 import importlib
+import os
 import signal
 from collections.abc import Callable
 from functools import partial
+
+from aerarm_ros.ros.process.die_with_parent import die_with_launch
+from aerarm_ros.ros.process.exit_status import INTERRUPTED
+from aerarm_ros.ros.process.stop_signals import StopSignals
+
+# They have something to finish, and are ended before that by a signal. All others serve until
+# they are asked to end, so that a signal is how they end well, at any time.
+_TASKS = frozenset(
+    ('arm', 'demo', 'excitation', 'excitation_designer', 'experiment', 'identifier', 'motor_bench')
+)
 
 
 def __getattr__(name: str) -> Callable[[], int]:
@@ -18,6 +29,29 @@ def __getattr__(name: str) -> Callable[[], int]:
 
 
 def _run(name: str) -> int:
+    run = _do if name in _TASKS else _serve
+    try:
+        die_with_launch()
+        return run(name)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    finally:
+        StopSignals.ignore()
+
+
+def _serve(name: str) -> int:
+    early = _Early()
+    with StopSignals(early):
+        main = importlib.import_module(f'aerarm_ros.nodes.{name}').main
+        early.is_over = True
+        try:
+            status: int = main()
+        except KeyboardInterrupt:
+            return 0
+        return status
+
+
+def _do(name: str) -> int:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         # Extension modules make an ImportError of a KeyboardInterrupt. There is nothing to leave
@@ -27,3 +61,15 @@ def _run(name: str) -> int:
     signal.signal(signal.SIGINT, before)
     status: int = main()
     return status
+
+
+class _Early:
+    """What a stop signal does before `main` has begun: there is nothing to leave in order yet."""
+
+    def __init__(self) -> None:
+        self.is_over = False
+
+    def __call__(self) -> None:
+        # An exception would not do: extension modules make an ImportError of it.
+        if not self.is_over:
+            os._exit(0)

@@ -5,16 +5,18 @@ Only they import this module: nothing else needs ROS's launch, which not every h
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
-from launch import Action, LaunchContext, SomeSubstitutionsType
+from launch import Action, Condition, LaunchContext, SomeSubstitutionsType
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
     IncludeLaunchDescription,
     OpaqueFunction,
     RegisterEventHandler,
+    SetEnvironmentVariable,
 )
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
@@ -26,6 +28,9 @@ from launch.substitutions import (
 )
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
+
+from aerarm_ros.launch_requirements import missing
+from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 
 SHARE = FindPackageShare('aerarm_ros')
 CONTROLLERS = ('gravity_compensation', 'computed_torque', 'impedance_control', 'kinematic_control')
@@ -94,6 +99,21 @@ MOTION_ARGUMENTS = (
 )
 
 
+def check_first() -> OpaqueFunction:
+    """Return what comes before all processes: nothing starts unless everything can.
+
+    What is started then ends when launch is gone, however that ends.
+    """
+
+    def check(context: LaunchContext) -> list[Action]:
+        problems = missing(context.launch_configurations)
+        if problems:
+            raise RuntimeError('; '.join(problems))
+        return [SetEnvironmentVariable(LAUNCH_PID, str(os.getpid()))]
+
+    return OpaqueFunction(function=check)
+
+
 def bringup() -> IncludeLaunchDescription:
     """Return bringup.launch.py, with the arguments that are set where it is included."""
     return IncludeLaunchDescription(PathJoinSubstitution([SHARE, 'launch', 'bringup.launch.py']))
@@ -122,7 +142,9 @@ def end(reason: str) -> EmitEvent:
     return EmitEvent(event=Shutdown(reason=reason))
 
 
-def after(process: Action, what: str, if_good: Action) -> RegisterEventHandler:
+def after(
+    process: Action, what: str, if_good: Action | None = None, condition: Condition | None = None
+) -> RegisterEventHandler:
     """Let an action follow a process; if that fails, launch ends with exit status 1."""
 
     def choose(event: ProcessExited, context: LaunchContext) -> Action | None:
@@ -130,7 +152,8 @@ def after(process: Action, what: str, if_good: Action) -> RegisterEventHandler:
             return None if context.is_shutdown else if_good
         return OpaqueFunction(function=_fail, args=[f'{what}: exit status {event.returncode}'])
 
-    return RegisterEventHandler(OnProcessExit(target_action=process, on_exit=choose))
+    handler = OnProcessExit(target_action=process, on_exit=choose)
+    return RegisterEventHandler(handler, condition=condition)
 
 
 def _fail(context: LaunchContext, problem: str) -> None:

@@ -31,6 +31,7 @@ from aerarm_ros.launch_parts import (
     after,
     arguments_as_parameters,
     base_motion_argument,
+    check_first,
     controller_argument,
     enable_argument,
     end,
@@ -43,6 +44,12 @@ ARGUMENTS = (
         'hardware', default_value='fake', choices=['fake', 'spi'], description='boards behind it'
     ),
     controller_argument(),
+    DeclareLaunchArgument(
+        'if_controller_fails',
+        default_value='end',
+        choices=['end', 'go_on'],
+        description='end: everything ends with it; go_on: the bridge stays, without commands',
+    ),
     DeclareLaunchArgument('namespace', default_value='', description='in front of every name'),
     DeclareLaunchArgument(
         'params_file',
@@ -71,6 +78,7 @@ ARGUMENTS = (
     switch_argument('view', 'start the browser view'),
 )
 
+ENDS_WITH_CONTROLLER = EqualsSubstitution(LaunchConfiguration('if_controller_fails'), 'end')
 ON_SPI = EqualsSubstitution(LaunchConfiguration('hardware'), 'spi')
 # The arm that moves. An identified model is one of it, and must not become what is emulated.
 # The bridge publishes this URDF as robot_description, the frames come from it, so RViz draws it.
@@ -84,7 +92,7 @@ FRAME_TOPICS = [('/tf', 'tf'), ('/tf_static', 'tf_static')]
 
 def generate_launch_description() -> LaunchDescription:
     """Return what `ros2 launch` starts."""
-    bridge = _bridge()
+    bridge, controller = _bridge(), _controller()
     nodes = GroupAction(
         [
             PushRosNamespace(LaunchConfiguration('namespace')),
@@ -92,13 +100,14 @@ def generate_launch_description() -> LaunchDescription:
             # Without it nothing here can work: who waits for the arm would wait in vain.
             after(bridge, 'bridge', end('the bridge has ended')),
             _enable(),
-            _controller(),
+            controller,
+            after(controller, 'controller', condition=IfCondition(ENDS_WITH_CONTROLLER)),
             _view(),
             OpaqueFunction(function=_robot_state_publisher),
             *_rviz(),
         ]
     )
-    return LaunchDescription([*ARGUMENTS, _discovery_profile(), nodes])
+    return LaunchDescription([*ARGUMENTS, check_first(), _discovery_profile(), nodes])
 
 
 def _discovery_profile() -> SetEnvironmentVariable:

@@ -12,9 +12,11 @@ from launch_ros.actions import PushRosNamespace
 
 from aerarm_ros.launch_parts import (
     IMU_REMAPPING,
+    after,
     arguments_as_parameters,
     base_motion_argument,
     bringup,
+    check_first,
     controller_argument,
     node,
 )
@@ -41,15 +43,19 @@ ARGUMENTS = (
 
 def generate_launch_description() -> LaunchDescription:
     """Return what `ros2 launch` starts."""
+    reaction = node(
+        'base_reaction',
+        arguments_as_parameters('config', 'urdf', 'base_motion'),
+        remappings=[IMU_REMAPPING],
+    )
+    px4_imu = node('px4_imu', remappings=[IMU_REMAPPING], condition=IfCondition(ON_PX4))
     drone = GroupAction(
         [
             PushRosNamespace(LaunchConfiguration('namespace')),
-            node(
-                'base_reaction',
-                arguments_as_parameters('config', 'urdf', 'base_motion'),
-                remappings=[IMU_REMAPPING],
-            ),
-            node('px4_imu', remappings=[IMU_REMAPPING], condition=IfCondition(ON_PX4)),
+            reaction,
+            after(reaction, 'base_reaction'),
+            px4_imu,
+            after(px4_imu, 'px4_imu'),
         ]
     )
-    return LaunchDescription([*ARGUMENTS, bringup(), drone])
+    return LaunchDescription([*ARGUMENTS, check_first(), bringup(), drone])

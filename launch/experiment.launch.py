@@ -9,7 +9,7 @@ from launch.actions import DeclareLaunchArgument, ExecuteProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.substitutions import ExecutableInPackage
 
-from aerarm_ros.launch_parts import after, end
+from aerarm_ros.launch_parts import after, check_first, end
 
 ARGUMENTS = (
     DeclareLaunchArgument('out', default_value='experiment', description='folder for the page'),
@@ -35,4 +35,6 @@ def generate_launch_description() -> LaunchDescription:
         output='screen',
     )
     done = end('the experiment has ended')
-    return LaunchDescription([*ARGUMENTS, experiment, after(experiment, 'experiment', done)])
+    return LaunchDescription(
+        [*ARGUMENTS, check_first(), experiment, after(experiment, 'experiment', done)]
+    )

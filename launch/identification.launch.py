@@ -21,6 +21,7 @@ from aerarm_ros.launch_parts import (
     after,
     arguments_as_parameters,
     bringup,
+    check_first,
     end,
     node,
 )
@@ -67,6 +68,7 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             *ARGUMENTS,
+            check_first(),
             bringup(),
             recorder,
             excitation,

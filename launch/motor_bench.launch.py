@@ -16,6 +16,7 @@ from aerarm_ros.launch_parts import (
     after,
     arguments_as_parameters,
     bringup,
+    check_first,
     end,
     node,
 )
@@ -46,4 +47,6 @@ def generate_launch_description() -> LaunchDescription:
         namespace=LaunchConfiguration('namespace'),
     )
     done = end('the motor bench has ended')
-    return LaunchDescription([*ARGUMENTS, bringup(), bench, after(bench, 'motor_bench', done)])
+    return LaunchDescription(
+        [*ARGUMENTS, check_first(), bringup(), bench, after(bench, 'motor_bench', done)]
+    )

@@ -9,14 +9,15 @@ from __future__ import annotations
 import argparse
 import os
 import random
-import signal
 import sys
 import time
 from datetime import datetime
 from pathlib import Path
+from typing import NoReturn
 
 from aerarm_ros.ros.emulation.emulated_world import KEEP_UP, LOCKSTEP
 from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR
+from aerarm_ros.ros.process.stop_signals import StopSignals
 from aerarm_ros.ros.programs.demo_run import DemoError, DemoRun
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
@@ -27,8 +28,16 @@ INCOMPLETE = 'INCOMPLETE'
 def main(arguments: list[str] | None = None) -> int:
     """Run the demo; return 0 when the identified model is written."""
     options = _parse(arguments)
+    with StopSignals(_interrupt):
+        return _run(options)
+
+
+def _interrupt() -> NoReturn:
+    raise KeyboardInterrupt
+
+
+def _run(options: argparse.Namespace) -> int:
     _isolate_from_other_ros_graphs()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     out: Path = options.out
     try:
         if out.is_dir() and any(out.iterdir()):

@@ -106,7 +106,7 @@ class ExcitationNode:
 
     def run(self) -> None:
         """Play the trajectory; `status` says how it ended."""
-        with BackgroundExecutor(self._node), StopSignals(self._playback.ask_stop):
+        with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
                 self._run()
             except ExcitationError as error:

@@ -10,7 +10,7 @@ import argparse
 import signal
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
 from aerarm_ros.ros.programs.identifier_options import identifier_parser
@@ -28,9 +28,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(_without_ros_arguments(arguments))
     if not options.bag and not options.model:
         parser.error('the following arguments are required: --bag, or --model and --payload')
+    interrupt = _Interrupt()
     # SIGINT too: a shell that starts this in the background, or in a script, makes it ignored.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
-        signal.signal(number, _interrupt)
+        signal.signal(number, interrupt)
     try:
         return _run(options)
     except KeyboardInterrupt:
@@ -65,11 +66,20 @@ def _report(error: object) -> int:
     return USER_ERROR
 
 
-def _interrupt(number: int, frame: Any) -> NoReturn:
-    # What is raised inside a callback of an extension module, or while an object is destroyed, is
-    # lost. So it is raised again, unless the program has ended by then.
-    signal.setitimer(signal.ITIMER_REAL, _AGAIN)
-    raise KeyboardInterrupt
+class _Interrupt:
+    """Handler of the signals that interrupt: asked twice, it raises once."""
+
+    def __init__(self) -> None:
+        self._is_asked = False
+
+    def __call__(self, number: int, frame: Any) -> None:
+        if self._is_asked and number != signal.SIGALRM:
+            return  # what was begun is being removed
+        self._is_asked = True
+        # What is raised inside a callback of an extension module, or while an object is destroyed,
+        # is lost. So it is raised again, unless the program has ended by then.
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        raise KeyboardInterrupt
 
 
 def _without_ros_arguments(arguments: Sequence[str] | None) -> list[str]:

@@ -125,7 +125,7 @@ class MotorBenchNode:
     def run(self) -> None:
         """Measure; `status` says how it ended."""
         out = Path(self._values.out or f'{NAME}_{datetime.now():%Y%m%d_%H%M%S}')
-        with BackgroundExecutor(self._node), StopSignals(self._playback.ask_stop):
+        with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
                 with ResultDirectory(out, 'the parameter out') as directory:
                     self._measure(directory)

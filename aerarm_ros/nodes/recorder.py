@@ -97,7 +97,7 @@ class Recorder:
             f'recording {len(self._feed.names)} topics into {self._directory}'
         )
         self._publish_status('recording')
-        with BackgroundExecutor(self._node), StopSignals(self._on_stop):
+        with StopSignals(self._on_stop), BackgroundExecutor(self._node):
             try:
                 self._record()
                 self._feed.complete()

@@ -70,7 +70,7 @@ class ToolPath:
 
     def run(self) -> None:
         """Publish until stopped."""
-        with BackgroundExecutor(self._node), StopSignals(self._loop.stop):
+        with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 
     def close(self) -> None:

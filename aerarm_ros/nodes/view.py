@@ -94,7 +94,7 @@ class View:
             self._node.get_logger().warning(
                 'the page is open to the network: who knows its address can stop the arm'
             )
-        with BackgroundExecutor(self._node), StopSignals(self._loop.stop):
+        with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 
     def close(self) -> None:

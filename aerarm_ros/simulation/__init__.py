@@ -4,7 +4,12 @@ In come torques of the drives and what the arm is truly made of; out go true joi
 base that stands still or moves, and what an IMU on it would read.
 """
 
+import os
+
 import lazy_loader
+
+# Nothing is drawn. MuJoCo would look for a window system at its import, in a process of its own.
+os.environ.setdefault('MUJOCO_GL', 'disable')
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,

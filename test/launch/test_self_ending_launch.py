@@ -55,9 +55,6 @@ def test_experiment_leaves_a_page(tmp_path: Path, ros_domain: dict[str, str]) ->
     [
         ('experiment', 'only:=nothing of this name', 'experiment', "'nothing of this name'"),
         ('motor_bench', 'joints:=[elbow]', 'motor_bench', 'no joint elbow'),
-        ('motor_bench', 'excitation_config:=/nowhere.yaml', 'motor_bench', '/nowhere.yaml: '),
-        ('identification', 'trajectory:=/nowhere.yaml', 'excitation', '/nowhere.yaml: '),
-        ('identification', 'excitation_config:=/nowhere.yaml', 'excitation', '/nowhere.yaml: '),
         ('identification', 'urdf:={renamed_urdf}', 'excitation', '{renamed_urdf}: '),
     ],
 )

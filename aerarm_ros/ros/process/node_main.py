@@ -3,20 +3,24 @@
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, RCLInvalidROSArgsError, UnknownROSArgsError
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
+from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.command_line import CommandLine
 from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
-from aerarm_ros.ros.process.exit_status import USER_ERROR, print_error
+from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
 from aerarm_ros.ros.process.local_discovery import stay_on_this_host
 from aerarm_ros.ros.process.log_directory import find_log_directory
 from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
+from aerarm_ros.ros.process.stop_signals import StopSignals
+
+Result = TypeVar('Result')
 
 
 class Runnable(Protocol):
@@ -46,11 +50,13 @@ def run_node(
 ) -> int:
     """Create a node, run it, close it, and return the exit status.
 
-    SIGINT, SIGTERM and a shutdown from outside are ordinary ends (0), as SIGHUP is for a node
-    that runs under StopSignals, and so is a request for help, which starts nothing. An argument
-    or parameter that the node does not have is one line on standard error (2), and so is what
-    else a user can repair (a parameter's value, a file: ValueError while creating, OSError at
-    any time; 1). Anything else is a defect and keeps its traceback.
+    SIGINT, SIGTERM, SIGHUP and a shutdown from outside are ordinary ends (0), however many they
+    are, and so is a request for help, which starts nothing. A node that had something to do and
+    was interrupted before ends with 130; while the command line is read KeyboardInterrupt comes
+    out of here, as nobody knows yet what it would do. An argument or parameter that the node does
+    not have is one line on standard error (2), and so is what else a user can repair (a
+    parameter's value, a file: ValueError while creating, OSError at any time; 1). Anything else is
+    a defect and keeps its traceback.
 
     Parameters
     ----------
@@ -65,21 +71,63 @@ def run_node(
     description
         What the node does, for the help.
     """
-    if parameters is not None:
-        status = _read_command_line(CommandLine(name, parameters, description), args)
-        if status is not None:
-            return status
+    interruption = _Interruption()
+    with StopSignals(interruption.ask):
+        if parameters is not None:
+            command_line = CommandLine(name, parameters, description)
+            status = interruption.during(lambda: _read_command_line(command_line, args))
+            if status is not None:
+                return status
+        return _run_node(name, create, args, interruption)
+
+
+class _Interruption:
+    """Ends what may be interrupted, and only notes a signal at all other times.
+
+    An exception inside a constructor would be swallowed by the extension modules that are
+    imported there, and inside `close` it would leave half of it undone.
+    """
+
+    def __init__(self) -> None:
+        self.is_asked = False
+        self._is_let_in = False
+
+    def ask(self) -> None:
+        """Take a stop signal; raises KeyboardInterrupt inside `during`."""
+        self.is_asked = True
+        if self._is_let_in:
+            raise KeyboardInterrupt
+
+    def during(self, action: Callable[[], Result]) -> Result:
+        """Return what a function returns; raises KeyboardInterrupt when a signal comes or has."""
+        try:
+            self._is_let_in = True
+            if self.is_asked:
+                raise KeyboardInterrupt
+            return action()
+        finally:
+            self._is_let_in = False
+
+
+def _run_node(
+    name: str,
+    create: Callable[[], Runnable],
+    args: Sequence[str] | None,
+    interruption: _Interruption,
+) -> int:
     stay_on_this_host()
     node = None
     try:
         use_packaged_profile()
         find_log_directory()
-        rclpy.init(args=args)
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         try:
             node = create()
         except ValueError as error:
             return _report(name, error)
-        node.run()
+        if interruption.is_asked and node.status:
+            node.status = INTERRUPTED
+        interruption.during(node.run)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (RCLInvalidROSArgsError, UnknownROSArgsError) as error:
@@ -87,7 +135,7 @@ def run_node(
     except OSError as error:
         return _report(name, error)
     except (RCLError, InvalidHandle) as error:
-        # A signal shuts the context down under whatever call is going on.
+        # A shutdown from outside takes the context away under whatever call is going on.
         if node is None:
             return _report(name, error)
         if rclpy.ok():

@@ -11,13 +11,23 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import FrameType
+from typing import ClassVar
 
 # Asked for by a person or a supervisor: when they ask again, they mean it.
 _ASKED = (signal.SIGINT, signal.SIGTERM)
 # A terminal and a supervisor may both pass on the same Ctrl-C [s]: what comes so soon is no second
 # thought, and the boards are being told to switch off.
 _SAME = 1.0
+
+
+@dataclass
+class _Request:
+    """What was asked so far, for all contexts that lie within each other."""
+
+    is_made: bool = False
+    asked: float | None = None  # when first by SIGINT or SIGTERM [s, monotonic]
 
 
 class StopSignals:
@@ -27,37 +37,65 @@ class StopSignals:
     does: a closing terminal sends it more than once. Where it is ignored already, as under
     nohup, it stays so.
 
+    A context may lie within another. What the inner one was asked counts as asked of the outer:
+    while a process ends, the same signal again calls nothing.
+
     Parameters
     ----------
     on_stop
         Called once, in the main thread, between two of its instructions: it should set a
-        flag and return.
+        flag and return. Called at once if the outer context was asked already.
     """
+
+    _innermost: ClassVar[StopSignals | None] = None
 
     def __init__(self, on_stop: Callable[[], None]) -> None:
         self._on_stop = on_stop
-        self._is_stopping = False
-        self._asked: float | None = None
+        self._is_told = False
+        self._request = _Request()
+        self._outer: StopSignals | None = None
         self._previous: dict[signal.Signals, object] = {}
 
     def __enter__(self) -> StopSignals:
+        self._outer = StopSignals._innermost
+        StopSignals._innermost = self
+        if self._outer is not None:
+            self._request = self._outer._request
         is_kept = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
         numbers = _ASKED if is_kept else (*_ASKED, signal.SIGHUP)
         self._previous = {number: signal.signal(number, self._handle) for number in numbers}
+        if self._request.is_made and not self._is_told:
+            self._tell()
         return self
 
     def __exit__(self, *_: object) -> None:
+        StopSignals._innermost = self._outer
         for number, handler in self._previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
+    @staticmethod
+    def ignore() -> None:
+        """Let the signals do nothing any more: everything is done, and Python only takes leave.
+
+        It would give its own handlers up on the way, and a late signal end the process as if that
+        had failed.
+        """
+        for number in (*_ASKED, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+
     def _handle(self, number: int, frame: FrameType | None) -> None:
+        request = self._request
         if number in _ASKED:
             now = time.monotonic()
-            if self._asked is None:
-                self._asked = now
-            elif now - self._asked > _SAME:
+            if request.asked is None:
+                request.asked = now
+            elif now - request.asked > _SAME:
                 signal.signal(number, signal.SIG_DFL)
                 signal.raise_signal(number)
-        if not self._is_stopping:
-            self._is_stopping = True
-            self._on_stop()
+        if not request.is_made:
+            request.is_made = True
+            self._tell()
+
+    def _tell(self) -> None:
+        self._is_told = True
+        self._on_stop()

@@ -17,13 +17,28 @@ with StopSignals(lambda: calls.append(1)):
     for line in sys.stdin:
         print(len(calls), flush=True)
 """
+INNER = """
+import sys
+from aerarm_ros.ros.process.stop_signals import StopSignals
+calls = []
+def said(): print(*calls, flush=True)
+with StopSignals(lambda: calls.append('outer')):
+    with StopSignals(lambda: calls.append('inner')):
+        print('ready', flush=True)
+        sys.stdin.readline()
+    said(), sys.stdin.readline()
+    with StopSignals(lambda: calls.append('later')):
+        said(), sys.stdin.readline()
+    StopSignals.ignore()
+    said(), sys.stdin.readline()
+"""
 
 
 class Stopped:
     """A process that counts how often it was asked to stop."""
 
-    def __init__(self, *prefix: str) -> None:
-        command = [*prefix, sys.executable, '-c', SCRIPT]
+    def __init__(self, *prefix: str, script: str = SCRIPT) -> None:
+        command = [*prefix, sys.executable, '-c', script]
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
             text=True,
@@ -34,8 +49,11 @@ class Stopped:
         self.process.send_signal(number)
 
     def calls(self) -> int:
+        return int(self.says())
+
+    def says(self) -> str:
         print(file=self.process.stdin, flush=True)
-        return int(self._line())
+        return self._line()
 
     def _line(self) -> str:
         assert self.process.stdout
@@ -96,4 +114,22 @@ def test_nohup_is_respected() -> None:
     assert stopped.calls() == 0
     stopped.send(signal.SIGTERM)
     assert stopped.calls() == 1
+    end(stopped)
+
+
+def test_what_the_inner_context_was_asked_the_outer_was_too() -> None:
+    stopped = Stopped(script=INNER)
+    for said in ('inner', 'inner later', 'inner later'):
+        stopped.send(signal.SIGINT)
+        assert stopped.says() == said
+    stopped.send(signal.SIGINT)
+    stopped.process.communicate('')
+    assert stopped.process.returncode == 0
+
+
+def test_an_inner_context_leaves_the_outer_one_as_it_was() -> None:
+    stopped = Stopped(script=INNER)
+    assert stopped.says() == ''
+    stopped.send(signal.SIGINT)
+    assert stopped.says() == 'outer later'
     end(stopped)

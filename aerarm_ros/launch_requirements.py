@@ -1,0 +1,75 @@
+"""What must be there before a launch file starts anything.
+
+Launch starts one process after the other, and one that it cannot start does not take back those
+before: the bridge would go on alone, with the motors on. So what a launch file was given is looked
+at as a whole, first. This module knows nothing of ROS's launch.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from importlib.util import find_spec
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+
+# Launch arguments that name a file, where they name anything.
+FILES = (
+    'params_file',
+    'config',
+    'urdf',
+    'plant_urdf',
+    'excitation_config',
+    'trajectory',
+    'identified',
+)
+# Argument and value: what that needs of ROS, and of Python.
+_PACKAGES = {('rviz', 'true'): ('rviz2', 'robot_state_publisher')}
+_MODULES = {
+    ('hardware', 'fake'): 'mujoco',
+    ('hardware', 'spi'): 'spidev',
+    ('view', 'true'): 'viser',
+    ('autopilot', 'px4'): 'px4_msgs',
+}
+_HOW = {
+    'px4_msgs': "it is built beside this package, from PX4's px4_msgs",
+    'spidev': "pip install 'spidev>=3.5,<4'",
+    'viser': "pip install 'viser>=1.1,<2'",
+    'mujoco': 'pip install -r requirements-apt.txt',
+}
+
+
+def missing(arguments: Mapping[str, str]) -> list[str]:
+    """Return what a launch file's arguments need and is not there, with what to do.
+
+    Parameters
+    ----------
+    arguments
+        Values of the launch file's arguments, as text.
+    """
+    return [*_missing_files(arguments), *_missing_packages(arguments), *_missing_modules(arguments)]
+
+
+def _missing_files(arguments: Mapping[str, str]) -> Iterator[str]:
+    for name in FILES:
+        path = arguments.get(name, '').strip("'")
+        if path and not os.path.isfile(path):
+            yield f'{name}: there is no file {path}'
+        elif path and not os.access(path, os.R_OK):
+            yield f'{name}: {path} may not be read'
+
+
+def _missing_packages(arguments: Mapping[str, str]) -> Iterator[str]:
+    for (name, value), packages in _PACKAGES.items():
+        for package in packages if arguments.get(name) == value else ():
+            try:
+                get_package_prefix(package)
+            except (PackageNotFoundError, OSError):  # OSError: no environment is sourced
+                apt = f'ros-jazzy-{package.replace("_", "-")}'
+                yield f'{name}:={value}: {package} is not installed: sudo apt install {apt}'
+
+
+def _missing_modules(arguments: Mapping[str, str]) -> Iterator[str]:
+    for (name, value), module in _MODULES.items():
+        if arguments.get(name) == value and find_spec(module) is None:
+            yield f'{name}:={value}: {module} is not installed: {_HOW[module]}'

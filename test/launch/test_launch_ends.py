@@ -1,0 +1,139 @@
+"""How ros2 launch ends: before anything starts, with a controller, on request, killed."""
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+import yaml
+from launched import is_in_the_index, needs_ros2_launch, ros2_launch
+
+pytestmark = needs_ros2_launch
+COMMAND = ('ros2', 'launch', 'aerarm_ros')
+
+
+@pytest.fixture
+def wrong_gains(tmp_path: Path) -> str:
+    """Return a parameter file that computed_torque cannot start with."""
+    path = tmp_path / 'parameters.yaml'
+    wrong = {'/**/computed_torque': {'ros__parameters': {'kp': [1.0, 2.0]}}}
+    path.write_text(yaml.safe_dump(wrong))
+    return str(path)
+
+
+class Launched:
+    """ros2 launch, with its output line by line, and the processes that it starts."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+        self.output = ''
+        self.started: list[int] = []
+
+    def until(self, said: str) -> None:
+        assert self.process.stdout
+        for line in self.process.stdout:
+            self.output += line
+            if 'process started with pid [' in line:
+                self.started.append(int(line.rpartition('[')[2].rstrip(']\n')))
+            if said in line:
+                return
+        pytest.fail(f'{said!r} was not said:\n{self.output}')
+
+    def rest(self) -> str:
+        self.output += self.process.communicate(timeout=60.0)[0]
+        return self.output
+
+
+@pytest.fixture
+def launched(ros_domain: dict[str, str]) -> Iterator[Launched]:
+    launched = Launched('computed_torque.launch.py', 'enable:=true')
+    yield launched
+    if launched.process.poll() is None:
+        launched.process.send_signal(signal.SIGINT)
+        launched.process.communicate()
+
+
+@pytest.mark.parametrize(
+    ('file', 'argument', 'reason'),
+    [
+        ('bringup', 'params_file:=/nowhere.yaml', 'params_file: there is no file /nowhere.yaml'),
+        ('bringup', 'plant_urdf:=/nowhere.urdf', 'plant_urdf: there is no file /nowhere.urdf'),
+        ('identification', 'trajectory:=/nowhere.yaml', 'there is no file /nowhere.yaml'),
+        ('motor_bench', 'excitation_config:=/nowhere.yaml', 'there is no file /nowhere.yaml'),
+        ('experiment', 'identified:=/nowhere.urdf', 'there is no file /nowhere.urdf'),
+    ],
+)
+def test_what_is_missing_is_said_before_anything_starts(
+    file: str, argument: str, reason: str, ros_domain: dict[str, str]
+) -> None:
+    assert_refused(file, argument, reason)
+
+
+@pytest.mark.skipif(is_in_the_index('rviz2'), reason='rviz2 is installed here')
+def test_rviz_where_there_is_none_starts_no_arm(ros_domain: dict[str, str]) -> None:
+    assert_refused('bringup', 'rviz:=true', 'rviz:=true: rviz2 is not installed')
+
+
+def assert_refused(file: str, argument: str, reason: str) -> None:
+    arguments = () if file == 'experiment' else ('enable:=true',)
+    status, output = ros2_launch(file, argument, *arguments)
+    assert status == 1, output[-3000:]
+    assert reason in output
+    assert 'process started' not in output
+
+
+def test_a_controller_that_cannot_start_ends_everything(
+    wrong_gains: str, ros_domain: dict[str, str]
+) -> None:
+    arguments = (f'params_file:={wrong_gains}', 'enable:=true')
+    status, output = ros2_launch('computed_torque', *arguments)
+    assert status == 1, output[-3000:]
+    assert 'kp has 2 values, 4 are needed' in output
+    assert 'debug for traceback): controller: exit status 1' in output
+    assert '[fake_hardware-1]: process has finished cleanly' in output
+
+
+def test_without_a_controller_the_bridge_goes_on_if_asked(
+    wrong_gains: str, ros_domain: dict[str, str]
+) -> None:
+    go_on = 'if_controller_fails:=go_on'
+    launched = Launched('computed_torque.launch.py', f'params_file:={wrong_gains}', go_on)
+    launched.until('process has died')
+    launched.until('[fake_hardware]: idle')
+    launched.process.send_signal(signal.SIGINT)
+    assert '[fake_hardware-1]: process has finished cleanly' in launched.rest()
+    assert launched.process.returncode == 0
+
+
+@pytest.mark.parametrize('pause', [0.0, 0.05, 0.2])
+def test_two_signals_are_an_ordinary_end(launched: Launched, pause: float) -> None:
+    launched.until('[arm-2]: process has finished cleanly')
+    # As a terminal does: launch and all that it has started get the same Ctrl-C, launch passes it
+    # on, and somebody presses again.
+    for _ in range(2):
+        for pid in [launched.process.pid, *launched.started]:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGINT)
+        time.sleep(pause)
+    output = launched.rest()
+    assert launched.process.returncode == 0, output
+    assert 'has died' not in output
+    assert 'Traceback' not in output
+
+
+@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGQUIT, signal.SIGTERM])
+def test_nothing_outlives_launch(launched: Launched, number: signal.Signals) -> None:
+    launched.until('[fake_hardware]: running')
+    assert len(launched.started) == 3  # with arm enable
+    launched.process.send_signal(number)
+    launched.rest()  # to the end of what they may say
+    deadline = time.monotonic() + 30.0
+    while any(Path(f'/proc/{pid}').exists() for pid in launched.started):
+        assert time.monotonic() < deadline, launched.output
+        time.sleep(0.05)

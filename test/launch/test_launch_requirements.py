@@ -1,0 +1,82 @@
+import os
+from pathlib import Path
+
+import pytest
+from launched import is_in_the_index
+
+from aerarm_ros import launch_requirements
+from aerarm_ros.description.resources import resource
+from aerarm_ros.launch_requirements import FILES, missing
+
+GIVEN = {
+    'hardware': 'fake',
+    'rviz': 'false',
+    'view': 'false',
+    'autopilot': 'mavros',
+    'urdf': str(resource('urdf', 'aerarm.urdf')),
+    'trajectory': "''",  # launch's own way to give nothing
+    'identified': '',
+}
+
+
+@pytest.fixture
+def without(monkeypatch: pytest.MonkeyPatch):
+    """Return a function that takes modules away."""
+
+    def take(*modules: str) -> None:
+        found = dict.fromkeys(modules)
+        monkeypatch.setattr(launch_requirements, 'find_spec', lambda name: found.get(name, name))
+
+    return take
+
+
+def test_what_the_package_brings_is_there() -> None:
+    assert missing(GIVEN) == []
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_a_file_must_exist(name: str, tmp_path: Path) -> None:
+    path = tmp_path / 'given'
+    assert missing({**GIVEN, name: str(path)}) == [f'{name}: there is no file {path}']
+    path.mkdir()
+    assert missing({**GIVEN, name: str(path)}) == [f'{name}: there is no file {path}']
+    path.rmdir()
+    path.touch()
+    assert missing({**GIVEN, name: str(path)}) == []
+    path.chmod(0)
+    readable = os.access(path, os.R_OK)  # it is for root
+    assert missing({**GIVEN, name: str(path)}) == (
+        [] if readable else [f'{name}: {path} may not be read']
+    )
+
+
+def test_rviz_is_an_own_package_as_its_frames_are() -> None:
+    packages = ('rviz2', 'robot_state_publisher')
+    found = missing({**GIVEN, 'rviz': 'true'})
+    absent = [package for package in packages if not is_in_the_index(package)]
+    assert [text.split()[1] for text in found] == absent
+    assert all('sudo apt install ros-jazzy-' in text for text in found)
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'module'),
+    [
+        ('hardware', 'fake', 'mujoco'),
+        ('hardware', 'spi', 'spidev'),
+        ('view', 'true', 'viser'),
+        ('autopilot', 'px4', 'px4_msgs'),
+    ],
+)
+def test_modules_are_missed_only_where_they_are_needed(
+    name: str, value: str, module: str, without
+) -> None:
+    without('mujoco', 'spidev', 'viser', 'px4_msgs')
+    others = {key: text for key, text in GIVEN.items() if key not in ('hardware', name)}
+    assert missing(others) == []
+    (text,) = missing({**others, name: value})
+    assert text.startswith(f'{name}:={value}: {module} is not installed: ')
+
+
+def test_everything_that_is_missing_is_told_at_once(without) -> None:
+    without('viser')
+    assert len(missing({**GIVEN, 'view': 'true', 'config': '/nowhere', 'urdf': '/nowhere'})) == 3

@@ -1,0 +1,63 @@
+"""Nodes that are asked to end, and asked again while they do so: ordinary ends.
+
+asked_twice.py is the same as a campaign of any length.
+"""
+
+import random
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from asked_twice import COMMAND, LONGEST_GAP, ask_twice
+
+NODES = ('fake_hardware', 'computed_torque', 'recorder', 'tool_path')
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_the_second_one_changes_nothing(
+    number: signal.Signals, tmp_path: Path, ros_domain: dict[str, str]
+) -> None:
+    # At any time: while they start, at work and while they end.
+    chance = random.Random(number.value)
+    times = [(chance.uniform(0.0, 2.5), chance.uniform(0.0, LONGEST_GAP)) for _ in NODES]
+
+    def ask(node: str, time: tuple[float, float]) -> object:
+        bag = ('-p', f'bag:={tmp_path / node}') if node == 'recorder' else ()
+        return ask_twice(node, bag, *time, number)
+
+    with ThreadPoolExecutor(len(NODES)) as pool:
+        ends = list(pool.map(ask, NODES, times))
+    assert [ended for ended in ends if not ended.is_clean] == []
+
+
+# What reads the command line, made to last.
+READING = 'import time, {0}; {1} = lambda *_: (print("reading", flush=True), time.sleep(60.0)); '
+
+
+@pytest.mark.parametrize(
+    ('node', 'arguments', 'reader', 'status'),
+    [
+        ('computed_torque', ('--ros-args', '--params-file', '/dev/null'), ('yaml', 'yaml.load'), 0),
+        ('arm', ('enable',), ('argparse', 'argparse.ArgumentParser.parse_args'), 130),
+    ],
+    ids=['serves', 'has a task'],
+)
+def test_ctrl_c_while_the_command_line_is_read(
+    node: str, arguments: Sequence[str], reader: Sequence[str], status: int
+) -> None:
+    with subprocess.Popen(
+        [sys.executable, '-c', READING.format(*reader) + COMMAND.format(node), *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout
+        assert process.stdout.readline() == 'reading\n'
+        process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=60.0)[1]
+    assert (process.returncode, said) == (status, '')
