@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Sequence
+from math import inf
 
 from rclpy.node import Node
 
-# Boards that are there answer well before [s].
+# Boards that are there answer well before [s]; what goes to and fro faster is told once in it.
 _PATIENCE = 1.0
+# Modes between which an arm can go to and fro, as under a controller that is nearly too slow.
+_TO_AND_FRO = ('running', 'damping')
+# Modes that say nothing without their reason. Why commands are rejected has a log of its own.
+_WITH_REASON = ('disconnected', 'damping', 'fault')
+_SINKS = '. The arm sinks until a good command comes'
 _RECOVERY = "mend the cause, then 'arm clear_fault', and 'arm enable' if the motors are off"
 
 
 class ModeLog:
-    """Logs every new mode, a fault with its reason and the way out.
+    """Logs every new mode, a fault with its reason and the way out, an arm that sinks as a warning.
 
     The cycle only notes it: a line of log costs up to a millisecond, which the executor's
     thread has. That the boards do not answer is said if it lasts: every start begins so.
@@ -28,8 +35,9 @@ class ModeLog:
         self._node = node
         self._noted: deque[tuple[str, Sequence[str]]] = deque()
         self._news = node.create_guard_condition(self._write)
-        self._text = ''
-        self._patience = node.create_timer(_PATIENCE, self._write_disconnected, autostart=False)
+        self._mode = self._text = ''
+        self._told: dict[str, float] = {}
+        self._patience = node.create_timer(_PATIENCE, self._write_patiently, autostart=False)
 
     def note(self, mode: str, reasons: Sequence[str] = ()) -> None:
         """Note a new mode and why the arm is in it; called from the cycle's thread."""
@@ -37,19 +45,31 @@ class ModeLog:
         self._news.trigger()
 
     def _write(self) -> None:
-        log = self._node.get_logger()
         while self._noted:
-            mode, reasons = self._noted.popleft()
-            self._text = f'{mode}: {"; ".join(reasons)}' if reasons else mode
+            self._mode, reasons = self._noted.popleft()
+            has_reason = self._mode in _WITH_REASON and reasons
+            self._text = f'{self._mode}: {"; ".join(reasons)}' if has_reason else self._mode
             self._patience.cancel()
-            # rclpy ties a severity to the line that logs.
-            if mode == 'disconnected':
+            if self._mode == 'disconnected' or self._is_to_and_fro():
                 self._patience.reset()
-            elif mode == 'fault':
-                log.error(f'{self._text}. To recover: {_RECOVERY}')
             else:
-                log.info(self._text)
+                self._say()
 
-    def _write_disconnected(self) -> None:
+    def _is_to_and_fro(self) -> bool:
+        since = time.monotonic() - self._told.get(self._mode, -inf)
+        return self._mode in _TO_AND_FRO and since < _PATIENCE
+
+    def _write_patiently(self) -> None:
         self._patience.cancel()
-        self._node.get_logger().warning(self._text)
+        self._say()
+
+    def _say(self) -> None:
+        self._told[self._mode] = time.monotonic()
+        log = self._node.get_logger()
+        # rclpy ties a severity to the line that logs.
+        if self._mode == 'fault':
+            log.error(f'{self._text}. To recover: {_RECOVERY}')
+        elif self._mode in _WITH_REASON:
+            log.warning(f'{self._text}{_SINKS if self._mode == "damping" else ""}')
+        else:
+            log.info(self._text)
