@@ -48,6 +48,7 @@ def test_wheel_holds_both_packages_and_the_shared_files(wheel: zipfile.ZipFile) 
         'share/aerarm_ros/package.xml',
         'share/aerarm_ros/config/aerarm.yaml',
         'share/aerarm_ros/config/fastdds.xml',
+        'share/aerarm_ros/config/fastdds_loopback.xml',
         'share/aerarm_ros/config/profiles/uomodri_v3.yaml',
         'share/aerarm_ros/urdf/aerarm.urdf',
     } <= shared

@@ -121,10 +121,9 @@ class NodeProcess:
 
 def ros_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
     """Environment of a node: this process's, the Fast DDS profile, and `extra`."""
-    environment = dict(os.environ)
+    environment = {**os.environ, **(extra or {})}
     use_packaged_profile(environment)
     find_log_directory(environment)
-    environment.update(extra or {})
     return environment
 
 

@@ -1,11 +1,17 @@
+import os
+import re
+import socket
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.discovery_profile import PROFILES_FILE, use_packaged_profile
-from aerarm_ros.ros.process.node_process import ros_environment
+from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 # A node that says which of Fast DDS's shared memory segments its process has mapped [bytes].
 NODE = """
@@ -30,6 +36,27 @@ class Node:
 
 raise SystemExit(run_node('seen', Node, []))
 """
+# A node that knows nothing of this package: it hears a topic and calls a service of the bridge.
+PLAIN_NODE = """
+import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+rclpy.init()
+node = rclpy.create_node('plain')
+modes = []
+latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+node.create_subscription(String, 'arm_mode', lambda message: modes.append(message.data), latched)
+while not modes:
+    rclpy.spin_once(node)
+client = node.create_client(Trigger, 'fake_hardware/e_stop')
+client.wait_for_service()
+answer = client.call_async(Trigger.Request())
+rclpy.spin_until_future_complete(node, answer)
+print(modes, answer.result().success)
+"""
+RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 MIB = 1024**2
 USERS_PROFILE = """
 <profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
@@ -66,4 +93,118 @@ def test_the_profile_that_the_user_chose_stays(ros_domain, tmp_path: Path) -> No
 
 def test_a_child_process_gets_the_packaged_profile(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(PROFILES_FILE, raising=False)
-    assert ros_environment()[PROFILES_FILE].endswith('config/fastdds.xml')
+    for name, value, profile in (
+        (RANGE, 'LOCALHOST', 'fastdds_loopback.xml'),
+        (RANGE, 'SUBNET', 'fastdds.xml'),
+        ('ROS_STATIC_PEERS', '192.168.1.2', 'fastdds.xml'),
+    ):
+        chosen = ros_environment({RANGE: 'LOCALHOST', name: value})
+        assert Path(chosen[PROFILES_FILE]) == resource('config', profile)
+        # A child may be told of another range than its parent.
+        chosen |= {RANGE: 'SUBNET'}
+        use_packaged_profile(chosen)
+        assert Path(chosen[PROFILES_FILE]) == resource('config', 'fastdds.xml')
+
+
+def test_the_profiles_differ_in_the_interfaces_only() -> None:
+    everywhere, loopback = (
+        re.sub('<!--.*?-->', '', resource('config', name).read_text(), flags=re.DOTALL)
+        for name in ('fastdds.xml', 'fastdds_loopback.xml')
+    )
+    listed = re.search(r'\s*<interfaceWhiteList>.*</interfaceWhiteList>', loopback, re.DOTALL)
+    assert listed is not None
+    assert re.findall('<address>(.*)</address>', listed[0]) == ['127.0.0.1']
+    assert loopback.replace(listed[0], '') == everywhere
+
+
+class UdpSocket:
+    """A line of /proc/net/udp."""
+
+    def __init__(self, line: str) -> None:
+        fields = line.split()
+        host, port = fields[1].split(':')
+        self.address = '.'.join(str(byte) for byte in bytes.fromhex(host)[::-1])
+        self.port = int(port, 16)
+        self.unread = int(fields[4].split(':')[1], 16)
+        self.inode = fields[9]
+
+
+def udp_sockets(pid: int) -> list[UdpSocket]:
+    """Return the UDP sockets of a process, over IPv4; there are none over IPv6."""
+    open_files = [os.readlink(file) for file in Path(f'/proc/{pid}/fd').iterdir()]
+    found = []
+    for table in ('udp', 'udp6'):
+        lines = (Path('/proc/net') / table).read_text().splitlines()[1:]
+        sockets = [UdpSocket(line) for line in lines]
+        found.append([x for x in sockets if f'socket:[{x.inode}]' in open_files])
+    assert found[1] == []
+    return found[0]
+
+
+def unread_after(pid: int, sockets: list[UdpSocket], patience: float) -> dict[int, int]:
+    """Send a datagram to each socket; return what is unread, by port, once all was read or [s]."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for one in sockets:
+            sender.sendto(b'RTPS-like', ('127.0.0.1', one.port))
+    deadline = time.monotonic() + patience
+    while True:
+        ports = {x.port for x in sockets}
+        unread = {x.port: x.unread for x in udp_sockets(pid) if x.port in ports}
+        if not any(unread.values()) or time.monotonic() > deadline:
+            return unread
+        time.sleep(0.02)
+
+
+def hears_elsewhere(pid: int) -> bool:
+    """Tell whether a process reads what comes at another address than 127.0.0.1."""
+    elsewhere = [x for x in udp_sockets(pid) if x.address != '127.0.0.1' and not x.unread]
+    # Fast DDS sends from sockets of all interfaces; those nobody reads.
+    at_all = [x for x in elsewhere if x.address == '0.0.0.0']
+    return any(unread == 0 for unread in unread_after(pid, at_all, 0.3).values())
+
+
+@pytest.fixture
+def running_node(
+    ros_domain: dict[str, str], tmp_path: Path, request: pytest.FixtureRequest
+) -> Iterator[NodeProcess]:
+    environment = {RANGE: request.param, PROFILES_FILE: ''}
+    node = NodeProcess('fake_hardware', (), {}, environment, tmp_path / 'node.log')
+    with node:
+        deadline = time.monotonic() + 30.0
+        while ': idle' not in node.tail():
+            assert time.monotonic() < deadline, node.tail()
+            time.sleep(0.05)
+        yield node
+
+
+@pytest.mark.parametrize('running_node', [''], indirect=True)  # their own default
+def test_a_node_on_this_host_hears_the_loopback_interface_only(running_node: NodeProcess) -> None:
+    sockets = udp_sockets(running_node.pid)
+    assert not hears_elsewhere(running_node.pid)
+    # Ports at which nodes look for each other lie by themselves.
+    ports = range(7400, 7400 + 250 * 102)
+    known = [x for x in sockets if x.port in ports]
+    assert len(known) >= 2
+    assert {x.address for x in known} == {'127.0.0.1'}
+    assert not any(unread_after(running_node.pid, known, 10.0).values())
+
+
+@pytest.mark.parametrize('running_node', ['SUBNET'], indirect=True)
+def test_a_node_for_the_subnet_hears_every_interface(running_node: NodeProcess) -> None:
+    assert hears_elsewhere(running_node.pid)
+
+
+@pytest.mark.parametrize('running_node', ['LOCALHOST'], indirect=True)
+def test_a_node_without_the_profile_is_found(
+    running_node: NodeProcess, ros_domain: dict[str, str]
+) -> None:
+    run = subprocess.run(
+        [sys.executable, '-c', PLAIN_NODE],
+        env={**os.environ, PROFILES_FILE: ''},
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=True,
+    )
+    assert 'idle' in run.stdout
+    assert 'True' in run.stdout

@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from aerarm_ros.ros.process.local_discovery import stay_on_this_host
+from aerarm_ros.ros.process.local_discovery import is_on_this_host, stay_on_this_host
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
@@ -34,3 +34,21 @@ def test_who_has_decided_is_left_alone(silent: pytest.MonkeyPatch, name: str, va
     before = dict(os.environ)
     stay_on_this_host()
     assert dict(os.environ) == before
+
+
+@pytest.mark.parametrize(
+    ('environment', 'alone'),
+    [
+        ({RANGE: 'LOCALHOST'}, True),
+        ({'ROS_LOCALHOST_ONLY': '1'}, True),
+        ({}, False),
+        ({RANGE: 'SUBNET'}, False),
+        ({RANGE: 'OFF'}, False),
+        ({'ROS_LOCALHOST_ONLY': '0'}, False),
+        # Who names a peer wants to be reached from there.
+        ({RANGE: 'LOCALHOST', 'ROS_STATIC_PEERS': '192.168.1.2'}, False),
+        ({RANGE: 'LOCALHOST', 'ROS_DISCOVERY_SERVER': '192.168.1.2:11811'}, False),
+    ],
+)
+def test_who_is_alone_on_this_host(environment: dict[str, str], alone: bool) -> None:
+    assert is_on_this_host(environment) is alone
