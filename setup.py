@@ -48,6 +48,7 @@ EXECUTABLES = [
     'excitation_designer',
     'experiment',
     'fake_hardware',
+    'flight_control',
     'gravity_compensation',
     'hardware_bridge',
     'identifier',

@@ -59,17 +59,19 @@ class ArmPlant:
     ) -> None:
         self.parameters = parameters
         self.n = robot.n
-        self._model = _engine_model(robot, parameters)
+        self._model = self._engine_model(robot)
         self._data: Any = mujoco.MjData(self._model)
         self._gravity = np.array(robot.gravity_in_base, dtype=float)
         self._support = 0.0
         self._effort = np.zeros(self.n)
-        # The engine's own arrays: written and read in place in every sub-step.
-        self._applied = self._data.qfrc_applied
-        self._velocity = self._data.qvel
-        self._acceleration = self._data.qacc
-        self._constraint = self._data.qfrc_constraint
-        self._friction_limit = self._model.dof_frictionloss
+        # The engine's own arrays: written and read in place in every sub-step. A base comes first.
+        joints = slice(-self.n, None)
+        self._angle = self._data.qpos[joints]
+        self._applied = self._data.qfrc_applied[joints]
+        self._velocity = self._data.qvel[joints]
+        self._acceleration = self._data.qacc[joints]
+        self._constraint = self._data.qfrc_constraint[joints]
+        self._friction_limit = self._model.dof_frictionloss[joints]
         self._load = np.zeros(self.n)
         columns = (
             parameters.rotor_inertia,
@@ -79,7 +81,8 @@ class ArmPlant:
         )
         self._constants: list[list[float]] = np.transpose(columns).tolist()
         self._count = 0
-        self.gravity_in_base = self._gravity
+        self._place_base()
+        self._set_gravity()
         mujoco.mj_setConst(self._model, self._data)
         self.reset(np.zeros(self.n) if position is None else position)
 
@@ -91,12 +94,12 @@ class ArmPlant:
     @property
     def position(self) -> Array:
         """Joint angles (n,) [rad], a copy."""
-        return np.array(self._data.qpos)
+        return np.array(self._angle)
 
     @property
     def velocity(self) -> Array:
         """Joint velocities (n,) [rad/s], a copy."""
-        return np.array(self._data.qvel)
+        return np.array(self._velocity)
 
     @property
     def acceleration(self) -> Array:
@@ -124,7 +127,7 @@ class ArmPlant:
     @gravity_in_base.setter
     def gravity_in_base(self, gravity: ArrayLike) -> None:
         self._gravity = np.array(gravity, dtype=float)
-        self._model.opt.gravity = (1.0 - self._support) * self._gravity
+        self._set_gravity()
 
     @property
     def support(self) -> float:
@@ -134,17 +137,21 @@ class ArmPlant:
     @support.setter
     def support(self, share: float) -> None:
         self._support = min(max(share, 0.0), 1.0)
-        self.gravity_in_base = self._gravity
+        self._set_gravity()
 
     def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
         """Put the arm somewhere, at rest unless a velocity (n,) [rad/s] is given."""
         mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos = position
-        self._data.qvel = 0.0 if velocity is None else velocity
+        self._angle[:] = position
+        self._velocity[:] = 0.0 if velocity is None else velocity
         self._effort[:] = 0.0
-        self._applied[:] = 0.0
+        self._place_base()
         mujoco.mj_forward(self._model, self._data)
         self._set_friction()
+
+    def restart(self, position: ArrayLike) -> None:
+        """Put the arm somewhere, at rest, and what carries it where it was at first."""
+        self.reset(position)
 
     def apply_effort(self, effort: ArrayLike) -> None:
         """Set the torques (n,) that the motors put into the gears, at joint side [Nm]."""
@@ -166,6 +173,18 @@ class ArmPlant:
         """Return what the arm is made of, in plain numbers for a YAML file."""
         return {**self.parameters.as_dict(), 'gravity_in_base': self._gravity.tolist()}
 
+    # What a plant on a base of its own changes.
+
+    def _engine_model(self, robot: Robot) -> Any:
+        return _fixed_base_model(robot, self.parameters)
+
+    def _set_gravity(self) -> None:
+        """Let the engine's gravity be what nobody carries."""
+        self._model.opt.gravity = (1.0 - self._support) * self._gravity
+
+    def _place_base(self) -> None:
+        """Put the base where it is told to be, after the engine's data were reset."""
+
     def _set_friction(self) -> None:
         """Let the gears' dry friction follow the torque that they transmit."""
         # Plain numbers: for some joints that is faster than a dozen operations on arrays.
@@ -186,7 +205,7 @@ class ArmPlant:
         self._friction_limit[:] = limit
 
 
-def _engine_model(robot: Robot, parameters: PlantParameters) -> Any:
+def _fixed_base_model(robot: Robot, parameters: PlantParameters) -> Any:
     try:
         model = mujoco.MjModel.from_xml_string(_bare_urdf(robot, parameters))
     except ValueError as error:

@@ -17,6 +17,7 @@ ALLOWED = {
     'model': {'description'},
     'motion': set(),
     'control': {'motion', 'model', 'description'},
+    'flight': {'control', 'model', 'description'},
     'excitation': {'motion', 'model', 'description'},
     'identification': {'model', 'description'},
     'simulation': {'motion', 'model', 'description'},

@@ -12,7 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'alignment_timing': ['AlignmentTiming'],
         'answer_watch': ['AnswerWatch'],
         'board_faults': ['BoardFaults'],
-        'emulated_base': ['mount_on_base'],
+        'emulated_base': ['mount_on_base', 'mount_on_drone'],
         'emulated_board': ['EmulatedBoard'],
         'emulated_encoder': ['EmulatedEncoder'],
         'emulated_motor': ['EmulatedMotor'],

@@ -83,7 +83,7 @@ class EmulatedTransport:
 
     def put_back(self) -> None:
         """Take the arm back to where it started, and carry it: what to do before enabling again."""
-        self.plant.reset(self._start)
+        self.plant.restart(self._start)
         self.carry()
         positions = self._start.tolist()
         for (_, _, motor, ratio, offset), q in zip(self._drives, positions, strict=True):

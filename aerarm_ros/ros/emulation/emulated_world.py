@@ -11,6 +11,7 @@ from aerarm_ros.hardware.emulation.answer_watch import AnswerWatch
 from aerarm_ros.realtime.world_loop import WorldLoop
 from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams, Command
 from aerarm_ros.ros.bridge.cycle_requests import CycleRequests
+from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
 from aerarm_ros.ros.emulation.recording_watch import RecordingWatch
 from aerarm_ros.ros.emulation.world_clock import WorldClock
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -37,7 +38,9 @@ PACE_PARAMETERS = (
     ),
 )
 
-_LAG = {KEEP_UP: 3, LOCKSTEP: 0}  # [states] that may be without an answer
+LAG = {KEEP_UP: 3, LOCKSTEP: 0, REAL_TIME: 0}
+"""Number of states, and of odometry messages, that may be without an answer."""
+
 # A world in lockstep stands still in these as soon as the arm does, until somebody does something;
 # and hurries in those in which nobody is needed.
 _STANDING = ('idle', 'ready')
@@ -73,6 +76,8 @@ class EmulatedWorld:
         Publishes the last state once more.
     wait_idly
         Called while nothing happens, about 20 times a second.
+    drone
+        Whose flight controller is waited for as well, if there is one.
 
     Attributes
     ----------
@@ -94,6 +99,7 @@ class EmulatedWorld:
         is_still: Callable[[str, float], bool],
         tell_again: Callable[[], None],
         wait_idly: Callable[[], None],
+        drone: FlyingDrone | None = None,
     ) -> None:
         self.loop = WorldLoop(period, self._hold, pace == KEEP_UP, start_ns)
         self._origin_ns = time.time_ns() - start_ns if pace == KEEP_UP else 0
@@ -102,12 +108,13 @@ class EmulatedWorld:
         self._streams = streams
         self._requests = requests
         self._in_lockstep = pace == LOCKSTEP
-        self._watch = AnswerWatch(self.loop.period_ns, _LAG[pace])
+        self._watch = AnswerWatch(self.loop.period_ns, LAG[pace])
         self._recording = RecordingWatch(node)
         self._patience = patience
         self._is_still = is_still
         self._tell_again = tell_again
         self._wait_idly = wait_idly
+        self._drone = drone
         self._stands = False
         self._mode = ''
         self._mode_since_ns = 0
@@ -160,7 +167,8 @@ class EmulatedWorld:
             return True
         if self._is_ahead() and not self._wait(self._is_ahead, self._patience):
             self._give_up()
-        return self._in_lockstep and (self._watch.expects or self._mode in _ALONE)
+        is_answered = self._watch.expects or (self._drone is not None and self._drone.expects)
+        return self._in_lockstep and (is_answered or self._mode in _ALONE)
 
     def _stand(self) -> None:
         """Wait until somebody does something, which takes no time in the world."""
@@ -177,8 +185,14 @@ class EmulatedWorld:
     def _is_ahead(self) -> bool:
         """Whether the world would run away from who commands or records the arm."""
         now_ns = self.now_ns()
-        if self._recording.is_behind(now_ns):
+        if self._recording.is_behind(now_ns) or self._is_drone_behind():
             return True
+        return self._is_arm_behind(now_ns)
+
+    def _is_drone_behind(self) -> bool:
+        return self._drone is not None and self._drone.is_behind()
+
+    def _is_arm_behind(self, now_ns: int) -> bool:
         if not self._watch.awaits(now_ns):
             return False
         if not self._in_lockstep and self._streams.commands.publishers() < self._publishers:
@@ -194,8 +208,7 @@ class EmulatedWorld:
             # An answer takes a fraction of a millisecond: who looks again at once has it sooner
             # than who is woken up.
             is_eager = self._in_lockstep and waited < _EAGER
-            if self._streams.commands.wait(0.0 if is_eager else _SLICE):
-                self._look()
+            self._listen(0.0 if is_eager else _SLICE)
             now = time.monotonic()
             waited += min(now - last, 4 * _SLICE)
             last = now
@@ -204,10 +217,23 @@ class EmulatedWorld:
             if now - told > _REPEAT:
                 told, has_told = now, True
                 self._tell_again()
+                if self._drone is not None:
+                    self._drone.tell_again()
                 self._clock.tell_again()
                 self._wait_idly()
         self.is_waiting = self._is_alone(has_told)
         return True
+
+    def _listen(self, timeout: float) -> None:
+        """Wait for who is waited for, up to `timeout` [s], and take what came."""
+        drone = self._drone
+        if drone is None or self._stands or self._watch.awaits(self.now_ns()):
+            if self._streams.commands.wait(timeout):
+                self._look()
+        elif drone.is_behind():
+            drone.wait(timeout)
+        if drone is not None:
+            drone.look()
 
     def _is_alone(self, has_told: bool) -> bool:
         """Whether nobody commands the arm, after a wait with or without telling the state again."""
@@ -246,6 +272,9 @@ class EmulatedWorld:
         if self._recording.is_behind(self.now_ns()):
             self._recording.give_up()
             self._warn('the recorder did not go on', 'and the bag may lack messages')
+        elif self._drone is not None and self._drone.is_behind():
+            self._drone.give_up()
+            self._warn('the last odometry was not answered', 'and the rotors will stop')
         else:
             self._watch.give_up()
             self._warn('the last state was not answered', 'and the arm is damped')

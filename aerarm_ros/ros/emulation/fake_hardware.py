@@ -13,7 +13,7 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulation.emulated_base import mount_on_base
+from aerarm_ros.hardware.emulation.emulated_base import mount_on_base, mount_on_drone
 from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS
@@ -25,13 +25,24 @@ from aerarm_ros.ros.bridge.bridge_parameters import BRIDGE_PARAMETERS
 from aerarm_ros.ros.bridge.bridge_streams import Command
 from aerarm_ros.ros.bridge.cycle_requests import Action
 from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
+from aerarm_ros.ros.emulation import drone_parameters
+from aerarm_ros.ros.emulation.drone_parameters import DRONE_PARAMETERS
 from aerarm_ros.ros.emulation.emulated_drone import EmulatedDrone
-from aerarm_ros.ros.emulation.emulated_world import PACE_PARAMETERS, REAL_TIME, EmulatedWorld
+from aerarm_ros.ros.emulation.emulated_world import (
+    LAG,
+    PACE_PARAMETERS,
+    REAL_TIME,
+    EmulatedWorld,
+)
 from aerarm_ros.ros.emulation.emulation_parameters import EMULATION_PARAMETERS, plant_parameters
+from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
+from aerarm_ros.ros.parameters.drone_file import load_drone
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
 
-PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS, *PACE_PARAMETERS, *EMULATION_PARAMETERS)
+PARAMETERS = ParameterTable(
+    *BRIDGE_PARAMETERS, *PACE_PARAMETERS, *EMULATION_PARAMETERS, *DRONE_PARAMETERS
+)
 
 # What is looked after once a cycle, looked after as often as that while the world stands still.
 _CYCLES_OF_A_WAIT = 10
@@ -75,15 +86,37 @@ class FakeHardware(HardwareBridge):
             profile=profile,
         )
         self._destroy_drone()
-        if values.base_motion_profile != STILL:
-            plant = mount_on_base(transport, robot, BASE_PROFILES[values.base_motion_profile])
-            self._drone = EmulatedDrone(self, plant)
+        self._drone = self._make_drone(config, robot, transport)
         if values.truth_file:
             text = yaml.safe_dump(transport.plant.true_parameters(), sort_keys=False)
             Path(values.truth_file).write_text(text)
         if values.fault:
             FaultRequest.parse(values.fault, len(transport.boards)).apply(transport)
         return transport
+
+    def _make_drone(
+        self, config: ArmConfig, robot: Robot, transport: EmulatedTransport
+    ) -> EmulatedDrone | None:
+        values = self.values
+        profile, drone = values.base_motion_profile, load_drone(values, config, robot)
+        if drone is None:
+            if profile == STILL:
+                return None
+            base = mount_on_base(transport, robot, BASE_PROFILES[profile])
+            return EmulatedDrone(self, base, drone_parameters.imu(values, base))
+        if profile != STILL:
+            raise ValueError(
+                f'base_motion_profile is {profile} and a drone_file is given: a drone flies by its '
+                'rotors, leave one of the two out'
+            )
+        wind = drone_parameters.gust(values)
+        plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
+        sensors = (drone_parameters.imu(values, plant), drone_parameters.odometry(values, plant))
+        return FlyingDrone(self, plant, *sensors, LAG[values.pace])
+
+    @property
+    def _flying(self) -> FlyingDrone | None:
+        return self._drone if isinstance(self._drone, FlyingDrone) else None
 
     def make_loop(self) -> PeriodicLoop:
         """Return what runs the cycles: that of the emulated world, unless it runs in real time."""
@@ -101,6 +134,7 @@ class FakeHardware(HardwareBridge):
             self._is_still,
             self._tell_again,
             self._wait_idly,
+            self._flying,
         )
         return self._world.loop
 
@@ -133,7 +167,7 @@ class FakeHardware(HardwareBridge):
         self._now = now
         if self._drone is not None and self._cycle is not None:
             # Before the arm moves on: the sample is of the time of its stamp.
-            self._drone.update(self._cycle.mode, now, self._stamp_ns)
+            self._drone.update(self._cycle.mode, self._stamp_ns)
         if self._boards is not None:
             self._boards.advance(now + self.values.period)
         if self._world is not None:
@@ -165,6 +199,8 @@ class FakeHardware(HardwareBridge):
         if cycle is None or boards is None or np.abs(cycle.dq).max() > _STILL:
             return False
         if self._now < self._awake_until:
+            return False
+        if self._flying is not None and self._flying.is_flying:
             return False
         # An arm that is let go rests at first, and falls.
         return mode != 'idle' or boards.is_carried or since > _FALL_TIME
@@ -215,4 +251,6 @@ class FakeHardware(HardwareBridge):
         if boards is None or any(board.system_enabled for board in boards.boards):
             return Answer(False, 'the motors are driven: disable first')
         boards.put_back()
+        if self._flying is not None:
+            self._flying.restart()
         return Answer(True, 'the arm is back where it started, carried until its motors hold it')

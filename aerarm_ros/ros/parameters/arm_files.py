@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.ros.parameters.parameter import Parameter
 
@@ -17,6 +19,8 @@ ARM_FILES = (
 def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
     """Return the arm that the values of `ARM_FILES` name, under its configuration's gravity.
 
+    With a `DRONE_FILE` among the values gravity is that under the level drone, as its mount says.
+
     Raises
     ------
     ValueError
@@ -24,6 +28,9 @@ def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
         what to check.
     """
     config = load_arm_config(values.config or None)
+    if getattr(values, 'drone_file', ''):
+        gravity = load_drone_config(values.drone_file).gravity_in_base
+        config = replace(config, gravity_in_base=tuple(gravity.tolist()))
     robot = load_robot(
         values.urdf or None,
         gravity_in_base=config.gravity_in_base,

@@ -1,0 +1,190 @@
+"""Where the drone is, from odometry and IMU, and which of the two cannot be believed."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.frame_conversion import rotation_matrix
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.flight.flight_state import FlightState
+from aerarm_ros.flight.freeze_watch import FreezeWatch
+from aerarm_ros.flight.odometry_sample import OdometrySample
+
+Array = npt.NDArray[np.float64]
+
+SILENCE = 0.1
+"""[s]; a sensor without a good sample for that long is not used."""
+
+_FROZEN = 0.1  # [s]
+_MOVING_RATE, _MOVING_SPEED = 0.05, 0.05  # [rad/s], [m/s]
+# How far a sample may be from where the one before leads to: place [m], tilt [rad], speed [m/s],
+# turn [rad/s]; and how long samples that agree with each other are not believed [s].
+_PLACE, _TURN, _SPEED, _RATE = 0.3, 0.3, 2.0, 6.0
+_DOUBT = 0.3
+_FORGOTTEN = 1.0  # [s] after which the last sample tells nothing of where the drone is
+_GYRO_DOUBT = 3.0  # [rad/s] between IMU and odometry
+_AGE_MAX = 0.1  # [s] over which an old odometry is brought forward
+
+
+class FlightEstimator:
+    """Checks samples and joins them to a `FlightState`.
+
+    Position, velocity and attitude are the odometry's, brought forward by its age with the IMU's
+    rate; the rate is the IMU's while that is heard. A sample is refused, with the reason, if it is
+    unusable, old, frozen while the other sensor says that the drone moves, or a jump that no
+    drone makes. A jump that stays for 0.3 s is believed: the odometry has found itself anew.
+
+    Parameters
+    ----------
+    drone : DroneConfig
+        For the place of its IMU.
+
+    Attributes
+    ----------
+    jumps : int
+        Jumps that were believed: the numbers of a place mean another one now.
+    """
+
+    def __init__(self, drone: DroneConfig) -> None:
+        self._to_body = drone.imu.rotation
+        self._odometry: OdometrySample | None = None
+        self._imu: ImuSample | None = None
+        self._doubted: OdometrySample | None = None
+        self._doubted_since = 0.0
+        self._frozen_odometry, self._frozen_imu = FreezeWatch(_FROZEN), FreezeWatch(_FROZEN)
+        self.jumps = 0
+
+    def offer_odometry(self, sample: OdometrySample) -> None:
+        """Take an odometry sample; raises RejectedInputError with what is wrong."""
+        before = self._odometry
+        if before is not None and before.stamp - 1.0 < sample.stamp <= before.stamp:
+            raise RejectedInputError(
+                'odometry: a sample is not newer than the one before: one publisher only'
+            )
+        self._refuse_frozen_odometry(sample)
+        if before is not None and sample.stamp > before.stamp:
+            self._refuse_jump(before, sample)
+        self._odometry, self._doubted = sample, None
+
+    def offer_imu(self, sample: ImuSample) -> None:
+        """Take an IMU sample; raises RejectedInputError with what is wrong."""
+        before, odometry = self._imu, self._odometry
+        if before is not None and before.stamp - 1.0 < sample.stamp <= before.stamp:
+            raise RejectedInputError('IMU: a sample is not newer than the one before')
+        rate = self._to_body @ sample.angular_velocity
+        if odometry is not None and abs(sample.stamp - odometry.stamp) < SILENCE:
+            is_moving = float(np.linalg.norm(odometry.rate)) > _MOVING_RATE
+            reading = np.concatenate([sample.angular_velocity, sample.specific_force])
+            if self._frozen_imu.is_frozen(reading, sample.stamp, is_moving):
+                raise RejectedInputError('IMU: it repeats itself while the drone turns: frozen')
+            if np.linalg.norm(rate - odometry.rate) > _GYRO_DOUBT:
+                raise RejectedInputError(
+                    'IMU: its angular velocity is not that of the odometry: a jump, or the '
+                    "drone file's pose of the IMU is wrong"
+                )
+        self._imu = sample
+
+    @property
+    def stamp(self) -> float | None:
+        """Stamp of the newest good sample [s], None before the first."""
+        stamps = [sample.stamp for sample in (self._odometry, self._imu) if sample is not None]
+        return max(stamps, default=None)
+
+    def missing(self) -> list[str]:
+        """Return which of odometry and IMU have been without a good sample for too long."""
+        now = self.stamp
+        names = ('odometry', self._odometry), ('imu', self._imu)
+        return [
+            name for name, sample in names if now is None or sample is None or _is_old(sample, now)
+        ]
+
+    def state(self) -> FlightState | None:
+        """Return the state at `stamp`, None while the odometry is missing."""
+        now, odometry = self.stamp, self._odometry
+        if odometry is None or now is None or _is_old(odometry, now):
+            return None
+        rotation = rotation_matrix(odometry.attitude)
+        age = min(max(now - odometry.stamp, 0.0), _AGE_MAX)
+        rate = self._rate(now)
+        velocity = rotation @ odometry.velocity
+        turned = rotation @ rotation_matrix(_quaternion(age * rate))
+        return FlightState(odometry.position + age * velocity, velocity, turned, rate)
+
+    def attitude_alone(self) -> FlightState | None:
+        """Return what the IMU knows, place and velocity as zeros; None without its attitude."""
+        now, imu = self.stamp, self._imu
+        if imu is None or imu.attitude is None or now is None or _is_old(imu, now):
+            return None
+        rotation = rotation_matrix(imu.attitude) @ self._to_body.T
+        return FlightState(np.zeros(3), np.zeros(3), rotation, self._to_body @ imu.angular_velocity)
+
+    def _rate(self, now: float) -> Array:
+        if self._imu is not None and not _is_old(self._imu, now):
+            return np.asarray(self._to_body @ self._imu.angular_velocity)
+        assert self._odometry is not None
+        return self._odometry.rate
+
+    def _refuse_frozen_odometry(self, sample: OdometrySample) -> None:
+        imu = self._imu
+        turns = imu is not None and abs(imu.stamp - sample.stamp) < SILENCE
+        is_moving = float(np.linalg.norm(sample.velocity)) > _MOVING_SPEED
+        if imu is not None and turns:
+            is_moving |= float(np.linalg.norm(imu.angular_velocity)) > _MOVING_RATE
+        reading = np.concatenate([sample.position, sample.attitude])
+        if self._frozen_odometry.is_frozen(reading, sample.stamp, is_moving):
+            raise RejectedInputError(
+                'odometry: its pose repeats itself while the drone moves: frozen'
+            )
+
+    def _refuse_jump(self, before: OdometrySample, sample: OdometrySample) -> None:
+        step = sample.stamp - before.stamp
+        jump = _jump(before, sample) if step < _FORGOTTEN else ''
+        if not jump:
+            if step >= _FORGOTTEN:
+                self.jumps += 1
+            return
+        doubted = self._doubted
+        if doubted is None or _jump(doubted, sample):
+            self._doubted_since = sample.stamp  # not even like the jump before
+        self._doubted = sample
+        if sample.stamp - self._doubted_since < _DOUBT:
+            raise RejectedInputError(f'odometry: {jump}')
+        self.jumps += 1
+
+
+def _is_old(sample: OdometrySample | ImuSample, now: float) -> bool:
+    return now - sample.stamp > SILENCE
+
+
+def _jump(before: OdometrySample, sample: OdometrySample) -> str:
+    """Return what a drone cannot do between two samples, '' if nothing."""
+    step = sample.stamp - before.stamp
+    rotation = rotation_matrix(before.attitude)
+    place = before.position + step * (rotation @ before.velocity)
+    distance = float(np.linalg.norm(sample.position - place))
+    turned = rotation @ rotation_matrix(_quaternion(step * before.rate))
+    cosine = 0.5 * (float(np.trace(turned.T @ rotation_matrix(sample.attitude))) - 1.0)
+    angle = float(np.arccos(min(max(cosine, -1.0), 1.0)))
+    velocity = rotation_matrix(sample.attitude) @ sample.velocity - rotation @ before.velocity
+    for what, size, limit, unit in (
+        ('position', distance, _PLACE + 10.0 * step**2, 'm'),
+        ('attitude', angle, _TURN + 3.0 * step, 'rad'),
+        ('velocity', float(np.linalg.norm(velocity)), _SPEED + 20.0 * step, 'm/s'),
+        (
+            'angular velocity',
+            float(np.linalg.norm(sample.rate - before.rate)),
+            _RATE + 50.0 * step,
+            'rad/s',
+        ),
+    ):
+        if size > limit:
+            return f'its {what} jumps by {size:.2f} {unit}'
+    return ''
+
+
+def _quaternion(turn: Array) -> Array:
+    """Return the quaternion (x, y, z, w) of a turn vector [rad]."""
+    angle = float(np.linalg.norm(turn))
+    share = 0.5 * np.sinc(0.5 * angle / np.pi)
+    return np.append(share * turn, np.cos(0.5 * angle))

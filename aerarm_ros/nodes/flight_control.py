@@ -1,0 +1,231 @@
+"""Hovers the drone that carries the arm: a plain PID on odometry and IMU.
+
+Stands in for an autopilot in emulation and on test benches. Set points: topic flight_set_point;
+without one the drone stays where the first odometry finds it.
+"""
+
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.control.base.frame_conversion import rotation_matrix
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.flight.flight_control import FlightControl
+from aerarm_ros.flight.flight_estimator import FlightEstimator
+from aerarm_ros.flight.flight_gains import FlightGains
+from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
+from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.flight.odometry_sample import OdometrySample
+from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
+from aerarm_ros.ros.process.exit_status import print_account
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.states.flight_stream import FlightStream
+
+NAME = 'flight_control'
+_WAIT = 0.1  # [s]
+_STEP_MAX = 0.05  # [s] longest time over which an integral grows at once
+_REMEMBERED = 5.0  # [s] for which a rejection is a warning
+
+_GAINS = FlightGains()
+PARAMETERS = ParameterTable(
+    *ARM_FILES,
+    DRONE_FILE,
+    Parameter(
+        'position_frequency', _GAINS.position_frequency, 'of the position loop', 'rad/s', 0.1, 20
+    ),
+    Parameter(
+        'attitude_frequency', _GAINS.attitude_frequency, 'of the attitude loop', 'rad/s', 1.0, 60
+    ),
+    Parameter('position_damping', _GAINS.position_damping, 'damping ratio', '', 0.1, 3.0),
+    Parameter('attitude_damping', _GAINS.attitude_damping, 'damping ratio', '', 0.1, 3.0),
+    Parameter(
+        'position_integral', _GAINS.position_integral, 'share of the frequency', '', 0.0, 1.0
+    ),
+    Parameter(
+        'attitude_integral', _GAINS.attitude_integral, 'share of the frequency', '', 0.0, 1.0
+    ),
+    Parameter(
+        'speed_max', _GAINS.speed_max, 'with which a set point is approached', 'm/s', 0.01, 20
+    ),
+    Parameter('tilt_max', _GAINS.tilt_max, 'largest tilt that is asked for', 'rad', 0.05, 1.2),
+    *REAL_TIME_PARAMETERS,
+)
+
+
+class FlightControlNode:
+    """Answers every odometry with the rotors' thrusts.
+
+    Without odometry the drone is kept level by the IMU's attitude and sinks slowly; without both
+    nothing is commanded, so that the rotors stop. Where the odometry has jumped for good, the drone
+    stays where it is instead of going to a place that was meant in other numbers.
+    """
+
+    def __init__(self) -> None:
+        self.status = 0
+        self.node = rclpy.create_node(NAME)
+        self.values = values = PARAMETERS.declare(self.node)
+        if not values.drone_file:
+            raise ValueError('parameter drone_file is empty: name the drone, as config/drone.yaml')
+        config, robot = load_arm(values)
+        drone = load_drone(values, config, robot)
+        assert drone is not None
+        arm = MovingBaseDynamics(robot).composite_inertia(np.array(config.rest_position))
+        gains = FlightGains(**{name: getattr(values, name) for name in vars(_GAINS)})
+        self._law = FlightControl(drone, MassProperties.of(drone, *arm), gains)
+        self._estimator = FlightEstimator(drone)
+        self._thrust_max = drone.column('thrust_max')
+        self._cdr = JointStateCdr(drone.rotor_names)
+        self._target: FlightTarget | None = None
+        self._jumps = 0
+        self._answered_ns = 0
+        self._answer = b''
+        self._time = 0.0
+        self._doing = 'waiting for odometry'
+        self._thrust = np.zeros(drone.n)
+        self._error = np.zeros(3)
+        self._answers = self._rejections = 0
+        self._rejection, self._rejected_at = '', -np.inf
+        self._requests: deque[Callable[[], None]] = deque()
+        self._stopping = False
+        self._stream = FlightStream(self.node, self._reject)
+        topic = topics.ROTOR_COMMAND
+        self._publisher = self.node.create_publisher(topic.type, topic.name, topic.qos)
+        topic = topics.FLIGHT_SET_POINT
+        self.node.create_subscription(topic.type, topic.name, self._on_set_point, topic.qos)
+        self._diagnostics = DiagnosticsPublisher(self.node, config.name)
+        self.node.create_timer(PERIOD, self._report)
+
+    def run(self) -> None:
+        """Fly until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        with StopSignals(self._on_stop), BackgroundExecutor(self.node):
+            prepare_thread(self.values, self.node.get_logger())
+            while not self._stopping and rclpy.ok():
+                if self._stream.wait(_WAIT):
+                    self._take()
+                else:
+                    self._note_silence()
+        print_account(NAME, f'{self._answers} commands, {self._rejections} inputs rejected')
+
+    def close(self) -> None:
+        """Destroy the node."""
+        self._stream.destroy()
+        self.node.destroy_node()
+
+    def _take(self) -> None:
+        samples, odometry = self._stream.imu_samples(), self._stream.newest_odometry()
+        for sample in samples:
+            self._try(partial(self._estimator.offer_imu, sample))
+        if odometry is not None:
+            self._take_odometry(*odometry)
+        elif self._target is not None and 'odometry' in self._estimator.missing():
+            self._fly(round((self._estimator.stamp or 0.0) * 1e9))
+
+    def _take_odometry(self, stamp_ns: int, sample: OdometrySample | None) -> None:
+        if stamp_ns == self._answered_ns and self._answer:
+            self._publisher.publish(self._answer)  # an emulated drone tells it again
+            return
+        if sample is not None:
+            self._try(partial(self._estimator.offer_odometry, sample))
+        while self._requests:
+            self._try(self._requests.popleft())
+        self._fly(stamp_ns)
+
+    def _fly(self, stamp_ns: int) -> None:
+        """Command the rotors, if enough is known, in answer to a sample of a stamp [ns]."""
+        now = self._estimator.stamp
+        if now is None:
+            return
+        dt, self._time = min(max(now - self._time, 0.0), _STEP_MAX), now
+        state = self._estimator.state()
+        if state is not None:
+            if self._target is None or self._estimator.jumps != self._jumps:
+                self._jumps = self._estimator.jumps
+                self._target = FlightTarget.here(state)
+            self._error = self._target.position - state.position
+            self._thrust = self._law.update(state, self._target, dt)
+            self._doing = ''
+        elif self._target is not None and (attitude := self._estimator.attitude_alone()):
+            self._thrust = self._law.level(attitude, dt)
+            self._doing = 'odometry is missing: level by the IMU, sinking'
+        else:
+            self._note_silence()
+            return
+        self._answered_ns = stamp_ns
+        self._answer = self._cdr.pack(stamp_ns, effort=self._thrust)
+        self._publisher.publish(self._answer)
+        self._answers += 1
+
+    def _note_silence(self) -> None:
+        if self._target is not None:
+            self._doing = 'neither odometry nor IMU: nothing is commanded, the rotors stop'
+
+    # Callbacks.
+
+    def _on_set_point(self, message: PoseStamped) -> None:
+        self._requests.append(lambda: self._go_to(message))
+
+    def _go_to(self, message: PoseStamped) -> None:
+        frame, p, q = message.header.frame_id, message.pose.position, message.pose.orientation
+        place, turn = np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w])
+        if frame not in ('', self._stream.frame):
+            raise RejectedInputError(
+                f'flight_set_point is in frame {frame!r}, the odometry in {self._stream.frame!r}'
+            )
+        if not np.all(np.isfinite([*place, *turn])) or not 0.9 < np.linalg.norm(turn) < 1.1:
+            raise RejectedInputError('flight_set_point: NaN, infinite, or no unit quaternion')
+        self._target = FlightTarget(place, yaw_of(rotation_matrix(turn)))
+
+    def _report(self) -> None:
+        missing = self._estimator.missing()
+        problem = self._doing
+        if not problem and time.monotonic() - self._rejected_at < _REMEMBERED:
+            problem = f'rejected: {self._rejection}'
+        if not problem and missing:
+            problem = f'{" and ".join(missing)} silent'
+        values: dict[str, object] = {
+            'commands': self._answers,
+            'rejected inputs': self._rejections,
+            'last rejection': self._rejection,
+            'position error [m]': f'{np.linalg.norm(self._error):.3f}',
+            'largest thrust [%]': f'{100.0 * (self._thrust / self._thrust_max).max():.0f}',
+        }
+        self._diagnostics.report(problem, values)
+
+    def _try(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except RejectedInputError as error:
+            self._reject(str(error))
+
+    def _reject(self, reason: str) -> None:
+        self._rejections += 1
+        self._rejection, self._rejected_at = reason, time.monotonic()
+        self.node.get_logger().warning(f'rejected: {reason}', throttle_duration_sec=1.0)
+
+    def _on_stop(self) -> None:
+        self._stopping = True
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, FlightControlNode, args, PARAMETERS, __doc__)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

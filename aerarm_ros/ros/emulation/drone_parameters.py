@@ -1,0 +1,112 @@
+"""Parameters of an emulated drone and its sensors, and the sensors they describe."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from aerarm_ros.ros.parameters.drone_file import DRONE_FILE
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.simulation.delayed_sensor import DelayedSensor
+from aerarm_ros.simulation.faulty_imu import FaultyImu, ImuErrors, ImuReading
+from aerarm_ros.simulation.flying_plant import FlyingPlant
+from aerarm_ros.simulation.free_base_plant import FreeBasePlant
+from aerarm_ros.simulation.noisy_odometry import NoisyOdometry, OdometryErrors, OdometryReading
+from aerarm_ros.simulation.random_drift import RandomDrift
+
+_GUST_PERIOD = 1e-3  # [s]
+_IMU_SEED, _ODOMETRY_SEED, _GUST_SEED = range(3)
+
+DRONE_PARAMETERS = (
+    DRONE_FILE,
+    Parameter(
+        'rotor_timeout',
+        0.2,
+        'silence of rotor_command, in the time of the emulated world, after which the rotors stop',
+        's',
+        0.005,
+        10.0,
+    ),
+    Parameter('imu_rate', 250.0, 'IMU samples a second of the moving base or drone', 'Hz', 1, 1000),
+    Parameter('imu_delay', 0.0, 'age of an IMU sample when it is published', 's', 0.0, 0.5),
+    Parameter(
+        'imu_noise',
+        [0.0, 0.0],
+        "standard deviation of the IMU's specific force and angular velocity",
+        'm/s^2, rad/s',
+        0.0,
+        10.0,
+    ),
+    Parameter(
+        'imu_bias',
+        [0.0, 0.0],
+        "standard deviation of the constant errors of the IMU's axes, which the seed draws",
+        'm/s^2, rad/s',
+        0.0,
+        10.0,
+    ),
+    Parameter(
+        'imu_attitude_error',
+        0.0,
+        "standard deviation of the IMU's attitude, which drifts within some 10 s",
+        'rad',
+        0.0,
+        1.0,
+    ),
+    Parameter('odometry_rate', 250.0, 'odometry messages a second', 'Hz', 1, 1000),
+    Parameter('odometry_delay', 0.0, 'age of an odometry when it is published', 's', 0.0, 0.5),
+    Parameter(
+        'odometry_noise',
+        [0.0, 0.0, 0.0, 0.0],
+        'standard deviation of position, velocity, attitude and angular velocity in odometry',
+        'm, m/s, rad, rad/s',
+        0.0,
+        10.0,
+    ),
+    Parameter(
+        'gust_force', 0.0, 'standard deviation of the wind on the drone, each axis', 'N', 0.0, 1e3
+    ),
+    Parameter('gust_time', 1.0, 'time in which the wind changes', 's', 0.01, 100.0),
+)
+
+
+def imu(values: SimpleNamespace, plant: FreeBasePlant) -> DelayedSensor[ImuReading]:
+    """Return the IMU of a plant's base; raises ValueError for a list of a wrong length."""
+    noise, bias = _numbers(values, 'imu_noise', 2), _numbers(values, 'imu_bias', 2)
+    errors = ImuErrors(noise[0], noise[1], bias[0], bias[1], values.imu_attitude_error)
+    faulty = FaultyImu(errors, 1.0 / values.imu_rate, _seed(values, _IMU_SEED))
+    return DelayedSensor(
+        lambda: faulty.apply(plant.imu), values.imu_rate, values.period, values.imu_delay
+    )
+
+
+def odometry(values: SimpleNamespace, plant: FlyingPlant) -> DelayedSensor[OdometryReading]:
+    """Return the odometry of a drone; raises ValueError for a list of a wrong length."""
+    errors = OdometryErrors(*_numbers(values, 'odometry_noise', 4))
+    noisy = NoisyOdometry(errors, _seed(values, _ODOMETRY_SEED))
+    return DelayedSensor(
+        lambda: noisy.apply(plant.odometry),
+        values.odometry_rate,
+        values.period,
+        values.odometry_delay,
+    )
+
+
+def gust(values: SimpleNamespace) -> RandomDrift | None:
+    """Return the wind, None where there is none."""
+    if values.gust_force == 0.0:
+        return None
+    random = np.random.default_rng(_seed(values, _GUST_SEED))
+    return RandomDrift(values.gust_force, values.gust_time, _GUST_PERIOD, random)
+
+
+def _numbers(values: SimpleNamespace, name: str, count: int) -> list[float]:
+    numbers: list[float] = list(getattr(values, name))
+    if len(numbers) != count:
+        raise ValueError(f'{name} has {len(numbers)} numbers, not {count}: see its description')
+    return numbers
+
+
+def _seed(values: SimpleNamespace, which: int) -> int:
+    return int(10 * max(values.seed, 0) + which)

@@ -1,0 +1,143 @@
+"""The drone that flies the simulated arm: rotor_command in, imu and odometry out."""
+
+from __future__ import annotations
+
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_ros.hardware.emulation.answer_watch import AnswerWatch
+from aerarm_ros.ros.emulation.emulated_drone import (
+    EmulatedDrone,
+    fill_quaternion,
+    fill_vector,
+    to_time,
+)
+from aerarm_ros.ros.states.rotor_commands import RotorCommands
+from aerarm_ros.simulation.delayed_sensor import DelayedSensor
+from aerarm_ros.simulation.faulty_imu import ImuReading
+from aerarm_ros.simulation.flying_plant import FlyingPlant
+from aerarm_ros.simulation.noisy_odometry import OdometryReading
+
+WORLD_FRAME, BODY_FRAME, IMU_FRAME = 'odom', 'drone', 'drone_imu'
+
+
+class FlyingDrone(EmulatedDrone):
+    """Passes rotor commands to the plant, and follows who answers the odometry.
+
+    Parameters
+    ----------
+    node
+        Owner of publishers and subscription.
+    plant
+        Arm and drone.
+    imu, odometry
+        Its sensors.
+    lag
+        Odometry messages that may be without an answer: see `AnswerWatch`.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        plant: FlyingPlant,
+        imu: DelayedSensor[ImuReading],
+        odometry: DelayedSensor[OdometryReading],
+        lag: int,
+    ) -> None:
+        super().__init__(node, plant, imu, IMU_FRAME)
+        self._flight = plant
+        self._odometry = odometry
+        topic = topics.ODOMETRY
+        self._odometry_publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+        self._told = Odometry()
+        self._told.header.frame_id, self._told.child_frame_id = WORLD_FRAME, BODY_FRAME
+        self._told_ns = 0
+        self._commands = RotorCommands(node, plant.drone.rotor_names, self._reject)
+        self._watch = AnswerWatch(odometry.period_ns, lag)
+        self._logger = node.get_logger()
+        self.rejections: dict[str, int] = {}
+
+    @property
+    def is_flying(self) -> bool:
+        """Whether nobody holds the drone."""
+        return not self._flight.is_held
+
+    @property
+    def expects(self) -> bool:
+        """Whether somebody answers the odometry."""
+        return self._watch.expects
+
+    @property
+    def status(self) -> str:
+        """What the drone does, and why, in a few words."""
+        rotors = self._flight.rotors
+        if self.is_flying:
+            return 'flying' if rotors.is_commanded else 'no rotor commands: the rotors stand'
+        if rotors.is_commanded:
+            return 'held until the motors hold the arm and the rotors lift it'
+        return 'held: no rotor commands'
+
+    def update(self, mode: str, stamp_ns: int) -> None:
+        """Publish what is due, and take the newest rotor command."""
+        super().update(mode, stamp_ns)
+        odometry = self._odometry.update(stamp_ns)
+        self.look()
+        if odometry is not None:
+            self._tell(*odometry)
+
+    def restart(self) -> None:
+        """Tell in the next cycle where the drone is now: somebody has put it there."""
+        self._imu.restart()
+        self._odometry.restart()
+
+    def is_behind(self) -> bool:
+        """Whether the last odometry still needs an answer of who answered those before."""
+        if not self._watch.awaits(self._told_ns):
+            return False
+        if self._commands.reader.publishers() == 0:
+            self._watch.forget()  # it has ended
+        return self._watch.expects
+
+    def give_up(self) -> None:
+        """Expect no answer until the next one."""
+        self._watch.give_up()
+
+    def wait(self, timeout: float) -> None:
+        """Wait up to `timeout` [s] for a rotor command."""
+        self._commands.reader.wait(timeout)
+
+    def look(self) -> None:
+        """Take the newest rotor command, if there is one."""
+        command = self._commands.newest()
+        if command is None:
+            return
+        stamp_ns, thrust = command
+        self._watch.note(stamp_ns, self._told_ns)
+        self._flight.rotors.command(thrust)
+
+    def tell_again(self) -> None:
+        """Publish the last odometry once more, for who has not heard it."""
+        if self._told_ns:
+            self._odometry_publisher.publish(self._told)
+
+    def destroy(self) -> None:
+        """Destroy publishers and subscription."""
+        super().destroy()
+        self._node.destroy_publisher(self._odometry_publisher)
+        self._commands.destroy()
+
+    def _tell(self, stamp_ns: int, reading: OdometryReading) -> None:
+        position, attitude, velocity, rate = reading
+        message, pose, twist = self._told, self._told.pose.pose, self._told.twist.twist
+        self._told_ns = stamp_ns
+        message.header.stamp = to_time(stamp_ns)
+        fill_vector(pose.position, position)
+        fill_quaternion(pose.orientation, attitude)
+        fill_vector(twist.linear, velocity)
+        fill_vector(twist.angular, rate)
+        self._odometry_publisher.publish(message)
+
+    def _reject(self, reason: str) -> None:
+        self.rejections[reason] = self.rejections.get(reason, 0) + 1
+        self._logger.warning(f'rejected: {reason}', throttle_duration_sec=1.0)

@@ -1,0 +1,118 @@
+"""Hovering on the physics engine, with the arm at rest and in motion, light and heavy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
+
+HANGING = np.array([0.0, np.pi / 2, 0.0, 0.0])
+ARM = 1.487  # [kg]
+# Amplitudes [rad] and frequencies [Hz].
+FAST = np.array([0.5, 0.8, 0.6, 0.7]), np.array([0.5, 0.6, 0.75, 0.9])
+
+
+def scaled(mass: float) -> DroneConfig:
+    """Return a hexarotor of another mass [kg], of the same shape and reserve."""
+    drone = load_drone_config()
+    size, thrust = mass / drone.mass, (mass + ARM) / (drone.mass + ARM)
+    rotors = tuple(replace(rotor, thrust_max=thrust * rotor.thrust_max) for rotor in drone.rotors)
+    inertia = tuple(size ** (5 / 3) * value for value in drone.inertia)
+    return replace(drone, mass=mass, inertia=inertia, rotors=rotors)
+
+
+def packaged(name: str) -> DroneConfig:
+    return load_drone_config(resource('config', 'drones', f'{name}.yaml'))
+
+
+DRONES = {
+    '1.3 kg quadrotor': packaged('quadrotor'),
+    '2 kg': scaled(2.0),
+    '3 kg': load_drone_config(),
+    '3 kg tilted': packaged('tilted_hexarotor'),
+    '5 kg': scaled(5.0),
+    '10 kg': scaled(10.0),
+}
+
+
+def fast_motion(time: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the arm's q and dq, from rest within 2 s."""
+    (amplitude, frequency), s = FAST, min(1.0, time / 2.0)
+    grown, w = s * s * (3.0 - 2.0 * s), 2.0 * np.pi * frequency
+    return HANGING + grown * amplitude * np.sin(w * time), grown * amplitude * w * np.cos(w * time)
+
+
+@pytest.mark.parametrize('name', DRONES)
+def test_it_stays_up_while_the_arm_swings_fast(fly, name: str) -> None:
+    flight = fly(DRONES[name])
+    farthest, steepest = 0.0, 0.0
+    while flight.time < 4.0:
+        flight.step(fast_motion)
+        if flight.time > 1.0:
+            farthest = max(farthest, float(np.linalg.norm(flight.state.position)))
+            steepest = max(steepest, flight.tilt)
+    assert not flight.plant.is_held
+    assert 0.01 < farthest < 0.4  # it is moved by the arm, and not carried away
+    assert steepest < 0.7
+
+
+def test_a_wrong_mass_is_found_out_by_the_integral(fly) -> None:
+    drone = DRONES['3 kg']
+    flight = fly(drone, drone.with_errors(0.8, 0.8))
+    while flight.time < 5.0:
+        flight.step()
+    np.testing.assert_allclose(flight.state.position, 0.0, atol=0.05)
+
+
+@pytest.mark.parametrize('name', ['3 kg tilted', '1.3 kg quadrotor'])
+def test_it_goes_where_it_is_told_and_turns(fly, name: str) -> None:
+    flight = fly(DRONES[name])
+    flight.target = FlightTarget(np.array([0.5, -0.3, 0.4]), 0.6)
+    fastest = 0.0
+    while flight.time < 6.0:
+        flight.step()
+        fastest = max(fastest, float(np.linalg.norm(flight.state.velocity)))
+    np.testing.assert_allclose(flight.state.position, flight.target.position, atol=0.05)
+    assert yaw_of(flight.state.rotation) == pytest.approx(0.6, abs=0.05)
+    assert flight.tilt < 0.03
+    assert fastest < 1.5
+
+
+def test_a_fully_actuated_drone_stays_level_on_its_way(fly) -> None:
+    flight = fly(DRONES['3 kg tilted'])
+    flight.target = FlightTarget(np.array([0.5, 0.0, 0.0]), 0.0)
+    steepest = 0.0
+    while flight.time < 3.0:
+        flight.step()
+        steepest = max(steepest, flight.tilt)
+    assert flight.state.position[0] > 0.3
+    assert steepest < 0.06
+
+
+def test_it_catches_itself_after_a_shove(fly) -> None:
+    flight = fly(DRONES['3 kg'])
+    while flight.time < 1.0:
+        flight.step()
+    flight.plant.push([1.0, -0.5, -0.5, 2.0, -1.5, 1.0])
+    while flight.time < 4.0:
+        flight.step()
+    np.testing.assert_allclose(flight.state.position, 0.0, atol=0.1)
+    assert flight.tilt < 0.05
+
+
+def test_without_a_place_it_stays_level_and_sinks_slowly(fly) -> None:
+    flight = fly(DRONES['3 kg'])
+    while flight.time < 1.5:
+        flight.step()
+    flight.plant.push([0.0, 0.0, 0.0, 0.5, -0.5, 0.0])
+    begun = flight.time
+    while flight.time < begun + 2.0:
+        state = flight.state
+        lost = state._replace(position=np.zeros(3), velocity=np.zeros(3))
+        flight.plant.rotors.command(flight.control.level(lost, 0.004))
+        flight.hold_arm()
+    assert flight.tilt < 0.05
+    assert -1.5 < flight.state.velocity[2] < -0.1
