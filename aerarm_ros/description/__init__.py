@@ -16,6 +16,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'config_reader': ['build', 'check_keys', 'read_yaml', 'section'],
         'description_error': ['DescriptionError'],
         'drone_config': ['DroneConfig', 'load_drone_config'],
+        'drone_urdf': ['with_drone'],
         'gear_config': ['GearConfig'],
         'joint_config': ['JointConfig'],
         'motor_config': ['MotorConfig', 'torque_constant'],

@@ -16,16 +16,19 @@ from io import StringIO
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.drone_urdf import with_drone
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
 from aerarm_ros.ros.page.page_guard import PageGuard, is_loopback
 from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics, ViewStatus
 from aerarm_ros.ros.page.view_history import ViewHistory
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
@@ -48,6 +51,7 @@ PARAMETERS = ParameterTable(
     Parameter('history', 10.0, 'time the plots show', 's', 1.0, 120.0),
     Parameter('tool', 'tool0', 'frame whose path is drawn; the last of the URDF if empty'),
     *ARM_FILES,
+    DRONE_FILE,
 )  # fmt: skip
 
 
@@ -73,9 +77,15 @@ class View:
         self.status = 0
         self._node = rclpy.create_node(NAME)
         self._values = values = PARAMETERS.declare(self._node)
-        _, robot = load_arm(values)
+        config, robot = load_arm(values)
+        drone = load_drone(values, config, robot)
+        if drone is not None:
+            text = with_drone(robot.urdf_text, drone)
+            robot = load_robot(text, joint_names=config.joint_names)
+            self._listen_to_drone()
         self._names = list(robot.joint_names)
         self._mode = ''
+        self._odometry: Odometry | None = None
         self._diagnostics = ViewDiagnostics()
         self._history = ViewHistory(robot.n, values.history, values.rate)
         self._heard = -np.inf
@@ -141,6 +151,7 @@ class View:
         if state is not None:
             self._heard = now
             self._history.add(now, state)
+            self._place_drone()
             self._scene.update(state[0])
         # A page nobody looks at costs nothing.
         if index % TEXT_EVERY == 0 and self._server.get_clients():
@@ -150,6 +161,21 @@ class View:
             self._panel.show_diagnostics(
                 self._diagnostics.timing_html(now), self._diagnostics.status_html(now)
             )
+
+    def _listen_to_drone(self) -> None:
+        topic = topics.ODOMETRY
+        self._node.create_subscription(topic.type, topic.name, self._on_odometry, topic.qos)
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._odometry = message
+
+    def _place_drone(self) -> None:
+        message, self._odometry = self._odometry, None
+        if message is not None:
+            p, q = message.pose.pose.position, message.pose.pose.orientation
+            place, turn = np.array([p.x, p.y, p.z]), np.array([q.w, q.x, q.y, q.z])
+            if np.all(np.isfinite([*place, *turn])) and np.any(turn):
+                self._scene.move_base(place, turn / np.linalg.norm(turn))
 
     def _describe_states(self, now: float) -> str:
         if self._states.missing:

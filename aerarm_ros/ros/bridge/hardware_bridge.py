@@ -113,6 +113,10 @@ class HardwareBridge(LifecycleNode):
         """Return the way to the boards; raises ValueError or OSError with what to check."""
         return SpidevTransport(config)
 
+    def description_of(self, robot: Robot) -> str:
+        """Return the URDF to publish."""
+        return robot.urdf_text
+
     def actions(self) -> Mapping[str, Action]:
         """Return what the node's services do."""
         return ACTIONS
@@ -176,7 +180,7 @@ class HardwareBridge(LifecycleNode):
         self._streams = BridgeStreams(self, config.joint_names)
         self._watch = PublisherWatch(self, topics.JOINT_COMMAND, self._command_publishers.look)
         self._rivals = RivalWatch(self, topics.JOINT_STATES)
-        self._description = RobotDescription(self, robot.urdf_text)
+        self._description = RobotDescription(self, self.description_of(robot))
         return SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:

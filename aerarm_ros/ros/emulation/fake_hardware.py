@@ -11,6 +11,7 @@ import yaml
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulated_base import mount_on_base, mount_on_drone
@@ -113,6 +114,11 @@ class FakeHardware(HardwareBridge):
         plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
         sensors = (drone_parameters.imu(values, plant), drone_parameters.odometry(values, plant))
         return FlyingDrone(self, plant, *sensors, LAG[values.pace])
+
+    def description_of(self, robot: Robot) -> str:
+        """Return the URDF of the arm, under its drone if there is one."""
+        flying = self._flying
+        return robot.urdf_text if flying is None else with_drone(robot.urdf_text, flying.drone)
 
     @property
     def _flying(self) -> FlyingDrone | None:

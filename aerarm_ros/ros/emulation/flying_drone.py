@@ -6,6 +6,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
+from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.hardware.emulation.answer_watch import AnswerWatch
 from aerarm_ros.ros.emulation.emulated_drone import (
     EmulatedDrone,
@@ -57,6 +58,11 @@ class FlyingDrone(EmulatedDrone):
         self._watch = AnswerWatch(odometry.period_ns, lag)
         self._logger = node.get_logger()
         self.rejections: dict[str, int] = {}
+
+    @property
+    def drone(self) -> DroneConfig:
+        """The drone, as it truly is."""
+        return self._flight.drone
 
     @property
     def is_flying(self) -> bool:

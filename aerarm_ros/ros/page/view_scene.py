@@ -49,6 +49,8 @@ class ViewScene:
         self._tool = robot.model.getFrameId(tool) if tool else robot.model.nframes - 1
         self._scene = server.scene
         self._prepare(server, robot)
+        self._base = self._scene.add_frame('/arm', show_axes=False)
+        self._base_pose = pin.SE3.Identity()
         self._joints = [
             self._scene.add_frame(f'/arm/{name}', show_axes=False) for name in robot.model.names
         ]
@@ -70,9 +72,16 @@ class ViewScene:
         pin.forwardKinematics(self._model, self._data, q)
         for handle, placement in zip(self._joints, self._data.oMi, strict=True):
             handle.position, handle.wxyz = placement.translation, _wxyz(placement.rotation)
-        tool = pin.updateFramePlacement(self._model, self._data, self._tool).translation
+        tool_in_base = pin.updateFramePlacement(self._model, self._data, self._tool)
+        tool = self._base_pose.act(tool_in_base.translation)
         if not self._path or np.linalg.norm(tool - self._path[-1]) > _TRAIL_STEP:
             self._path.append(tool.copy())
+
+    def move_base(self, position: Array, wxyz: Array) -> None:
+        """Put what the URDF's root is at a position (3,) [m], turned by a unit quaternion."""
+        self._base.position, self._base.wxyz = position, wxyz
+        rotation = pin.Quaternion(*wxyz.tolist()).matrix()
+        self._base_pose = pin.SE3(rotation, position)
 
     def update_path(self) -> None:
         """Draw the path of the tool as far as it is known."""

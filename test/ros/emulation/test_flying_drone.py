@@ -27,6 +27,7 @@ class DroneBench(ControllerBench):
         super().__init__(folder, node, drone_file=DRONE, **arm)
         self.path: list[tuple[float, np.ndarray]] = []
         self.keep(topics.IMU)
+        self.keep(topics.ROBOT_DESCRIPTION)
         self.listen(topics.ODOMETRY, self._on_odometry)
         self.answer: Callable[[Odometry], JointState] | None = None
         topic = topics.ROTOR_COMMAND
@@ -80,6 +81,7 @@ def test_it_hovers_under_its_controller_and_falls_without(bench: DroneBench) -> 
             imu = bench.heard['imu']
             assert isinstance(imu, Imu)
             assert imu.header.frame_id == 'drone_imu'
+            assert 'drone_mount' in bench.heard['robot_description'].data
             assert imu.linear_acceleration.z == pytest.approx(9.81, abs=2.0)
         # No more rotor commands: nobody waits for ever, the rotors stop.
         bench.wait(lambda: bench.place[2] < -2.0, 'the fall')

@@ -1,0 +1,115 @@
+"""The URDF of drone and arm together."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+import numpy as np
+
+from aerarm_ros.description.description_error import DescriptionError
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.description.pose_config import PoseConfig
+
+BODY_LINK, IMU_LINK = 'drone', 'drone_imu'
+
+_SPAN = 0.14  # [m] radius at which a rotor is drawn
+_COLOURS = {'drone_body': '0.25 0.27 0.30 1', 'drone_rotor': '0.55 0.60 0.66 0.5'}
+
+
+def with_drone(urdf_text: str, drone: DroneConfig) -> str:
+    """Return the URDF of an arm under its drone: link `drone` carries the arm's base link.
+
+    The body is drawn as its box, with arms and discs for the rotors; link `drone_imu` is the
+    IMU's frame. Mass and inertia are those of the file.
+
+    Parameters
+    ----------
+    urdf_text : str
+        URDF of the arm.
+    drone : DroneConfig
+
+    Raises
+    ------
+    DescriptionError
+        If the arm has links or joints of these names, or no link that is its base.
+    """
+    root = ET.fromstring(urdf_text)
+    base = _base_link(root)
+    for name, colour in _COLOURS.items():
+        ET.SubElement(ET.SubElement(root, 'material', name=name), 'color', rgba=colour)
+    _add_body(root, drone)
+    ET.SubElement(root, 'link', name=IMU_LINK)
+    _fix(root, 'drone_mount', base, drone.mount)
+    _fix(root, 'drone_imu_fixed', IMU_LINK, drone.imu)
+    ET.indent(root)
+    return ET.tostring(root, encoding='unicode')
+
+
+def _base_link(root: ET.Element) -> str:
+    links = [link.get('name', '') for link in root.findall('link')]
+    joints = root.findall('joint')
+    children = {child.get('link') for joint in joints for child in joint.findall('child')}
+    bases = [name for name in links if name not in children]
+    taken = {BODY_LINK, IMU_LINK} & set(links)
+    if taken or len(bases) != 1:
+        what = f'it has a link {", ".join(taken)} already' if taken else 'it has no single base'
+        raise DescriptionError(f'the URDF cannot be put under drone_file: {what}')
+    return bases[0]
+
+
+def _add_body(root: ET.Element, drone: DroneConfig) -> None:
+    link = ET.SubElement(root, 'link', name=BODY_LINK)
+    inertial = ET.SubElement(link, 'inertial')
+    _origin(inertial, drone.centre_of_mass)
+    ET.SubElement(inertial, 'mass', value=repr(drone.mass))
+    keys = ('ixx', 'iyy', 'izz', 'ixy', 'ixz', 'iyz')
+    values = {key: repr(value) for key, value in zip(keys, drone.inertia, strict=True)}
+    ET.SubElement(inertial, 'inertia', values)
+    for kind in ('visual', 'collision'):
+        shape = ET.SubElement(link, kind, name=f'drone_body_{kind}')
+        ET.SubElement(ET.SubElement(shape, 'geometry'), 'box', size=_text(drone.size))
+        if kind == 'visual':
+            ET.SubElement(shape, 'material', name='drone_body')
+    for rotor in drone.rotors:
+        place, axis = np.array(rotor.position), np.array(rotor.axis)
+        _cylinder(link, f'{rotor.name}_disc', place, axis, _SPAN, 0.006, 'drone_rotor')
+        root_of_arm = place * (0.0, 0.0, 1.0)
+        length = float(np.linalg.norm(place - root_of_arm))
+        if length > 0.0:
+            middle, along = 0.5 * (place + root_of_arm), (place - root_of_arm) / length
+            _cylinder(link, f'{rotor.name}_arm', middle, along, 0.01, length, 'drone_body')
+
+
+def _cylinder(
+    link: ET.Element,
+    name: str,
+    centre: np.ndarray,
+    axis: np.ndarray,
+    radius: float,
+    length: float,
+    material: str,
+) -> None:
+    shape = ET.SubElement(link, 'visual', name=name)
+    # Roll and pitch that turn z to the axis: R = Ry(pitch) Rx(roll).
+    roll = float(np.arcsin(min(1.0, max(-1.0, -axis[1]))))
+    pitch = float(np.arctan2(axis[0], axis[2]))
+    _origin(shape, centre.tolist(), (roll, pitch, 0.0))
+    sizes = {'radius': repr(radius), 'length': repr(length)}
+    ET.SubElement(ET.SubElement(shape, 'geometry'), 'cylinder', sizes)
+    ET.SubElement(shape, 'material', name=material)
+
+
+def _fix(root: ET.Element, name: str, child: str, pose: PoseConfig) -> None:
+    joint = ET.SubElement(root, 'joint', name=name, type='fixed')
+    ET.SubElement(joint, 'parent', link=BODY_LINK)
+    ET.SubElement(joint, 'child', link=child)
+    _origin(joint, pose.position, pose.rpy)
+
+
+def _origin(
+    owner: ET.Element, xyz: Sequence[float], rpy: Sequence[float] = (0.0, 0.0, 0.0)
+) -> None:
+    ET.SubElement(owner, 'origin', xyz=_text(xyz), rpy=_text(rpy))
+
+
+def _text(values: Sequence[float]) -> str:
+    return ' '.join(repr(float(value)) for value in values)

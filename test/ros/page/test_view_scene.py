@@ -1,0 +1,38 @@
+"""The scene of an arm under its drone, on a real server without a browser."""
+
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from io import StringIO
+
+import numpy as np
+import pytest
+import viser
+
+from aerarm_ros.description.drone_config import load_drone_config
+from aerarm_ros.description.drone_urdf import with_drone
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.ros.page.view_scene import ViewScene
+
+HANGING = np.array([0.0, np.pi / 2, 0.0, 0.0])
+
+
+@pytest.fixture
+def server() -> Iterator[viser.ViserServer]:
+    with redirect_stdout(StringIO()):
+        server = viser.ViserServer(host='127.0.0.1', port=18091)
+        yield server
+        server.stop()
+
+
+def test_the_tool_s_path_follows_the_drone(server: viser.ViserServer) -> None:
+    robot = load_robot(with_drone(load_robot().urdf_text, load_drone_config()))
+    scene = ViewScene(server, robot, 'tool0')
+    scene.update(HANGING)
+    before = scene._path[-1]
+    assert before[2] < -0.7  # it hangs
+    # Moved up by a metre and turned by a quarter about x: the arm points to +y.
+    scene.move_base(np.array([0.0, 0.0, 1.0]), np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]))
+    scene.update(HANGING)
+    expected = [before[0], -before[2], 1.0 + before[1]]
+    np.testing.assert_allclose(scene._path[-1], expected, atol=1e-9)
+    np.testing.assert_allclose(scene._base.position, [0.0, 0.0, 1.0])
