@@ -10,8 +10,10 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'executor_source': ['ExecutorSource'],
+        'identified_take': ['IdentifiedTake'],
+        'publisher_gaps': ['PublisherGaps'],
         'raw_reader': ['RawReader'],
-        'sequence_gaps': ['SequenceGaps'],
+        'sequence_gaps': ['UNNUMBERED', 'SequenceGaps'],
         'topic': ['Topic'],
         'wait_set_source': ['WaitSetSource'],
     },

@@ -8,9 +8,8 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from aerarm_msgs_py.live_topics.identified_take import RawMessage
 from aerarm_msgs_py.live_topics.topic import Topic
-
-RawMessage = tuple[bytes, dict[str, int]]
 
 
 class ExecutorSource:
@@ -25,9 +24,11 @@ class ExecutorSource:
         Node whose name space and context the helper shares.
     topics
         What to subscribe to.
+    identify
+        Of no effect: rclpy does not tell who published a message.
     """
 
-    def __init__(self, node: Node, topics: Sequence[Topic]) -> None:
+    def __init__(self, node: Node, topics: Sequence[Topic], identify: bool = False) -> None:
         self._node = rclpy.create_node(
             f'{node.get_name()}_reader',
             namespace=node.get_namespace(),

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Iterable
 
-_UNKNOWN = frozenset({0, 2**32 - 1, 2**64 - 1})
+UNNUMBERED = frozenset({0, 2**32 - 1, 2**64 - 1})
 """Numbers that mean "not numbered": rosbag2 stores 0, a middleware without numbers gives the
 largest uint64, of which MCAP keeps 32 bits."""
 _REMEMBERED_GAPS = 256
@@ -34,7 +34,7 @@ class SequenceGaps:
         """Take the number of the next message."""
         if self._current >= 0 and number == self._newest[self._current] + 1:
             self._newest[self._current] = number
-        elif number not in _UNKNOWN:
+        elif number not in UNNUMBERED:
             self._add_out_of_step(number)
 
     def add_all(self, numbers: Iterable[int]) -> None:

@@ -8,6 +8,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerGuardCondition
 
+from aerarm_msgs_py.live_topics.identified_take import IdentifiedTake, RawMessage
 from aerarm_msgs_py.live_topics.topic import Topic
 
 _WAIT_SET_CALLS = ('clear_entities', 'add_subscription', 'add_guard_condition', 'wait', 'is_ready')
@@ -43,9 +44,11 @@ class WaitSetSource:
         Owner of the subscriptions; it may be spun by an executor in another thread.
     topics
         What to subscribe to.
+    identify
+        Whether the info of messages shall name their publishers, where this ROS can.
     """
 
-    def __init__(self, node: Node, topics: Sequence[Topic]) -> None:
+    def __init__(self, node: Node, topics: Sequence[Topic], identify: bool = False) -> None:
         self._node = node
         group = _HiddenFromExecutors()
         self.subscriptions = [
@@ -57,6 +60,7 @@ class WaitSetSource:
         self._types = [topic.type for topic in topics]
         self._handles = [subscription.handle for subscription in self.subscriptions]
         self._signal = SignalHandlerGuardCondition(context=node.context)
+        self._identified = IdentifiedTake() if identify and IdentifiedTake.available() else None
         with node.context.handle:
             self._wait_set = rclpy_implementation.WaitSet(
                 len(topics), 1, 0, 0, 0, 0, node.context.handle
@@ -82,9 +86,11 @@ class WaitSetSource:
         wait_set.wait(int(timeout * 1e9))
         return any(is_ready('subscription', k) for k in range(len(self._handles)))
 
-    def take(self, index: int) -> tuple[bytes, dict[str, int]] | None:
+    def take(self, index: int) -> RawMessage | None:
         """Take the oldest waiting message of a topic, with its message info."""
-        message: tuple[bytes, dict[str, int]] | None
+        if self._identified is not None:
+            return self._identified.take(self._handles[index])
+        message: RawMessage | None
         message = self._handles[index].take_message(self._types[index], True)
         return message
 
@@ -92,6 +98,9 @@ class WaitSetSource:
         """Destroy the subscriptions and the wait set."""
         for subscription in self.subscriptions:
             self._node.destroy_subscription(subscription)
+        if self._identified is not None:
+            self._identified.destroy()
+            self._identified = None
         self._signal.destroy()
         self._wait_set.destroy_when_not_in_use()
 

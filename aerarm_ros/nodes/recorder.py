@@ -25,6 +25,7 @@ from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.stop_signals import StopSignals
 from aerarm_ros.ros.recording.bag_feed import BagFeed
+from aerarm_ros.ros.recording.loss_watch import LossWatch
 from aerarm_ros.ros.recording.recorded_topics import SUITE_TOPICS, find_topics, for_recording
 
 NAME = 'recorder'
@@ -49,6 +50,7 @@ PARAMETERS = ParameterTable(
 # ten times the processor time. Their time of reception is taken by the middleware.
 _BATCH = 5e-3  # [s]
 _WAIT = 0.1  # [s]
+_TAKEN_MAX = 1000  # messages of a topic between two looks at the time
 _STATUS_PERIOD = 0.1  # [s]
 
 
@@ -75,6 +77,8 @@ class Recorder:
         self._node = Node(NAME)
         values = PARAMETERS.declare(self._node)
         topics = find_topics(values.topics)
+        self._depth = values.depth
+        self._losses = LossWatch(values.depth)
         self._directory = values.bag or f'recording_{datetime.now():%Y%m%d_%H%M%S}'
         subscribed = [for_recording(topic, values.depth) for topic in topics]
         self._feed = BagFeed(self._node, topics, subscribed, self._directory, values.compression)
@@ -124,7 +128,7 @@ class Recorder:
         while not self._stopped and rclpy.ok():
             if self._feed.wait(_WAIT):
                 time.sleep(_BATCH)
-            self._feed.take_all()
+            self._feed.take(_TAKEN_MAX)
             if time.monotonic() > self._status_due:
                 self._status_due = time.monotonic() + _STATUS_PERIOD
                 self._update_matched()
@@ -133,7 +137,7 @@ class Recorder:
                 self._report_due = time.monotonic() + PERIOD
                 self._report()
         if rclpy.ok():
-            self._feed.take_all()
+            self._feed.take(self._depth)  # as many as may wait
 
     def _update_matched(self) -> None:
         counts = self._feed.publishers()
@@ -160,8 +164,12 @@ class Recorder:
         self._status_publisher.publish(String(data=json.dumps(content)))
 
     def _report(self) -> None:
-        """Tell how the recording goes on /diagnostics."""
-        losing = {name: lost for name, (_, lost) in self._feed.heard().items() if lost}
+        """Tell how the recording goes: on /diagnostics, and new losses on the console."""
+        heard = self._feed.heard()
+        news = self._losses.news(heard)
+        if news:
+            self._node.get_logger().warning(news)
+        losing = {name: lost for name, (_, lost) in heard.items() if lost}
         names = ', '.join(losing)
         problem = f'{sum(losing.values())} messages lost of {names}: is the machine too busy?'
         messages, size = self._feed.written()
@@ -174,15 +182,23 @@ class Recorder:
         self._diagnostics.report(problem if losing else '', values)
 
     def _log_counts(self) -> None:
-        log, heard = self._node.get_logger().info, self._feed.heard()
+        heard = self._feed.heard()
         for name, (count, lost) in heard.items():
-            log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost')
+            self._log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost', lost)
         if not heard.keys() - {self._own}:
             self._node.get_logger().warning(
                 'nothing came: is a bridge running in this ROS domain (ROS_DOMAIN_ID)?'
             )
         count = sum(count for count, _ in heard.values())
-        log(f'{self._directory}: {count} messages, {self._feed.total_lost()} lost')
+        total = self._feed.total_lost()
+        self._log(f'{self._directory}: {count} messages, {total} lost', total)
+
+    def _log(self, text: str, lost: object) -> None:
+        # rclpy ties a severity to the line that logs.
+        if lost in (0, None, 'unknown'):
+            self._node.get_logger().info(text)
+        else:
+            self._node.get_logger().warning(text)
 
     def _on_stop(self) -> None:
         self._stopped = True

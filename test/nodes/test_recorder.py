@@ -275,7 +275,7 @@ def diagnostics_of_the_recorder(node: Node) -> list[DiagnosticStatus]:
 
 def test_what_is_written_and_lost_is_on_diagnostics(start, source, ros_node) -> None:
     found = diagnostics_of_the_recorder(ros_node)
-    start(depth=10)
+    recorder = start(depth=10)
     source.wait_until_matched(6)
     source.stream(100)
     spin_until(ros_node, lambda: found and int(values(found[-1])['messages written']) > 300, 30.0)
@@ -288,6 +288,43 @@ def test_what_is_written_and_lost_is_on_diagnostics(start, source, ros_node) -> 
     assert spin_until(ros_node, lambda: found[-1].level == DiagnosticStatus.WARN, 30.0)
     assert 'messages lost of /joint_states' in found[-1].message
     assert int(values(found[-1])['messages lost']) > 0
+    # The console says so while it happens: at most once a second, and what to do.
+    begun = time.monotonic()
+    warnings = recorder.tail(100).count('losing messages: ')
+    assert warnings >= 1
+    while time.monotonic() - begun < 2.5:
+        for _ in range(300):
+            source.streams[0].publish(payload)
+    wait_for_text(recorder, 'of /joint_states just now')
+    warnings = recorder.tail(100).count('losing messages: ') - warnings
+    assert 1 <= warnings <= time.monotonic() - begun + 1
+    assert 'parameter depth, 10 now' in recorder.tail(100)
+    assert recorder.stop() == 0
+    (line,) = [x for x in recorder.tail(100).splitlines() if '/joint_states: ' in x]
+    assert '[WARN]' in line
+
+
+def test_what_several_nodes_publish_is_lost_for_none_of_them(
+    start, source, ros_node, tmp_path
+) -> None:
+    topic = names.DIAGNOSTICS
+    others = [ros_node.create_publisher(topic.type, topic.name, topic.qos) for _ in range(4)]
+    # They have published before, each another number of messages.
+    for index, publisher in enumerate(others):
+        for _ in range(40 * index):
+            publisher.publish(DiagnosticArray())
+    recorder = start()
+    source.wait_until_matched(6)
+    for turn in range(8):
+        for publisher in others[turn % 2 :]:
+            publisher.publish(DiagnosticArray())
+    assert all(publisher.wait_for_all_acked() for publisher in others)
+    time.sleep(0.2)
+    assert recorder.stop() == 0
+    found = topics(tmp_path / 'bag')['/diagnostics']
+    assert found.messages >= 8 * 4 - 4
+    assert found.lost == 0
+    assert f'/diagnostics: {found.messages} messages, 0 lost' in recorder.tail(30)
 
 
 def values(status: DiagnosticStatus) -> dict[str, str]:

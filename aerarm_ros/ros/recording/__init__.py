@@ -10,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'bag_feed': ['BagFeed'],
+        'loss_watch': ['LossWatch'],
         'recorded_topics': ['SUITE_TOPICS', 'as_recorded', 'find_topics', 'for_recording'],
         'repeated_states': ['RepeatedStates'],
     },

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
+from typing import Any
 
 from rclpy.node import Node
 
@@ -12,6 +13,7 @@ from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.bags.recorded_message import RecordedMessage
 from aerarm_msgs_py.codecs.cdr_prefix import ENCAPSULATION_SIZE
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.live_topics.sequence_gaps import UNNUMBERED
 from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_msgs_py.topics import JOINT_STATES
 from aerarm_ros.ros.recording.recorded_topics import as_recorded
@@ -56,7 +58,7 @@ class BagFeed:
         self.names = [node.resolve_topic_name(topic.name) for topic in topics]
         recorded = map(as_recorded, topics, self.names)
         self._writer = BagWriter(directory, list(recorded), compression)
-        self._reader = RawReader(node, *subscribed)
+        self._reader = RawReader(node, *subscribed, identify=True)
         self._states = RepeatedStates()
         self._states_index = next(
             (index for index, topic in enumerate(topics) if topic.name == JOINT_STATES.name), -1
@@ -66,11 +68,17 @@ class BagFeed:
         """Wait up to `timeout` [s]; return whether a message came."""
         return self._reader.wait(timeout)
 
-    def take_all(self) -> None:
-        """Move all waiting messages into the bag; raises BagError."""
+    def take(self, limit: int) -> None:
+        """Move waiting messages into the bag, up to a limit of each topic; raises BagError.
+
+        Without a limit a recorder that is too slow would never do anything else.
+        """
         take, write = self._reader.take, self._writer.write
         for index in range(len(self.names)):
-            while (message := take(index)) is not None:
+            for _ in range(limit):
+                message = take(index)
+                if message is None:
+                    break
                 payload, info = message
                 repeats = 0
                 if index == self._states_index:
@@ -85,9 +93,20 @@ class BagFeed:
                         received,
                         info['source_timestamp'] or received,
                         # What was told again leaves no gap.
-                        info['publication_sequence_number'] - repeats,
+                        self._number(index, info) - repeats,
                     )
                 )
+
+    def _number(self, index: int, info: dict[str, Any]) -> int:
+        """Return a message's number in the bag, whose gaps are lost messages.
+
+        Each publisher numbers its own. A bag knows nothing of publishers: where they are told
+        apart, their messages are numbered as those of one.
+        """
+        number: int = info['publication_sequence_number']
+        if number in UNNUMBERED or 'publisher' not in info:
+            return number
+        return self._reader.count(index) + (self._reader.lost(index) or 0)
 
     def until(self) -> bytes:
         """Return the stamp of the newest joint state, a serialized Time; b'' before the first."""

@@ -12,6 +12,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
 from aerarm_msgs_py.live_topics.executor_source import ExecutorSource
+from aerarm_msgs_py.live_topics.identified_take import IdentifiedTake
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_msgs_py.live_topics.wait_set_source import WaitSetSource
@@ -122,3 +123,52 @@ def test_a_wait_ends_when_the_context_does(ros_domain) -> None:
     reader = RawReader(node, DEEP)
     rclpy.shutdown(context=context)
     assert not reader.wait(0.01)
+
+
+def test_this_ros_names_publishers() -> None:
+    assert IdentifiedTake.available()
+
+
+def test_each_publishers_losses_are_counted(ros_node: Node) -> None:
+    short = Topic('words', String, QoSProfile(depth=5))
+    reader = RawReader(ros_node, short, identify=True)
+    first, second = (ros_node.create_publisher(String, short.name, DEEP.qos) for _ in range(2))
+    wait_until(lambda: reader.publishers() == 2)
+    taken: list[tuple[bytes, dict]] = []
+    published = 0
+
+    def publish(*rounds: tuple[object, int]) -> None:
+        nonlocal published
+        for publisher, count in rounds:
+            for _ in range(count):
+                publisher.publish(String(data='word'))
+                published += 1
+        assert first.wait_for_all_acked()
+        assert second.wait_for_all_acked()
+        wait_until(lambda: reader.wait(1.0))
+        while (message := reader.take()) is not None:
+            taken.append(message)
+
+    publish((first, 1))
+    publish((second, 3))
+    publish((first, 10), (second, 12))  # more than may wait
+    publish((second, 1), (first, 1))
+    assert len(taken) == reader.count()
+    assert 0 < reader.lost() == published - len(taken)
+    payload, info = taken[0]
+    assert deserialize_message(payload, String).data == 'word'
+    assert info['publication_sequence_number'] == 1
+    assert 0 < info['source_timestamp'] <= info['received_timestamp']
+    ids = {bytes(x.endpoint_gid) for x in ros_node.get_publishers_info_by_topic(short.name)}
+    assert {info['publisher'] for _, info in taken} == ids
+    reader.destroy()
+
+
+def test_a_long_message_comes_whole(ros_node: Node) -> None:
+    reader = RawReader(ros_node, DEEP, identify=True)
+    publisher = ros_node.create_publisher(String, DEEP.name, DEEP.qos)
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    for length in (100_000, 3, 1_000_000):
+        publisher.publish(String(data='x' * length))
+        assert take_text(reader) == 'x' * length
+    reader.destroy()
