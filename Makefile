@@ -24,13 +24,14 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup demo experiment view test lint bench clean
+.PHONY: help setup demo experiment view test attacks lint bench clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
 	@echo 'make experiment  the controllers, the drone still, tilted and moving'
 	@echo 'make view        the running arm in a browser'
 	@echo 'make test        lint, type check and all tests'
+	@echo 'make attacks     hundreds of attacks on the bridge in virtual time, and their worst figures'
 	@echo 'make bench       benchmarks beside a baseline or a peer'
 	@echo 'make setup       only install everything into $(VENV)'
 	@echo 'make clean       remove what make and the tests leave'
@@ -62,6 +63,9 @@ lint: setup
 
 test: lint
 	$(BIN)/python -m pytest --numprocesses 3 --dist worksteal
+
+attacks: setup
+	$(BIN)/python test/hardware/attack_campaign.py
 
 bench: setup
 	$(BIN)/python benchmarks/run.py

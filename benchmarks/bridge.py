@@ -75,7 +75,7 @@ class Diagnosed:
         answers = 0
         for step in range(round(seconds / CLIENT_PERIOD)):
             start = time.monotonic()
-            gains = [Parameter('board_kd', value=[0.1 + 0.001 * (step % 50)])]
+            gains = [Parameter('board_kd', value=[0.2 + 0.001 * (step % 50)])]
             for future in (
                 self._client.set_parameters(gains),
                 self._client.get_parameters(['board_kd', 'period']),

@@ -48,6 +48,9 @@ class ArmConfig:
         Posture [rad] to which the arm is brought to rest.
     coupled_joints : tuple of (joint, driver)
         Joints that feel the velocity and acceleration of another one, for identification.
+    rated_payload : tuple of 4 floats
+        The most that the arm carries: mass [kg], and x, y, z of its centre in the frame of the
+        last link's joint [m]. With up to it the bridge's limits hold.
 
     Raises
     ------
@@ -62,6 +65,7 @@ class ArmConfig:
     gravity_in_base: tuple[float, float, float]
     rest_position: tuple[float, ...]
     coupled_joints: tuple[tuple[str, str], ...] = ()
+    rated_payload: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Check what involves more than one part."""
@@ -76,6 +80,7 @@ class ArmConfig:
         self._check_gravity()
         self._check_rest_position()
         self._check_coupled_joints()
+        self._check_rated_payload()
 
     @property
     def n(self) -> int:
@@ -147,6 +152,15 @@ class ArmConfig:
                     f'arm: coupled_joints: {joint}, {driver} are not two of the joints '
                     f'{", ".join(self.joint_names)}'
                 )
+
+    def _check_rated_payload(self) -> None:
+        if len(self.rated_payload) != 4:
+            raise ConfigError(
+                f'arm: rated_payload = {self.rated_payload} needs a mass and x, y, z of its centre'
+            )
+        check_range('arm', 'mass of rated_payload', self.rated_payload[0], 0.0, 100.0, 'kg')
+        for value in self.rated_payload[1:]:
+            check_range('arm', 'centre of rated_payload', value, -10.0, 10.0, 'm')
 
 
 def load_arm_config(path: Path | str | None = None) -> ArmConfig:

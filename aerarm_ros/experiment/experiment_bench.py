@@ -29,7 +29,6 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulated_base import mount_on_base
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
-from aerarm_ros.model.gravity_load import largest_gravity_load
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.motion.joint_reference import JointReference
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
@@ -116,7 +115,7 @@ class ExperimentBench:
         if case.base != STILL:
             mount_on_base(transport, self._robot, BASE_PROFILES[case.base])
         plant = transport.plant
-        bridge = BridgeCycle(self._config, transport, load_max=largest_gravity_load(self._robot))
+        bridge = BridgeCycle(self._config, transport, robot=self._robot)
         transport.open()
         now = self._enable(bridge)
         source, estimator = MotionSource(self._motion), self._estimator(case)

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
 from aerarm_ros.hardware.boards.board_link import make_links
 from aerarm_ros.hardware.boards.board_mode import BoardMode
@@ -17,9 +18,11 @@ from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_buffer import Array, CommandBuffer
 from aerarm_ros.hardware.gate.command_intake import CommandIntake
+from aerarm_ros.hardware.gate.joint_loads import JointLoads
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 from aerarm_ros.hardware.transports.transport import Transport
+from aerarm_ros.model.gravity_load import largest_gravity_load
 
 MODES = (
     'disconnected',
@@ -65,7 +68,15 @@ class BridgeCycle:
         Frames of the boards; that of the configuration if not given.
     load_max
         (n,) or one for all: largest torque [Nm] that gravity asks of a joint however the base
-        turns, for a base that moves. See `EncoderMonitor`.
+        turns, for a base that moves; from `robot` if not given. See `EncoderMonitor`.
+    robot
+        The arm as drawn, of which the limits' barriers take what the joints carry and move; the
+        packaged one if not given.
+
+    Raises
+    ------
+    ValueError
+        If configuration, robot and profile do not fit each other.
 
     Attributes
     ----------
@@ -91,7 +102,8 @@ class BridgeCycle:
         transport: Transport,
         settings: BridgeSettings | None = None,
         profile: FrameProfile | None = None,
-        load_max: ArrayLike = 0.0,
+        load_max: ArrayLike | None = None,
+        robot: Robot | None = None,
     ) -> None:
         settings = settings or BridgeSettings()
         profile = profile or load_profile(config.profile)
@@ -108,13 +120,19 @@ class BridgeCycle:
             settings,
             effort_supported=profile.command.has('current'),
         )
-        self.gate = SafetyGate(config, settings)
+        robot = robot or load_robot(gravity_in_base=config.gravity_in_base)
+        loads = JointLoads(config, robot)
+        self.gate = SafetyGate(config, settings, loads)
         self.links = make_links(config, profile, settings, transport)
         self.mode = 'disconnected'
         self.cycles = 0
         self._config = config
         self._transport = transport
-        self._references = MotorReferences(config, profile, settings.position_error_max)
+        self._references = MotorReferences(
+            config, profile, settings.position_error_max, loads.damping_min
+        )
+        if load_max is None:
+            load_max = largest_gravity_load(robot)
         self._encoders = EncoderMonitor(config, settings.stall_time, load_max)
         self._report = BridgeReport(self.intake, self.gate, self.links)
         self._standstill = CommandBuffer.standstill(config.n)
@@ -238,6 +256,7 @@ class BridgeCycle:
         self._transport.advance(now)
         # Boards answer before they take a command: what they tell came of the one before.
         gains, feed_forward = self._references.gains, self._references.feed_forward
+        noise = self._references.braking_noise
         running = self._choose_references(now, dt)
         for link in self.links:
             enable = self._enabled and not (self.gate.stop and not link.may_be_damped(now))
@@ -245,7 +264,7 @@ class BridgeCycle:
         self._aligned = all(link.is_aligned for link in self.links)
         self.state.read(self.links, self._references.zero, gains, dt, self._current_lag)
         self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
-        self._watch(now, feed_forward)
+        self._watch(now, feed_forward, noise)
         self.mode = self._current_mode(now)
 
     def shutdown(self) -> None:
@@ -258,15 +277,25 @@ class BridgeCycle:
 
     def _choose_references(self, now: float, dt: float) -> bool:
         """Set what the motors shall do; return whether a command is followed."""
-        references = self._references
+        references, gate = self._references, self.gate
         if not self._enabled:
             references.release()
+            gate.look_away()
             return False
+        gate.watch(self.q, self.dq, references.torques(self.q, self.dq), dt)
+        followed = self._follow(now, dt)
+        if self._aligned and references.keep_within(gate.barriers, self._encoders.trusted):
+            gate.note_braking(now)
+        return followed
+
+    def _follow(self, now: float, dt: float) -> bool:
+        """Set the references of the command; return whether one is followed."""
+        references = self._references
         command = None if self.gate.stop else self._current_command(now)
         if command is not None:
-            limited = self.gate.limit(command, self.q, self.dq, dt, now)
+            limited = self.gate.limit(command, self.q, dt, now)
             if not self.gate.stop:
-                references.track(limited, self.gate.brake, self.q, dt)
+                references.track(limited, self.q, dt)
                 return self._followed
         self.gate.restart()
         references.damp(self._encoders.trusted)
@@ -295,7 +324,7 @@ class BridgeCycle:
                 self.state.read(self.links, homing.zero, self._references.gains)
         return homing.command
 
-    def _watch(self, now: float, feed_forward: Array) -> None:
+    def _watch(self, now: float, feed_forward: Array, noise: Array) -> None:
         """Look for faults of boards, encoders and joints."""
         for link in self.links:
             if link.monitor.mode is BoardMode.FAULT:
@@ -310,6 +339,7 @@ class BridgeCycle:
                 state.fresh,
                 now,
                 feed_forward,
+                noise,
             )
             if text:
                 self.gate.trip(text)

@@ -122,6 +122,12 @@ def from_pseudo_inertia(matrix: npt.ArrayLike) -> Array:
     return pi
 
 
+def point_mass(mass: float, centre: npt.ArrayLike) -> Array:
+    """Return the inertial parameters (10,) of a mass [kg] at one point (3,) [m]."""
+    point = np.append(np.asarray(centre, dtype=float), 1.0)
+    return from_pseudo_inertia(mass * np.outer(point, point))
+
+
 def minimum_eigenvalue(pi: npt.ArrayLike) -> float:
     """Return the smallest eigenvalue of all the pseudo-inertia matrices of `pi`.
 

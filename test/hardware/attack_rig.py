@@ -36,7 +36,6 @@ from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.emulation.fault_injection import inject
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
-from aerarm_ros.model.gravity_load import largest_gravity_load
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 PERIOD = 1e-3
@@ -149,9 +148,7 @@ class AttackRig:
         self.log = AttackLog()
         self._script = delays
         self.world = AttackWorld(self.boards, self._look)
-        self.bridge = BridgeCycle(
-            config, self.world, settings, load_max=largest_gravity_load(robot)
-        )
+        self.bridge = BridgeCycle(config, self.world, settings, robot=robot)
         if gains is not None:
             self.bridge.set_gains(*gains)
         self.cycles = 0

@@ -41,7 +41,7 @@ class Rig:
             alignment=QUICK,
             **emulation,  # type: ignore[arg-type]
         )
-        self.bridge = BridgeCycle(config, self.boards, settings)
+        self.bridge = BridgeCycle(config, self.boards, settings, robot=robot)
         self.now = 100.0
 
     @property

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.hardware.bridge_cycle import MODES
+from aerarm_ros.hardware.bridge_cycle import MODES, BridgeCycle
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.model.dynamics import Dynamics
 
 AMPLITUDE = np.array([0.4, 0.3, 0.5, 0.6])
@@ -281,3 +283,27 @@ def test_late_and_missed_cycles_do_no_harm(rig):
         rig.run(1e-3, reference)
     assert rig.bridge.mode == 'running', rig.bridge.faults
     assert np.abs(rig.plant.velocity).max() < 2.0
+
+
+def weak(config, **changes):
+    """Return the arm with joint 4 changed."""
+    return replace(config, joints=(*config.joints[:3], replace(config.joints[3], **changes)))
+
+
+@pytest.mark.parametrize(
+    ('changes', 'text'),
+    [
+        ({'effort_max': 0.01}, 'effort_max = 0.01 Nm does not hold the arm'),
+        ({'board_kd': 0.0}, 'kd of joint4 is 0 A s/rad'),
+    ],
+)
+def test_a_drive_that_could_not_damp_the_arm_is_refused(make_rig, config, changes, text):
+    with pytest.raises(ValueError, match=text):
+        make_rig(config=weak(config, **changes))
+
+
+def test_what_no_frame_could_say_is_refused_at_once(config, robot):
+    # A saturation in steps of 40 A is 0 for these motors, which some boards take for none.
+    profile = load_profile().with_lsb('current_saturation', 40.0)
+    with pytest.raises(ValueError, match='board0 cannot be told its limits: current_saturation'):
+        BridgeCycle(config, make_emulated_transport(config, robot), profile=profile)

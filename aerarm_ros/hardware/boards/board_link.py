@@ -27,6 +27,11 @@ class BoardLink:
     profile, settings, transport
         Layout of the frames, tolerances, and the way to the board.
 
+    Raises
+    ------
+    ValueError
+        If no frame can hold the time-out or a saturation.
+
     Attributes
     ----------
     monitor
@@ -59,6 +64,11 @@ class BoardLink:
         # A channel without a motor is never enabled; its saturation only may not be 0.
         saturation = [value or 1.0 for value in current_saturation]
         self._command = BoardCommand(timeout=settings.board_timeout, current_saturation=saturation)
+        # What no frame can hold shows now, not when the board is to be switched off.
+        try:
+            self._codec.encode(self._switched_off())
+        except FrameError as error:
+            raise ValueError(f'{name} cannot be told its limits: {error}') from None
 
     @property
     def is_aligned(self) -> bool:

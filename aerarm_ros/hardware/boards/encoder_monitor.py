@@ -31,7 +31,7 @@ class EncoderMonitor:
     without moving by a count. So what was commanded as effort is believed, up to the torque
     that a load can ask for; what the boards' feedback adds is not, for it acts only where
     reference and angle differ. Nor does it matter which of the two carries a load that was
-    carried before.
+    carried before. A joint that the bridge itself brakes is believed to carry what its model says.
 
     Parameters
     ----------
@@ -77,6 +77,7 @@ class EncoderMonitor:
         fresh: Mask,
         now: float,
         feed_forward: Array | None = None,
+        braking_noise: Array | None = None,
     ) -> str:
         """Return what is wrong with an encoder, or ''.
 
@@ -91,22 +92,27 @@ class EncoderMonitor:
         feed_forward
             (n,) the part of the current that was commanded as effort [A]; none if not given.
             Boards answer before they take a command: it is that of the cycle before.
+        braking_noise
+            (n,) for joints that the bridge brakes itself, the current that counts of the encoder
+            make of its torque [A]; 0 for the others, none are braked if not given.
         """
         first = ''
         given = [0.0] * len(self._encoders) if feed_forward is None else feed_forward.tolist()
+        noise = [0.0] * len(given) if braking_noise is None else braking_noise.tolist()
         rows = zip(
             self._encoders,
             position.tolist(),
             current.tolist(),
             given,
+            noise,
             fresh.tolist(),
             strict=True,
         )
-        for i, (encoder, angle, amperes, commanded, is_fresh) in enumerate(rows):
+        for i, (encoder, angle, amperes, commanded, noisy, is_fresh) in enumerate(rows):
             if not is_fresh:
                 encoder.plausible = now
                 continue
-            fault = encoder.update(angle, amperes, commanded, now, self._stall_time)
+            fault = encoder.update(angle, amperes, commanded, noisy, now, self._stall_time)
             if fault:
                 self.trusted[i] = False
                 first = first or fault
@@ -122,6 +128,7 @@ class _Encoder:
         'load',
         'moving_current',
         'moving_feedback',
+        'moving_noise',
         'name',
         'plausible',
         'position',
@@ -137,10 +144,17 @@ class _Encoder:
         self.seen = 0.0
         self.moving_current = 0.0  # [A] when the angle last changed
         self.moving_feedback = 0.0  # [A] part of it that was not commanded as effort
+        self.moving_noise = 0.0  # [A] of it, if the joint was braked
         self.plausible = 0.0
 
     def update(
-        self, position: float, current: float, commanded: float, now: float, stall_time: float
+        self,
+        position: float,
+        current: float,
+        commanded: float,
+        noise: float,
+        now: float,
+        stall_time: float,
     ) -> str:
         """Take an angle [rad] and currents [A]; return what is wrong, or ''."""
         change = abs(position - self.position)
@@ -155,9 +169,10 @@ class _Encoder:
         feedback = current - commanded
         if change != 0.0:
             self.moving_current, self.moving_feedback = current, feedback
-        held = self.held + _LOAD_SHARE * abs(current)
+            self.moving_noise = noise
+        held = self.held + _LOAD_SHARE * abs(current) + max(noise, self.moving_noise)
         unexplained = abs(current - self.moving_current)
-        if abs(current) <= self.load:
+        if noise or abs(current) <= self.load:
             unexplained = min(unexplained, abs(feedback - self.moving_feedback))
         if unexplained <= held or elapsed > _PAUSE:
             self.plausible = now

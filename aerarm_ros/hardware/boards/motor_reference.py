@@ -2,6 +2,8 @@
 
 from math import nan
 
+from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
+
 
 class MotorReference:
     """Reference and gains of one motor, as the board's law (4.4) takes them.
@@ -16,11 +18,21 @@ class MotorReference:
         [A/Nm].
     position_min, position_max
         Limits of the joint [rad].
+    effort_max
+        Largest torque of the joint [Nm].
+    braking_kd
+        Damping with which a joint is braked, whatever gains are set [A s/rad].
 
     Attributes
     ----------
     position, velocity, current, kp, kd, integral_gain
         As in `BoardCommand`: [rad], [rad/s], [A], [A/rad], [A s/rad], [A/(rad s)].
+    believed
+        Current that a load explains, however the joint moves [A]: the effort commanded, or what
+        a braked joint carries.
+    noise
+        Current that the encoder's counts make of the torque of a braked joint [A]; 0 if it is not
+        braked.
     zero
         Angle [rad] that the board reports where the motor's angle is zero.
     joint_position
@@ -31,17 +43,22 @@ class MotorReference:
         '_board_integral_gain',
         '_board_kd',
         '_board_kp',
+        '_braking_kd',
         '_current_per_effort',
+        '_effort_max',
         '_highest',
+        '_integrates',
         '_intercept',
         '_lowest',
         '_reach',
         '_slope',
+        'believed',
         'current',
         'integral_gain',
         'joint_position',
         'kd',
         'kp',
+        'noise',
         'position',
         'velocity',
         'zero',
@@ -54,10 +71,13 @@ class MotorReference:
         current_per_effort: float,
         position_min: float,
         position_max: float,
+        effort_max: float,
+        braking_kd: float,
     ) -> None:
         self._slope, self._intercept = slope, intercept
         self._current_per_effort = current_per_effort
         self._lowest, self._highest = position_min, position_max
+        self._effort_max, self._braking_kd = effort_max, braking_kd
         self.zero = 0.0
         self.set_gains(0.0, 0.0, 0.0, 0.0)
         self.release()
@@ -79,17 +99,23 @@ class MotorReference:
     def release(self) -> None:
         """Ask for nothing: no current, no gains."""
         self.position = self.velocity = self.current = 0.0
-        self.kp = self.kd = self.integral_gain = 0.0
+        self.kp = self.kd = self.integral_gain = self.believed = self.noise = 0.0
         self.joint_position = nan
+        self._integrates = False
 
     def damp(self) -> None:
         """Ask for no current but what brakes the joint to rest."""
         self.release()
         self.kd = self._board_kd
 
-    def track(
-        self, position: float, velocity: float, effort: float, brake: float, q: float, dt: float
-    ) -> None:
+    def torque(self, q: float, dq: float) -> float:
+        """Return the joint torque [Nm] of the board's law for a joint at q [rad], dq [rad/s]."""
+        error = self.position - self.zero - self._slope * q - self._intercept
+        slip = self.velocity - self._slope * dq
+        current = self.kp * error + self.kd * slip + self.current
+        return min(max(current / self._current_per_effort, -self._effort_max), self._effort_max)
+
+    def track(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
         """Follow a limited reference; arguments as in `MotorReferences.track`, for one joint."""
         stiff = position == position or velocity == velocity
         speed = velocity if velocity == velocity else 0.0
@@ -103,11 +129,40 @@ class MotorReference:
         self.kp = self._board_kp if stiff else 0.0
         self.kd = self._board_kd if stiff else 0.0
         self.integral_gain = self._board_integral_gain if stiff else 0.0
-        if brake == brake:
-            speed, self.kd = brake, self._board_kd
+        self._integrates = stiff and position != position
         self.position = self._slope * reference + self._intercept + self.zero
         self.velocity = self._slope * speed
         self.current = self._current_per_effort * effort if effort == effort else 0.0
+        self.believed, self.noise = self.current, 0.0
+
+    def keep_within(self, barrier: JointBarrier) -> bool:
+        """Brake the joint instead if the references ask for more than a barrier lets pass.
+
+        The torque is then the barrier's, put as a speed that the board damps to: it can be said
+        without a feed-forward current, and while it is held the joint's own speed lowers it.
+
+        Returns
+        -------
+        bool
+            Whether the joint is braked.
+        """
+        q, dq = barrier.q, barrier.filtered
+        asked = self.torque(q, dq)
+        if barrier.lowest <= asked <= barrier.highest:
+            return False
+        allowed = barrier.highest if asked > barrier.highest else barrier.lowest
+        torque = min(max(allowed, -self._effort_max), self._effort_max)
+        if self._integrates and self.kp > 0.0:
+            # The integral of a velocity reference does not wind up.
+            excess = (asked - torque) * self._current_per_effort / (self.kp * self._slope)
+            self.joint_position -= excess
+        self.kp = self.integral_gain = self.current = 0.0
+        self.kd = self._braking_kd
+        self.believed = barrier.load * self._current_per_effort
+        self.noise = barrier.noise * abs(self._current_per_effort)
+        self.position = self._slope * q + self._intercept + self.zero
+        self.velocity = self._slope * dq + torque * self._current_per_effort / self.kd
+        return True
 
     def _integrated(self, step: float, q: float) -> float:
         """Return the last reference moved on by a step [rad], within reach and limits."""

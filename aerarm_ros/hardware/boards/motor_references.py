@@ -1,5 +1,7 @@
 """From what the joints shall do to what the boards' law (4.4) is given."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -7,6 +9,7 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.boards.motor_reference import MotorReference
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.command_buffer import Array, CommandBuffer, Mask
+from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 from aerarm_ros.model.drive_train import DriveTrain
 
 
@@ -28,6 +31,15 @@ class MotorReferences:
     reach_max
         Largest distance of an integrated reference from the arm [rad].
 
+    damping_min
+        (n,) or one for all: least damping that kd may give a joint [Nms/rad], so that an arm
+        that is stopped does not fall; see `JointLoads`.
+
+    Raises
+    ------
+    ValueError
+        If the frame cannot hold the configuration's gains, or its damping is too small.
+
     Attributes
     ----------
     motors
@@ -36,7 +48,13 @@ class MotorReferences:
         (n,) angles [rad] that the boards report where the motors' angle is zero.
     """
 
-    def __init__(self, config: ArmConfig, profile: FrameProfile, reach_max: float) -> None:
+    def __init__(
+        self,
+        config: ArmConfig,
+        profile: FrameProfile,
+        reach_max: float,
+        damping_min: ArrayLike = 0.0,
+    ) -> None:
         drive = DriveTrain(config)
         ones, zeros = np.ones(config.n), np.zeros(config.n)
         columns = (
@@ -45,6 +63,8 @@ class MotorReferences:
             drive.effort_to_current(ones),
             config.column('position_min'),
             config.column('position_max'),
+            config.column('effort_max'),
+            config.column('board_kd'),
         )
         self.motors = [MotorReference(*row) for row in np.transpose(columns).tolist()]
         self.zero: Array = zeros
@@ -52,6 +72,8 @@ class MotorReferences:
         self._drive = drive
         self._effort_max = config.column('effort_max')
         self._reach_max = reach_max
+        self._names = config.joint_names
+        self._kd_min = drive.joint_to_motor_gain(np.broadcast_to(damping_min, (config.n,)))
         self.set_gains(config.column('board_kp'), config.column('board_kd'))
 
     @property
@@ -65,13 +87,19 @@ class MotorReferences:
 
     @property
     def feed_forward(self) -> Array:
-        """Currents commanded as effort, (n,) [A], motor side."""
-        return np.array([motor.current for motor in self.motors])
+        """Currents (n,) commanded as effort, or of a braked joint's load [A], motor side."""
+        return np.array([motor.believed for motor in self.motors])
+
+    @property
+    def braking_noise(self) -> Array:
+        """Currents (n,) that counts make of a braked joint's torque [A]; 0 where none is braked."""
+        return np.array([motor.noise for motor in self.motors])
 
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
         """Set the boards' gains, motor side: (n,) or one for all [A/rad], [A s/rad], [A/(rad s)].
 
-        Raises ValueError, and changes nothing, if the frame cannot hold one of them.
+        Raises ValueError, and changes nothing, if the frame cannot hold one of them or kd does
+        not damp a joint.
         """
         gains = self.check_gains(kp, kd, integral_gain)
         stiffness = np.maximum(self._drive.motor_to_joint_gain(gains[0]), 1e-9)
@@ -84,7 +112,19 @@ class MotorReferences:
     ) -> list[Array]:
         """Return the three gains as (n,), or raise what `set_gains` would raise."""
         named = zip(('kp', 'kd', 'integral_gain'), (kp, kd, integral_gain), strict=True)
-        return [self._checked(name, gain) for name, gain in named]
+        gains = [self._checked(name, gain) for name, gain in named]
+        # What the frame makes of it counts: a field may be coarse.
+        count = self._profile.command.count_of('kd')
+        damping = np.round(gains[1] / count) * count
+        for name, given, least in zip(
+            self._names, damping.tolist(), self._kd_min.tolist(), strict=True
+        ):
+            if given < least:
+                raise ValueError(
+                    f'kd of {name} is {given:.4g} A s/rad: an arm that is stopped would fall, '
+                    f'give {least:.4g} at least'
+                )
+        return gains
 
     def set_zero(self, zero: Array) -> None:
         """Change `zero` (n,) [rad] without moving the motors: the joints' angles change instead."""
@@ -97,6 +137,30 @@ class MotorReferences:
         for motor in self.motors:
             motor.release()
 
+    def torques(self, q: Array, dq: Array) -> Array:
+        """Return the torques (n,) [Nm] of the boards' laws for joints at q, dq (n,)."""
+        rows = zip(self.motors, q.tolist(), dq.tolist(), strict=True)
+        return np.array([motor.torque(angle, speed) for motor, angle, speed in rows])
+
+    def keep_within(self, barriers: Sequence[JointBarrier], trusted: Mask) -> bool:
+        """Brake joints whose references ask for more than their barriers let pass.
+
+        Parameters
+        ----------
+        barriers
+            One a joint.
+        trusted
+            (n,) False for joints whose encoder is not believed: they have no barrier.
+
+        Returns
+        -------
+        bool
+            Whether a joint is braked.
+        """
+        rows = zip(self.motors, barriers, trusted.tolist(), strict=True)
+        braked = [motor.keep_within(barrier) for motor, barrier, known in rows if known]
+        return True in braked
+
     def damp(self, trusted: Mask) -> None:
         """Damp the joints to rest; those whose encoder is not trusted get no current."""
         for motor, is_trusted in zip(self.motors, trusted.tolist(), strict=True):
@@ -105,15 +169,13 @@ class MotorReferences:
             else:
                 motor.release()
 
-    def track(self, command: CommandBuffer, brake: Array, q: Array, dt: float) -> None:
+    def track(self, command: CommandBuffer, q: Array, dt: float) -> None:
         """Follow a limited command.
 
         Parameters
         ----------
         command
             References of the joints.
-        brake
-            (n,) velocities to which torque-controlled joints are damped [rad/s], or NaN.
         q
             (n,) measured positions [rad].
         dt
@@ -124,12 +186,11 @@ class MotorReferences:
             command.q.tolist(),
             command.dq.tolist(),
             command.tau.tolist(),
-            brake.tolist(),
             q.tolist(),
             strict=True,
         )
-        for motor, position, velocity, effort, speed, angle in rows:
-            motor.track(position, velocity, effort, speed, angle, dt)
+        for motor, position, velocity, effort, angle in rows:
+            motor.track(position, velocity, effort, angle, dt)
 
     def _checked(self, name: str, gain: ArrayLike) -> Array:
         values, n = np.array(gain, dtype=float), len(self.motors)

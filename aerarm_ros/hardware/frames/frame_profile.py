@@ -52,6 +52,10 @@ class FrameLayout:
         sizes = [e.count_range[1] * e.si_per_count for e in self.fields if e.name == name]
         return min(sizes, default=0.0)
 
+    def count_of(self, name: str) -> float:
+        """Return the SI value of one count of a quantity, 0 if the frame has none of it."""
+        return max((e.si_per_count for e in self.fields if e.name == name), default=0.0)
+
 
 @dataclass(frozen=True)
 class FrameProfile:

@@ -29,13 +29,16 @@ class BridgeSettings:
     alignment_timeout
         Longest time a board may take to align its motors [s].
     soft_zone
-        Distance from a position limit at which motion towards it starts to be slowed [rad].
+        Distance over which the speed towards a position limit falls from the velocity limit to
+        zero, where braking does not need more [rad].
     position_tolerance
         Distance beyond a position limit at which the arm is stopped [rad].
     velocity_factor, effort_factor
         Multiples of the velocity and effort limits at which the arm is stopped.
     position_error_max
         Distance of a position reference from the arm at which the arm is stopped [rad].
+    velocity_lag
+        Time constant of the boards' low-pass of the motors' speeds [s].
     current_lag
         Time constant of the boards' current loop, for the mean torque of a cycle [s].
     stall_time
@@ -62,6 +65,7 @@ class BridgeSettings:
             'velocity_factor': (1.0, 5.0),  # limits come before stops
             'effort_factor': (1.0, 5.0),
             'position_error_max': (0.01, 2.0),
+            'velocity_lag': (1e-5, 0.02),
             'current_lag': (1e-6, 0.05),
             'stall_time': (0.005, 60.0),
         }
@@ -81,6 +85,7 @@ class BridgeSettings:
     velocity_factor: float = 1.25
     effort_factor: float = 2.0
     position_error_max: float = 0.5
+    velocity_lag: float = 1.59e-3  # 100 Hz
     current_lag: float = 0.19e-3
     stall_time: float = 0.05
 

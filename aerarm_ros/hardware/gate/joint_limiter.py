@@ -4,23 +4,30 @@ from math import nan
 
 from aerarm_ros.description.joint_config import JointConfig
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 
 # What a limit did to a command, for the list of faults.
 LIMITED: dict[str, str] = {
     'position': 'a position reference beyond its limit was held at the limit',
     'velocity': 'a reference faster than the velocity limit was slowed to it',
     'soft_zone': 'motion towards a position limit was slowed near it',
+    'braking': 'a joint was braked before a limit of position or speed',
     'effort': 'an effort above its limit was cut to the limit',
     'effort_rate': 'an effort that changed too fast was slowed',
 }
 
 
+# A reference has at most this share of the speed from which the joint can be braked, and may
+# always have this share of the speed limit, or it would never reach the position limit.
+_REFERENCE_SHARE = 0.96
+_CREEP_SHARE = 0.005
+
+
 class JointLimiter:
     """Limits what one joint is asked to do, and tells what goes too far to be limited.
 
-    In the soft zone before a position limit, the speed and the effort towards the limit are
-    scaled down with the distance left. A joint under torque control that is faster than this
-    allows is braked: `brake` is then the velocity to which the board shall damp it.
+    References towards a position limit are slowed to what the joint can still be braked from,
+    with a little to spare. What a joint then does is the `barrier`'s.
 
     Plain numbers, not arrays: for four joints that is faster, and NaN means unused.
 
@@ -28,8 +35,8 @@ class JointLimiter:
     ----------
     position, velocity, effort
         The limited references [rad], [rad/s], [Nm]; NaN where unused.
-    brake
-        Velocity to damp to [rad/s], NaN if the joint need not be braked.
+    barrier
+        Says from which speed the joint can be braked.
     limited
         Names of the limits that acted in the last call, keys of `LIMITED`.
     """
@@ -44,15 +51,16 @@ class JointLimiter:
         '_position_min',
         '_settings',
         '_velocity_max',
-        'brake',
+        'barrier',
         'effort',
         'limited',
         'position',
         'velocity',
     )
 
-    def __init__(self, joint: JointConfig, settings: BridgeSettings) -> None:
-        self.position = self.velocity = self.effort = self.brake = nan
+    def __init__(self, joint: JointConfig, settings: BridgeSettings, barrier: JointBarrier) -> None:
+        self.position = self.velocity = self.effort = nan
+        self.barrier = barrier
         self.limited: list[str] = []
         self._name = joint.name
         self._settings = settings
@@ -99,45 +107,40 @@ class JointLimiter:
             what = f'an effort of {effort:.2f} Nm, its limit is {self._effort_max:.2f}'
         return what and f'{self._name} was commanded {what}: check the controller'
 
-    def limit(
-        self, position: float, velocity: float, effort: float, q: float, dq: float, dt: float
-    ) -> None:
-        """Limit references for a joint at q [rad], dq [rad/s], dt [s] after the last call."""
+    def limit(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
+        """Limit references for a joint at q [rad], dt [s] after the last call."""
         self.limited.clear()
-        zone = self._settings.soft_zone
-        room_up = room_down = 1.0
-        if not self._position_min + zone <= q <= self._position_max - zone:
-            room_up = min(max((self._position_max - q) / zone, 0.0), 1.0)
-            room_down = min(max((q - self._position_min) / zone, 0.0), 1.0)
-        fastest, slowest = self._velocity_max * room_up, -self._velocity_max * room_down
         self.position = position if position != position else self._position(position, q, dt)
         self._last_position = self.position
         self.velocity = velocity
         if velocity == velocity:
             velocity = self._held(velocity, -self._velocity_max, self._velocity_max, 'velocity')
+            slowest, fastest = self._speeds(q)
             self.velocity = self._held(velocity, slowest, fastest, 'soft_zone')
-        torque_controlled = position != position and velocity != velocity
-        if not torque_controlled:
-            room_up = room_down = 1.0
-        self.effort = self._effort(effort, room_down, room_up, dt)
-        self.brake = nan
-        if torque_controlled and not slowest <= dq <= fastest:
-            self.brake = self._held(dq, slowest, fastest, 'soft_zone')
+        self.effort = self._effort(effort, dt)
+
+    def _speeds(self, q: float) -> tuple[float, float]:
+        """Return the most negative and the most positive speed of a reference at q [rad]."""
+        speed, creep = self.barrier.speed, _CREEP_SHARE * self._velocity_max
+        up = _REFERENCE_SHARE * speed(self._position_max - q)
+        down = _REFERENCE_SHARE * speed(q - self._position_min)
+        most = self._velocity_max
+        return -min(max(down, creep), most), min(max(up, creep), most)
 
     def _position(self, position: float, q: float, dt: float) -> float:
         position = self._held(position, self._position_min, self._position_max, 'position')
         # A reference that steps is led there at the largest speed allowed.
         start = q if self._last_position != self._last_position else self._last_position
         step = self._velocity_max * dt
-        return self._held(position, start - step, start + step, 'velocity')
+        position = self._held(position, start - step, start + step, 'velocity')
+        slowest, fastest = self._speeds(start)
+        return self._held(position, start + slowest * dt, start + fastest * dt, 'soft_zone')
 
-    def _effort(self, effort: float, room_down: float, room_up: float, dt: float) -> float:
+    def _effort(self, effort: float, dt: float) -> float:
         if effort != effort:
             self._last_effort = 0.0
             return effort
-        most = self._effort_max
-        effort = self._held(effort, -most, most, 'effort')
-        effort = self._held(effort, -most * room_down, most * room_up, 'soft_zone')
+        effort = self._held(effort, -self._effort_max, self._effort_max, 'effort')
         step = self._effort_rate_max * dt
         last = self._last_effort
         self._last_effort = self._held(effort, last - step, last + step, 'effort_rate')

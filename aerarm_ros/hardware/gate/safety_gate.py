@@ -1,14 +1,14 @@
 """The last word on what the motors are asked to do."""
 
 from collections import Counter
-from math import inf, nan
-
-import numpy as np
+from math import inf
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_buffer import Array, CommandBuffer
+from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 from aerarm_ros.hardware.gate.joint_limiter import JointLimiter
+from aerarm_ros.hardware.gate.joint_loads import JointLoads
 
 
 class SafetyGate:
@@ -24,6 +24,8 @@ class SafetyGate:
         The joints' limits.
     settings
         Tolerances and the soft zone.
+    loads
+        What the joints carry and move.
 
     Attributes
     ----------
@@ -33,18 +35,29 @@ class SafetyGate:
         Number of times each limit acted on a joint, by its name in `joint_limiter.LIMITED`.
     last_limited, last_limited_time
         The last limit that acted, and when [s].
-    brake
-        (n,) velocities [rad/s] to which torque-controlled joints that are too fast shall be
-        damped; NaN for the others.
+    barriers
+        One `JointBarrier` a joint, as of the last call of `watch`.
     """
 
-    def __init__(self, config: ArmConfig, settings: BridgeSettings) -> None:
+    def __init__(self, config: ArmConfig, settings: BridgeSettings, loads: JointLoads) -> None:
         self.stop = ''
         self.limited: Counter[str] = Counter()
         self.last_limited = ''
         self.last_limited_time = -inf
-        self.brake: Array = np.full(config.n, nan)
-        self._joints = [JointLimiter(joint, settings) for joint in config.joints]
+        self.barriers = [
+            JointBarrier(joint, settings, deceleration, inertia)
+            for joint, deceleration, inertia in zip(
+                config.joints,
+                loads.deceleration.tolist(),
+                loads.inertia_max.tolist(),
+                strict=True,
+            )
+        ]
+        self._loads = loads
+        self._joints = [
+            JointLimiter(joint, settings, barrier)
+            for joint, barrier in zip(config.joints, self.barriers, strict=True)
+        ]
         self._out = CommandBuffer(config.n)
 
     def trip(self, reason: str) -> None:
@@ -61,6 +74,7 @@ class SafetyGate:
         """Forget the last command: the next one starts from where the arm is."""
         for joint in self._joints:
             joint.restart()
+        # The barriers go on: they watch the arm, not the commands.
 
     def is_inside(self, q: Array) -> bool:
         """Whether the joints (n,) [rad] are within their limits, tolerance included."""
@@ -74,14 +88,33 @@ class SafetyGate:
         violations = (joint.state_violation(angle, speed) for joint, angle, speed in rows)
         return next(filter(None, violations), '')
 
-    def limit(
-        self, command: CommandBuffer, q: Array, dq: Array, dt: float, now: float
-    ) -> CommandBuffer:
-        """Return the command within limits, for a state q (n,) [rad], dq (n,) [rad/s].
+    def watch(self, q: Array, dq: Array, effort: Array, dt: float) -> None:
+        """Update `barriers`; once a cycle while the motors are driven.
+
+        Arguments as those of `JointBarrier.update`, for n joints.
+        """
+        loads, inertias = self._loads.at(q, dq, effort)
+        rows = zip(
+            self.barriers, q.tolist(), dq.tolist(), effort.tolist(), loads, inertias, strict=True
+        )
+        for barrier, angle, speed, torque, load, inertia in rows:
+            barrier.update(angle, speed, torque, load, inertia, dt)
+
+    def look_away(self) -> None:
+        """Forget how the arm moved: its motors are off."""
+        for barrier in self.barriers:
+            barrier.restart()
+
+    def note_braking(self, now: float) -> None:
+        """Count that a joint was braked at a barrier, at `now` [s]."""
+        self._note('braking', now)
+
+    def limit(self, command: CommandBuffer, q: Array, dt: float, now: float) -> CommandBuffer:
+        """Return the command within limits, for joints at q (n,) [rad].
 
         `dt` is the time since the last call [s], `now` the time for the record [s]. The
-        returned object and `brake` are overwritten by the next call. A violation trips the
-        stop: look at `stop` before using the result.
+        returned object is overwritten by the next call. A violation trips the stop: look at
+        `stop` before using the result.
         """
         rows = zip(
             self._joints,
@@ -89,21 +122,21 @@ class SafetyGate:
             command.dq.tolist(),
             command.tau.tolist(),
             q.tolist(),
-            dq.tolist(),
             strict=True,
         )
-        for joint, position, velocity, effort, q_now, dq_now in rows:
+        for joint, position, velocity, effort, q_now in rows:
             violation = joint.command_violation(position, velocity, effort, q_now)
             if violation:
                 self.trip(violation)
-            joint.limit(position, velocity, effort, q_now, dq_now, dt)
-            if joint.limited:
-                self.limited.update(joint.limited)
-                self.last_limited = joint.limited[-1]
-                self.last_limited_time = now
+            joint.limit(position, velocity, effort, q_now, dt)
+            for name in joint.limited:
+                self._note(name, now)
         out = self._out
         out.q[:] = [joint.position for joint in self._joints]
         out.dq[:] = [joint.velocity for joint in self._joints]
         out.tau[:] = [joint.effort for joint in self._joints]
-        self.brake[:] = [joint.brake for joint in self._joints]
         return out
+
+    def _note(self, limit: str, now: float) -> None:
+        self.limited[limit] += 1
+        self.last_limited, self.last_limited_time = limit, now

@@ -32,11 +32,15 @@ _SETTINGS = {
     'slow_exchanges_max': ('', 'consecutive slow exchanges that are a fault'),
     'connect_frames': ('', 'consecutive good frames after which a board counts as connected'),
     'alignment_timeout': ('s', 'longest time a board may take to align its motors'),
-    'soft_zone': ('rad', 'distance from a position limit at which motion towards it is slowed'),
+    'soft_zone': (
+        'rad',
+        'distance from a position limit over which motion towards it is slowed, if not before',
+    ),
     'position_tolerance': ('rad', 'distance beyond a position limit at which the arm is stopped'),
     'velocity_factor': ('', 'multiple of the velocity limits at which the arm is stopped'),
     'effort_factor': ('', 'multiple of the effort limits at which the arm is stopped'),
     'position_error_max': ('rad', 'distance of a reference from the arm at which it is stopped'),
+    'velocity_lag': ('s', "time constant of the boards' low-pass of the motors' speeds"),
     'current_lag': ('s', "time constant of the boards' current loop, for the mean torque"),
     'stall_time': ('s', 'standstill under a torque that must move the joint that is a fault'),
 }
@@ -82,7 +86,7 @@ BRIDGE_PARAMETERS = (
         # What a profile's fields hold is less, and is checked when they are set.
         for name, what, unit, maximum in (
             ('board_kp', 'stiffness', 'A/rad', 100.0),
-            ('board_kd', 'damping', 'A s/rad', 10.0),
+            ('board_kd', 'damping, at least what slows a falling arm,', 'A s/rad', 10.0),
             ('board_ki', 'integral gain, where the profile carries it,', 'A/(rad s)', 1000.0),
         )
     ),

@@ -22,7 +22,6 @@ from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport
 from aerarm_ros.hardware.transports.transport import Transport
-from aerarm_ros.model.gravity_load import largest_gravity_load
 from aerarm_ros.realtime.cycle_slack import CycleSlack
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.realtime.steady_clock import SteadyClock
@@ -167,7 +166,7 @@ class HardwareBridge(LifecycleNode):
                 self._transport,
                 bridge_settings(self.values),
                 profile,
-                largest_gravity_load(robot),
+                robot=robot,
             )
             self._cycle.check_gains(*self._gains())
         except (ValueError, OSError) as error:

@@ -1,15 +1,18 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import load_profile
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_buffer import CommandBuffer
+from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 from aerarm_ros.model.drive_train import DriveTrain
 
 Q = np.array([0.1, 1.5, -0.2, 0.3])
-NO_BRAKE = np.full(4, math.nan)
+TRUSTED = np.ones(4, dtype=bool)
 DT = 1e-3
 
 
@@ -21,6 +24,16 @@ def references(config):
 @pytest.fixture
 def drive(config):
     return DriveTrain(config)
+
+
+def make_barriers(config, q, highest=(99.0,) * 4, lowest=(-99.0,) * 4):
+    """Return barriers of joints at rest that let torques between two bounds pass."""
+    barriers = []
+    for i, joint in enumerate(config.joints):
+        barrier = JointBarrier(joint, BridgeSettings(), 10.0, 0.1)
+        barrier.q, barrier.highest, barrier.lowest = q[i], highest[i], lowest[i]
+        barriers.append(barrier)
+    return barriers
 
 
 def get(references, name):
@@ -36,7 +49,7 @@ def command(**values):
 
 def test_full_law_passes_everything_on_in_motor_units(references, drive, config):
     p, v, e = Q + 0.01, np.array([1, -1, 2, -2.0]), np.array([0.1, 0.2, 0.3, 0.4])
-    references.track(command(q=p, dq=v, tau=e), NO_BRAKE, Q, DT)
+    references.track(command(q=p, dq=v, tau=e), Q, DT)
     assert get(references, 'position') == pytest.approx(drive.joint_to_motor_position(p))
     assert get(references, 'velocity') == pytest.approx(drive.joint_to_motor_velocity(v))
     assert get(references, 'current') == pytest.approx(drive.effort_to_current(e))
@@ -45,7 +58,7 @@ def test_full_law_passes_everything_on_in_motor_units(references, drive, config)
 
 
 def test_effort_alone_is_torque_control_without_gains(references, drive):
-    references.track(command(tau=1.0), NO_BRAKE, Q, DT)
+    references.track(command(tau=1.0), Q, DT)
     assert not get(references, 'kp').any()
     assert not get(references, 'kd').any()
     assert not get(references, 'velocity').any()
@@ -56,7 +69,7 @@ def test_effort_alone_is_torque_control_without_gains(references, drive):
 def test_velocity_alone_is_integrated_from_where_the_joint_is(references, drive):
     velocity = np.array([0.5, -0.5, 1.0, -1.0])
     for _ in range(10):
-        references.track(command(dq=velocity), NO_BRAKE, Q, DT)
+        references.track(command(dq=velocity), Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q + 10 * DT * velocity)
     assert get(references, 'position') == pytest.approx(
         drive.joint_to_motor_position(Q + 10 * DT * velocity)
@@ -67,36 +80,36 @@ def test_velocity_alone_is_integrated_from_where_the_joint_is(references, drive)
 
 def test_integrated_reference_never_asks_for_more_than_the_effort_limit(references, drive, config):
     for _ in range(2000):
-        references.track(command(dq=4.0), NO_BRAKE, Q, DT)
+        references.track(command(dq=4.0), Q, DT)
     stiffness = drive.motor_to_joint_gain(config.column('board_kp'))
     pull = stiffness * (get(references, 'joint_position') - Q)
     assert pull == pytest.approx(config.column('effort_max'))
-    references.track(command(dq=-4.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=-4.0), Q, DT)
     assert np.all(stiffness * (get(references, 'joint_position') - Q) < pull)
 
 
 def test_integrated_reference_stays_within_position_limits(references, config):
     q = config.column('position_max') - 0.01
     for _ in range(100):
-        references.track(command(dq=4.0), NO_BRAKE, q, DT)
+        references.track(command(dq=4.0), q, DT)
     assert get(references, 'joint_position') == pytest.approx(config.column('position_max'))
 
 
 def test_integration_starts_anew_after_torque_control_or_damping(references):
     for _ in range(50):
-        references.track(command(dq=1.0), NO_BRAKE, Q, DT)
-    references.track(command(tau=0.0), NO_BRAKE, Q, DT)
-    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
+        references.track(command(dq=1.0), Q, DT)
+    references.track(command(tau=0.0), Q, DT)
+    references.track(command(dq=0.0), Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q)
-    references.track(command(dq=1.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=1.0), Q, DT)
     references.damp(np.ones(4, dtype=bool))
-    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=0.0), Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q)
 
 
 def test_from_position_to_velocity_without_a_jump(references):
-    references.track(command(q=Q + 0.05), NO_BRAKE, Q, DT)
-    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
+    references.track(command(q=Q + 0.05), Q, DT)
+    references.track(command(dq=0.0), Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q + 0.05)
 
 
@@ -104,7 +117,7 @@ def test_each_joint_has_its_own_mode(references, drive):
     given = command()
     given.q[0], given.dq[1], given.tau[2] = 0.12, 1.0, 0.5
     given.q[3], given.dq[3], given.tau[3] = 0.31, 0.2, 0.1
-    references.track(given, NO_BRAKE, Q, DT)
+    references.track(given, Q, DT)
     assert (get(references, 'kp') > 0).tolist() == [True, True, False, True]
     assert (get(references, 'kd') > 0).tolist() == [True, True, False, True]
     assert (get(references, 'current') != 0).tolist() == [False, False, True, True]
@@ -115,18 +128,50 @@ def test_each_joint_has_its_own_mode(references, drive):
     )
 
 
-def test_braked_joint_is_damped_towards_the_given_velocity(references, drive, config):
-    brake = np.array([math.nan, 2.0, math.nan, math.nan])
-    references.track(command(tau=1.0), brake, Q, DT)
-    assert get(references, 'kd').tolist() == [0.0, config.joints[1].board_kd, 0.0, 0.0]
-    assert get(references, 'velocity') == pytest.approx(
-        drive.joint_to_motor_velocity(np.array([0.0, 2.0, 0.0, 0.0]))
+def test_a_joint_at_its_barrier_gets_the_torque_that_passes(references, drive, config):
+    barriers = make_barriers(
+        config, q=Q, highest=[9.0, 2.0, 0.5, 9.0], lowest=[-9.0, -9.0, -9.0, 1.5]
     )
-    assert not get(references, 'kp').any()
+    references.track(command(tau=[1.0, 3.0, 1.0, 1.0]), Q, DT)
+    assert references.keep_within(barriers, TRUSTED)
+    torques = references.torques(Q, np.zeros(4))
+    assert torques == pytest.approx([1.0, 2.0, 0.5, 1.5])
+    # What holds it is damping, so its own speed lowers the torque, and needs no current field.
+    assert get(references, 'current')[1:] == pytest.approx(0.0)
+    assert get(references, 'kd') == pytest.approx([0.0, *config.column('board_kd')[1:]])
+    damping = drive.motor_to_joint_gain(config.column('board_kd'))[1:]
+    assert references.torques(Q, np.full(4, 0.1))[1:] == pytest.approx(torques[1:] - 0.1 * damping)
+
+
+def test_what_passes_a_barrier_is_left_as_it_is(references, config):
+    references.track(command(q=Q, dq=0.1, tau=1.0), Q, DT)
+    before = [get(references, name) for name in ('position', 'velocity', 'current', 'kp', 'kd')]
+    assert not references.keep_within(make_barriers(config, q=Q), TRUSTED)
+    after = [get(references, name) for name in ('position', 'velocity', 'current', 'kp', 'kd')]
+    assert np.array_equal(before, after)
+
+
+def test_a_joint_without_a_trusted_encoder_has_no_barrier(references, config):
+    references.track(command(tau=1.0), Q, DT)
+    barriers = make_barriers(config, q=Q, highest=[0.0] * 4)
+    assert references.keep_within(barriers, np.array([False, True, True, True]))
+    assert references.torques(Q, np.zeros(4)) == pytest.approx([1.0, 0.0, 0.0, 0.0])
+
+
+def test_the_integral_of_a_velocity_does_not_wind_up_at_a_barrier(references, config):
+    barriers = make_barriers(config, q=Q, highest=[0.5] * 4)
+    for _ in range(200):
+        references.track(command(dq=1.0), Q, DT)
+        references.keep_within(barriers, TRUSTED)
+    wanted = references.motors[2].joint_position
+    assert abs(wanted - Q[2]) < 0.03
+    # So it is followed back at once.
+    references.track(command(dq=-1.0), Q, DT)
+    assert references.torques(Q, np.zeros(4))[2] < 0.5
 
 
 def test_damping_has_no_stiffness_and_spares_untrusted_encoders(references, config):
-    references.track(command(q=Q, tau=1.0), NO_BRAKE, Q, DT)
+    references.track(command(q=Q, tau=1.0), Q, DT)
     references.damp(np.array([True, False, True, True]))
     kd = config.column('board_kd')
     assert get(references, 'kd').tolist() == [kd[0], 0.0, kd[2], kd[3]]
@@ -137,25 +182,25 @@ def test_damping_has_no_stiffness_and_spares_untrusted_encoders(references, conf
 
 def test_zero_shifts_positions(references, drive):
     references.set_zero(np.array([1.0, 2.0, 3.0, 4.0]))
-    references.track(command(q=Q), NO_BRAKE, Q, DT)
+    references.track(command(q=Q), Q, DT)
     assert get(references, 'position') == pytest.approx(
         drive.joint_to_motor_position(Q) + [1, 2, 3, 4]
     )
 
 
 def test_a_new_zero_changes_the_joints_angles_and_not_the_motors(references, drive):
-    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=0.0), Q, DT)
     before = get(references, 'position').copy()
     references.set_zero(np.array([10.0, -20.0, 5.0, 0.0]))
     new_q = drive.motor_to_joint_position(before - references.zero)
     assert get(references, 'joint_position') == pytest.approx(new_q)
-    references.track(command(dq=0.0), NO_BRAKE, new_q, DT)
+    references.track(command(dq=0.0), new_q, DT)
     assert get(references, 'position') == pytest.approx(before)
 
 
 def test_gains_are_set_whole_or_not_at_all(references):
     references.set_gains(2.0, [0.1, 0.2, 0.3, 0.4])
-    references.track(command(q=Q), NO_BRAKE, Q, DT)
+    references.track(command(q=Q), Q, DT)
     assert get(references, 'kp').tolist() == [2.0] * 4
     assert get(references, 'kd').tolist() == [0.1, 0.2, 0.3, 0.4]
     for kp, kd, ki, hint in (
@@ -168,14 +213,38 @@ def test_gains_are_set_whole_or_not_at_all(references):
     ):
         with pytest.raises(ValueError, match=hint):
             references.set_gains(kp, kd, ki)
-    references.track(command(q=Q), NO_BRAKE, Q, DT)
+    references.track(command(q=Q), Q, DT)
     assert get(references, 'kp').tolist() == [2.0] * 4
 
 
 def test_integral_gain_where_the_frame_carries_it(config):
     references = MotorReferences(config, load_profile('laas_power'), reach_max=0.5)
     references.set_gains(1.0, 0.1, 0.5)
-    references.track(command(dq=0.0), NO_BRAKE, Q, DT)
+    references.track(command(dq=0.0), Q, DT)
     assert get(references, 'integral_gain').tolist() == [0.5] * 4
     references.damp(np.ones(4, dtype=bool))
     assert not get(references, 'integral_gain').any()
+
+
+def test_damping_that_lets_the_arm_fall_is_refused(config):
+    references = MotorReferences(config, load_profile(), 0.5, damping_min=[1.0, 3.0, 0.1, 0.1])
+    with pytest.raises(ValueError, match='kd of joint2 is 0.1 A s/rad: .* give 0.1891 at least'):
+        references.set_gains(5.0, 0.1)
+    with pytest.raises(ValueError, match='kd of joint1 is 0 A s/rad'):
+        references.check_gains(0.0, 0.0)
+    references.set_gains(0.0, [0.1, 0.2, 0.1, 0.1])
+    with pytest.raises(ValueError, match='kd of joint2'):
+        MotorReferences(config, load_profile(), 0.5, damping_min=[1.0, 9.0, 0.1, 0.1])
+
+
+def test_damping_is_judged_by_what_the_frame_makes_of_it(config):
+    # One count of 0.3 A s/rad: 0.14 becomes nothing.
+    coarse = load_profile().with_lsb('kd', 31.4)
+    MotorReferences(replace_kd(config, 0.3), coarse, 0.5, damping_min=0.1)
+    with pytest.raises(ValueError, match='would fall'):
+        MotorReferences(replace_kd(config, 0.14), coarse, 0.5, damping_min=0.1)
+
+
+def replace_kd(config, kd):
+    """Return the configuration with one damping for every joint [A s/rad]."""
+    return replace(config, joints=tuple(replace(joint, board_kd=kd) for joint in config.joints))

@@ -3,6 +3,7 @@ import pytest
 
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_buffer import CommandBuffer
+from aerarm_ros.hardware.gate.joint_loads import JointLoads
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 
 Q = np.array([0.0, 1.5, 0.0, 0.0])
@@ -10,8 +11,8 @@ DQ = np.zeros(4)
 
 
 @pytest.fixture
-def gate(config):
-    return SafetyGate(config, BridgeSettings())
+def gate(config, robot):
+    return SafetyGate(config, BridgeSettings(), JointLoads(config, robot))
 
 
 def command(**values):
@@ -22,8 +23,8 @@ def command(**values):
 
 
 def test_limits_each_joint_and_counts(gate):
-    out = gate.limit(command(dq=[1.0, 6.0, -6.0, 2.0]), Q, DQ, 1e-3, now=3.0)
-    assert out.dq.tolist() == [1.0, 5.0, -5.0, 2.0]
+    out = gate.limit(command(dq=[6.0, 1.0, -6.0, 2.0]), Q, 1e-3, now=3.0)
+    assert out.dq.tolist() == [5.0, 1.0, -5.0, 2.0]
     assert np.isnan(out.q).all()
     assert gate.limited == {'velocity': 2}
     assert (gate.last_limited, gate.last_limited_time) == ('velocity', 3.0)
@@ -31,11 +32,11 @@ def test_limits_each_joint_and_counts(gate):
 
 
 def test_a_violation_latches_and_the_first_reason_stays(gate):
-    gate.limit(command(dq=[0.0, 0.0, 0.0, 9.0]), Q, DQ, 1e-3, now=3.0)
+    gate.limit(command(dq=[0.0, 0.0, 0.0, 9.0]), Q, 1e-3, now=3.0)
     reason = gate.stop
     assert 'joint4 was commanded a velocity of 9.00' in reason
     gate.trip('joint2 is at 9.000 rad')
-    gate.limit(command(dq=0.0), Q, DQ, 1e-3, now=3.0)
+    gate.limit(command(dq=0.0), Q, 1e-3, now=3.0)
     assert gate.stop == reason
     gate.release()
     assert gate.stop == ''
@@ -54,15 +55,25 @@ def test_is_inside_only_with_every_joint(gate):
     assert not gate.is_inside(np.full(4, np.nan))
 
 
-def test_brakes_only_what_is_too_fast(gate):
-    gate.limit(command(tau=0.1), Q, np.array([0.0, 5.5, 0.0, -5.5]), 1e-3, now=0.0)
-    assert gate.brake[[1, 3]].tolist() == [5.0, -5.0]
-    assert np.isnan(gate.brake[[0, 2]]).all()
+def test_barriers_know_where_the_arm_is_and_what_it_carries(gate):
+    stretched, top = np.array([0.0, 0.0, 0.0, 0.0]), np.array([0.0, 1.5, 0.0, 2.094])
+    gate.watch(stretched, DQ, np.array([0.0, 5.4, 0.0, 0.0]), 1e-3)
+    assert gate.barriers[1].load == pytest.approx(5.3, abs=0.2)
+    assert gate.barriers[1].highest > 9.39
+    gate.watch(top, DQ, DQ, 1e-3)
+    assert abs(gate.barriers[3].highest) < 0.5
+    assert gate.barriers[3].lowest < -9.39
+
+
+def test_braking_is_counted(gate):
+    gate.note_braking(2.0)
+    assert gate.limited == {'braking': 1}
+    assert (gate.last_limited, gate.last_limited_time) == ('braking', 2.0)
 
 
 def test_restart_forgets_the_effort(gate):
     for _ in range(10):
-        gate.limit(command(tau=5.0), Q, DQ, 1e-3, now=0.0)
+        gate.limit(command(tau=5.0), Q, 1e-3, now=0.0)
     gate.restart()
-    out = gate.limit(command(tau=5.0), Q, DQ, 1e-3, now=0.0)
+    out = gate.limit(command(tau=5.0), Q, 1e-3, now=0.0)
     assert out.tau == pytest.approx([1.0, 1.0, 0.5, 0.5])

@@ -11,6 +11,7 @@ REJECTED = [
     ('board_kp', [9.0], 'gains of the boards: kp is .* hold 0 to 5.09'),
     ('board_kd', [0.1, 0.1], 'kd has 2 values: give 1 or 4'),
     ('board_kd', [-0.1], 'board_kd must be a list of finite numbers .* from 0'),
+    ('board_kd', [0.0, 0.0, 0.0, 0.0], 'kd of joint1 is 0 A s/rad: .* would fall, give 0.1'),
     ('board_kp', 'stiff', 'DOUBLE_ARRAY'),
     ('board_ki', [1.0], 'integral_gain is .* profile uomodri_v3 hold 0 to 0'),
     ('period', 0.002, 'period'),
@@ -26,8 +27,8 @@ def test_gains_are_live_and_bad_ones_are_not_stored(client: BridgeClient) -> Non
         assert client.get_parameters(name) == before
     # Without stiffness the arm gives way to its weight; damping lets it sink slowly.
     height = client.states[-1].position[1]
-    assert client.set_parameters(board_kp=[0.0], board_kd=[0.2, 0.1, 0.1, 0.1]) == []
-    assert client.get_parameters('board_kp', 'board_kd') == [[0.0], [0.2, 0.1, 0.1, 0.1]]
+    assert client.set_parameters(board_kp=[0.0], board_kd=[0.2, 0.2, 0.1, 0.1]) == []
+    assert client.get_parameters('board_kp', 'board_kd') == [[0.0], [0.2, 0.2, 0.1, 0.1]]
     client.answer = lambda state: velocity_command(state, [0.0, -0.5, 0.0, 0.0])
     client.wait_for(lambda: client.states[-1].position[1] < height - 0.3)
     assert client.set_parameters(board_kp=[], board_kd=[]) == []
@@ -51,6 +52,7 @@ def test_the_integral_gain_of_the_thesis(start_bridge: StartBridge, ros_node: No
         ({'profile': 'udriver_v9'}, 'udriver_v9'),
         ({'profile_scales': ['tension=0.1']}, "profile_scales: profile uomodri_v3 carries no 'te"),
         ({'board_kp': [9.0]}, 'hold 0 to 5.09'),
+        ({'board_kd': [0.5, 0.1, 0.5, 0.5]}, 'kd of joint2 is 0.1.* would fall'),
         ({'velocity_factor': 1e9}, 'velocity_factor must be a finite number, from 1.0 to 5.0'),
         ({'position_tolerance': 100.0}, 'position_tolerance must be .* from 0.001 to 0.5'),
     ],
@@ -83,7 +85,7 @@ def test_parameters_are_served_ten_times_a_second_while_the_loop_runs(
     client.wait_for_mode('running')
     start = int(client.diagnostics['timing']['cycles'])
     for step in range(25):
-        kd = [0.1 + 0.004 * step]
+        kd = [0.2 + 0.004 * step]
         assert client.set_parameters(board_kd=kd) == []
         assert client.get_parameters('board_kd', 'period', 'stall_time') == [kd, 0.001, 0.05]
         client.spin(0.1)

@@ -1,0 +1,178 @@
+"""Where one joint may still go: the speed from which it can be braked, and the torque for it."""
+
+from math import exp, sqrt
+
+from aerarm_ros.description.joint_config import JointConfig
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+
+# The speed that the barrier keeps lies this much over the limit, which commands may reach.
+_SPEED_SHARE = 1.05
+# Torque per speed beyond the barrier: full torque from this share of the speed limit on, ...
+_FULL_TORQUE_SHARE = 0.1
+# ... but no faster [1/s] than a torque that acts up to 2 ms later, and quantised speeds, allow.
+_FASTEST = 250.0
+# The approach to a limit is this much slower than what holds the joint to it.
+_APPROACH_SHARE = 0.25
+# What the arm carries beyond what is known of it is found from how it moves: with this time
+# constant [s], up to this share of the largest torque.
+_DISTURBANCE_TIME = 5e-3
+_DISTURBANCE_SHARE = 0.15
+_SPEED_NOISE = 0.15  # [rad/s] of a speed made of counts, without its low-pass
+# A joint beyond its limit is led back at no more than this share of the speed limit.
+_RETURN_SHARE = 0.05
+
+
+class JointBarrier:
+    """Torques that keep a joint within its limits of position and speed, for one cycle.
+
+    The barrier is a speed that falls with the distance left to a limit, to what `deceleration`
+    can brake. Of the commands, those that the joint can be braked after pass; the torque of the
+    others is cut to `highest` (or raised to `lowest`), which near the barrier is the torque that
+    brakes along it, and beyond it leads back. Both are for a state predicted to when the torque
+    will act: the boards low-pass the speed, and it is a cycle old.
+
+    Plain numbers, not arrays: for four joints that is faster.
+
+    Parameters
+    ----------
+    joint
+        Limits.
+    settings
+        `soft_zone` and `velocity_lag` are used here.
+    deceleration
+        That the joint can be relied on for, with any load [rad/s^2].
+    inertia_max
+        Largest inertia [kg m^2].
+
+    Attributes
+    ----------
+    q, dq, filtered
+        Predicted position [rad], speed, and what the board will make of it [rad/s].
+    load
+        What the arm's weight and motion take of the torque, the unknown part included [Nm].
+    noise
+        Torque that the last count of an encoder may make of the bounds [Nm].
+    lowest, highest
+        Torque bounds for the coming cycle [Nm], unlimited in size: where they are beyond what
+        the drive gives, the board saturates.
+    """
+
+    __slots__ = (
+        '_acceleration',
+        '_approach',
+        '_corner',
+        '_deceleration',
+        '_disturbance',
+        '_disturbance_max',
+        '_elapsed',
+        '_fastest',
+        '_gain_max',
+        '_lag',
+        '_last_speed',
+        '_position_max',
+        '_position_min',
+        '_return',
+        '_speed',
+        'dq',
+        'filtered',
+        'highest',
+        'load',
+        'lowest',
+        'noise',
+        'q',
+    )
+
+    def __init__(
+        self,
+        joint: JointConfig,
+        settings: BridgeSettings,
+        deceleration: float,
+        inertia_max: float,
+    ) -> None:
+        self._position_min, self._position_max = joint.position_min, joint.position_max
+        self._fastest = _SPEED_SHARE * joint.velocity_max
+        self._return = _RETURN_SHARE * joint.velocity_max
+        self._lag = settings.velocity_lag
+        self._disturbance_max = _DISTURBANCE_SHARE * joint.effort_max
+        self._gain_max = joint.effort_max / (_FULL_TORQUE_SHARE * joint.velocity_max)
+        slowest = min(_FASTEST, self._gain_max / inertia_max)
+        self._approach = min(joint.velocity_max / settings.soft_zone, _APPROACH_SHARE * slowest)
+        self._deceleration = deceleration
+        self._corner = deceleration / self._approach**2
+        self.q = self.dq = self.filtered = self.load = self.noise = self.lowest = self.highest = 0.0
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what the joint did: its speed is taken as measured."""
+        self._last_speed, self._elapsed, self._acceleration = 0.0, 0.0, 0.0
+        self._speed, self._disturbance = 0.0, 0.0
+
+    def speed(self, distance: float) -> float:
+        """Return the speed [rad/s] from which the joint stops within a distance [rad]."""
+        if distance < self._corner:
+            return max(self._approach * distance, -self._return)
+        reachable = sqrt(2.0 * self._deceleration * (distance - 0.5 * self._corner))
+        return min(reachable, self._fastest)
+
+    def update(
+        self, q: float, dq: float, effort: float, load: float, inertia: float, dt: float
+    ) -> None:
+        """Find the bounds for the coming cycle.
+
+        Parameters
+        ----------
+        q, dq
+            Measured at the start of the cycle that ends now [rad], [rad/s]; the speed as the
+            board reports it, low-passed.
+        effort
+            Torque that has acted since then [Nm].
+        load, inertia
+            What of it the arm's weight and motion take [Nm], and what the joint moves [kg m^2].
+        dt
+            Time since then [s].
+        """
+        speed = self._without_lag(dq)
+        self._observe(speed, inertia)
+        self.load = load = load + self._disturbance
+        acceleration = (effort - load) / inertia
+        self.q = q + dt * (speed + 0.5 * dt * acceleration)
+        self.dq = speed + dt * acceleration
+        mean = speed + 0.5 * dt * acceleration
+        self.filtered = mean + exp(-dt / self._lag) * (dq - mean)
+        self._last_speed, self._elapsed, self._acceleration = dq, dt, acceleration
+        self._speed = speed
+        gain = min(self._gain_max, _FASTEST * inertia)
+        self.noise = _SPEED_NOISE * gain
+        self.highest = load + self._bound(self._position_max - self.q, self.dq, gain, inertia)
+        self.lowest = load - self._bound(self.q - self._position_min, -self.dq, gain, inertia)
+
+    def _observe(self, speed: float, inertia: float) -> None:
+        """Learn from a speed [rad/s] what the torque of the last cycle did not do."""
+        if self._elapsed <= 0.0:
+            return
+        missing = self._acceleration - (speed - self._speed) / self._elapsed
+        share = self._elapsed / (_DISTURBANCE_TIME + self._elapsed)
+        largest = self._disturbance_max
+        learned = self._disturbance + share * inertia * missing
+        self._disturbance = min(max(learned, -largest), largest)
+
+    def _without_lag(self, dq: float) -> float:
+        """Return the speed now [rad/s] of the board's low-passed one."""
+        if self._elapsed <= 0.0:
+            return dq
+        kept = exp(-self._elapsed / self._lag)
+        mean = (dq - kept * self._last_speed) / (1.0 - kept)
+        # The mean is weighted towards now; the torque of that cycle leads it there.
+        age = self._lag - self._elapsed * kept / (1.0 - kept)
+        return mean + age * self._acceleration
+
+    def _bound(self, distance: float, speed: float, gain: float, inertia: float) -> float:
+        """Return the largest torque over the load towards a limit [Nm]."""
+        allowed = self.speed(distance)
+        if allowed >= self._fastest or speed <= 0.0:
+            braking = 0.0
+        elif distance < self._corner:
+            braking = self._approach * speed
+        else:
+            braking = self._deceleration / allowed * speed
+        return gain * (allowed - speed) - inertia * braking

@@ -1,0 +1,112 @@
+"""Attacks the bridge at random, and prints what each kind of attack reached: `make attacks`.
+
+One row an attack: runs, the furthest that the true arm was beyond a position limit, the highest
+true speed as a share of its limit, and the arm of the worst run, so that it can be run again.
+Ends with status 1 if a promise was broken.
+"""
+
+import argparse
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from attack_rig import AttackRig
+from attacks import ATTACKS
+
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.hardware.gate.joint_loads import JointLoads
+from aerarm_ros.model.drive_train import DriveTrain
+
+BEYOND_MAX = 0.02  # [rad]
+SPEED_MAX = 1.15
+_SECONDS = 1.5
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run reached, and what it was."""
+
+    attack: str
+    number: int
+    beyond: float
+    joint_beyond: int
+    speed: float
+    joint_speed: int
+    arm: str
+    faults: tuple[str, ...]
+
+
+def run(attack: str, number: int, seconds: float = _SECONDS) -> Outcome:
+    """Run an attack on the arm that its number draws."""
+    config, robot = load_arm_config(), load_robot()
+    random = np.random.default_rng([number, *attack.encode()])
+    low, high = config.column('position_min'), config.column('position_max')
+    posture = random.uniform(low + 0.02, high - 0.02)
+    payload = float(random.choice([0.0, 0.5, 1.0])) * config.rated_payload[0]
+    seed = None if number % 3 == 0 else int(random.integers(1, 1000))
+    gains = None
+    if number % 4 == 1:
+        least = DriveTrain(config).joint_to_motor_gain(JointLoads(config, robot).damping_min)
+        kd = np.exp(random.uniform(np.log(least + 1e-3), np.log(0.61)))
+        gains = (random.uniform(0.0, 5.09, 4), kd)
+    rig = AttackRig(config, robot, posture=posture, payload=payload, seed=seed, gains=gains)
+    rig.bring_up()
+    log = rig.run(seconds, ATTACKS[attack](random))
+    beyond, speed = log.beyond(config), log.speed_ratio(config)
+    arm = f'q {posture.round(2)} m {payload:.1f} seed {seed}'
+    if gains is not None:
+        arm += f' kp {gains[0].round(2)} kd {gains[1].round(2)}'
+    return Outcome(
+        attack,
+        number,
+        float(beyond.max()),
+        int(beyond.argmax()) + 1,
+        float(speed.max()),
+        int(speed.argmax()) + 1,
+        arm,
+        tuple(log.faults),
+    )
+
+
+def _row(outcomes: list[Outcome]) -> str:
+    far = max(outcomes, key=lambda o: o.beyond)
+    fast = max(outcomes, key=lambda o: o.speed)
+    stopped = sum(bool(outcome.faults) for outcome in outcomes)
+    return (
+        f'{far.attack:25}{len(outcomes):5}{far.beyond:9.4f} (joint {far.joint_beyond}, '
+        f'#{far.number}){fast.speed:8.3f} (joint {fast.joint_speed}, #{fast.number})'
+        f'{stopped:5} stopped'
+    )
+
+
+def main() -> int:
+    """Run the campaign."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--runs', type=int, default=20, help='of each attack')
+    parser.add_argument('--first', type=int, default=0, help='number of the first')
+    parser.add_argument('--only', nargs='*', default=list(ATTACKS))
+    parser.add_argument('--processes', type=int, default=None)
+    parser.add_argument('--verbose', action='store_true')
+    options = parser.parse_args()
+    broken = 0
+    with ProcessPoolExecutor(options.processes) as pool:
+        numbers = range(options.first, options.first + options.runs)
+        futures = {
+            name: [pool.submit(run, name, number) for number in numbers] for name in options.only
+        }
+        for waiting in futures.values():
+            outcomes = [future.result() for future in waiting]
+            print(_row(outcomes), flush=True)
+            for outcome in outcomes:
+                bad = outcome.beyond > BEYOND_MAX or outcome.speed > SPEED_MAX
+                broken += bad
+                if bad or options.verbose:
+                    print(f'  #{outcome.number}: {outcome}', flush=True)
+    print(f'{broken} runs broke a promise')
+    return 1 if broken else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

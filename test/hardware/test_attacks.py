@@ -1,0 +1,86 @@
+"""What the limits promise, under every kind of attack: `make attacks` runs hundreds more."""
+
+import numpy as np
+import pytest
+from attack_campaign import BEYOND_MAX, SPEED_MAX, run
+from attack_rig import AttackRig, Offer
+from attacks import ATTACKS
+
+PUSH = 9.0  # [Nm] or [rad/s], beyond any limit
+
+# Number 1 has gains of its own, 2 and 5 other arms.
+NUMBERS = {name: (1, 2) if index % 2 else (3, 5) for index, name in enumerate(ATTACKS)}
+
+
+@pytest.mark.parametrize(
+    ('attack', 'number'), [(name, number) for name in ATTACKS for number in NUMBERS[name]]
+)
+def test_no_attack_breaks_a_limit(attack: str, number: int) -> None:
+    outcome = run(attack, number, seconds=0.7)
+    assert outcome.beyond <= BEYOND_MAX, outcome
+    assert outcome.speed <= SPEED_MAX, outcome
+
+
+@pytest.mark.parametrize('way', [1.0, -1.0])
+@pytest.mark.parametrize('mode', ['velocity', 'effort'])
+def test_joint_2_with_the_rated_payload_stops_before_its_limit(config, robot, mode, way):
+    # From upright, so that its weight helps it on all the way; the drive has 3 Nm to spare.
+    push = np.array([0.0, PUSH * way, 0.0, 0.0])
+    rig = AttackRig(config, robot, payload=config.rated_payload[0]).bring_up()
+    offer = Offer(velocity=push * 0.65) if mode == 'velocity' else Offer(effort=2.0 * push)
+    log = rig.run(1.3, lambda rig: offer)
+    assert np.abs(log.dq[:, 1]).max() > 3.0
+    assert log.beyond(config)[1] == pytest.approx(0.0, abs=0.01)
+    assert set(log.modes) == {'running'}, log.faults
+    assert abs(log.dq[-1, 1]) < 0.05
+
+
+def test_a_joint_may_be_led_up_to_its_limit(config, robot):
+    top = config.column('position_max')
+    start = [0.0, np.pi / 2, 0.0, top[3] - 0.3]
+    rig = AttackRig(config, robot, posture=start).bring_up()
+    rig.run(1.0, lambda rig: Offer(position=[0.0, np.pi / 2, 0.0, top[3]]))
+    assert rig.plant.position[3] == pytest.approx(top[3], abs=0.005)
+    rig.run(0.3, lambda rig: Offer(velocity=[0.0, 0.0, 0.0, -1.0]))
+    assert rig.plant.position[3] == pytest.approx(top[3] - 0.3, abs=0.05)
+
+
+def test_full_torque_does_not_overspeed(config, robot):
+    rig = AttackRig(config, robot, posture=[0.0, np.pi / 2, 0.0, -1.5]).bring_up()
+    log = rig.run(
+        0.4, lambda rig: Offer(effort=[np.nan, np.nan, np.nan, 9.39], velocity=[0.0] * 3 + [np.nan])
+    )
+    assert 1.0 < log.speed_ratio(config)[3] < SPEED_MAX
+    # As fast as the limit allows, for as long as there is way.
+    assert (log.dq[:, 3] > 0.95 * config.joints[3].velocity_max).sum() > 300
+
+
+def test_a_stopped_arm_sinks_slowly_and_not_through_its_limit(config, robot):
+    rig = AttackRig(config, robot, posture=[0.0, 0.0, 0.0, 0.0], payload=0.2).bring_up()
+    rig.bridge.e_stop('test')
+    log = rig.run(1.5)
+    assert set(log.modes) == {'fault'}
+    assert 0.3 < np.abs(log.dq[:, 1]).max() < 0.4 * config.joints[1].velocity_max
+    assert log.beyond(config)[1] < 0.01
+    assert rig.plant.position[1] < config.joints[1].position_min + 0.05
+
+
+def test_far_from_limits_commands_reach_the_boards_as_they_are(config, robot):
+    rig = AttackRig(config, robot).bring_up()
+    q, dq, tau = rig.bridge.q + 0.01, np.array([0.5, -0.5, 1.0, -1.0]), np.full(4, 0.3)
+    rig.run(0.05, lambda rig: Offer(q, dq, tau))
+    drive = rig.bridge._references._drive
+    sent = [rig.frames.commands(board) for board in (0, 1)]
+    for joint, config_joint in enumerate(config.joints):
+        frame = sent[config_joint.board]
+        channel = config_joint.channel
+        assert frame['position'][-1, channel] == pytest.approx(
+            drive.joint_to_motor_position(q)[joint], abs=1e-6
+        )
+        assert frame['velocity'][-1, channel] == pytest.approx(
+            drive.joint_to_motor_velocity(dq)[joint], abs=0.03
+        )
+        assert frame['current'][-1, channel] == pytest.approx(
+            drive.effort_to_current(tau)[joint], abs=1e-3
+        )
+    assert 'limited braking' not in rig.bridge.counters
