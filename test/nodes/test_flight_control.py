@@ -1,0 +1,195 @@
+"""flight_control over topics: it answers odometry, and names a sensor that cannot be believed."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from sensor_msgs.msg import Imu, JointState
+
+from aerarm_msgs_py import topics
+from aerarm_ros.description.drone_config import load_drone_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.ros.executors.spinning import spin_until
+from aerarm_ros.ros.process.node_process import NodeProcess
+
+DRONE = load_drone_config()
+WEIGHT = (3.0 + 1.487) * 9.81
+STEP_NS = 4_000_000
+
+
+class HoveringDrone:
+    """What a drone in hover says of itself, 4 ms after 4 ms, and hears."""
+
+    def __init__(self, node: Node, process: NodeProcess) -> None:
+        self.node, self.process = node, process
+        self.now_ns = 1_000_000_000
+        self.commands: list[JointState] = []
+        self.problems: list[str] = []
+        self.odometry, self.imu = (
+            node.create_publisher(topic.type, topic.name, topic.qos)
+            for topic in (topics.ODOMETRY, topics.IMU)
+        )
+        self.set_point = node.create_publisher(PoseStamped, 'flight_set_point', 1)
+        for topic, act in (
+            (topics.ROTOR_COMMAND, self.commands.append),
+            (topics.DIAGNOSTICS, self._on_diagnostics),
+        ):
+            node.create_subscription(topic.type, topic.name, act, topic.qos)
+        spin_until(node, lambda: self.odometry.get_subscription_count() > 0, 30.0)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.problems.append(message.status[0].message)
+
+    def odometry_message(self, *position: float) -> Odometry:
+        message = Odometry()
+        message.header.frame_id = 'odom'
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(self.now_ns, 10**9)
+        place, pose = position or (0.0, 0.0, 0.0), message.pose.pose
+        pose.position.x, pose.position.y, pose.position.z = place
+        pose.orientation.w = 1.0
+        return message
+
+    def imu_message(self, rate: float = 0.0) -> Imu:
+        message = Imu(header=self.odometry_message().header)
+        message.orientation.w = 1.0
+        message.linear_acceleration.z = 9.81 + 1e-6 * (self.now_ns % 1000003)
+        message.angular_velocity.z = rate
+        return message
+
+    def step(self, odometry: Odometry | None = None, imu: Imu | None = None) -> None:
+        """Say what is given, 4 ms later, and hear what comes."""
+        for message, publisher in ((imu, self.imu), (odometry, self.odometry)):
+            if message is not None:
+                publisher.publish(message)
+        rclpy.spin_once(self.node, timeout_sec=0.005)
+        self.now_ns += STEP_NS
+
+    def hover(self, steps: int = 10) -> None:
+        for _ in range(steps):
+            self.step(self.odometry_message(), self.imu_message())
+
+    def hover_until(self, problem: str) -> None:
+        """Hover until that is what diagnostics say last."""
+        self.problems.clear()
+        for _ in range(4000):
+            if self.problems and self.problems[-1] == problem:
+                return
+            self.hover(1)
+        raise AssertionError((problem, self.problems[-3:]))
+
+    def thrust(self) -> float:
+        """Return the newest command's sum of thrusts [N]."""
+        return float(np.sum(self.commands[-1].effort))
+
+    @property
+    def log(self) -> str:
+        return self.process.log.read_text()
+
+    def refuse(self, reason: str, make, steps: int = 400) -> None:
+        """Send what `make` makes until the log names a reason."""
+        for _ in range(steps):
+            if reason in self.log:
+                return
+            self.step(*make())
+        raise AssertionError(f'{reason!r} is not in {self.log}')
+
+
+@pytest.fixture
+def drone(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterator[HoveringDrone]:
+    parameters = {'drone_file': resource('config', 'drone.yaml')}
+    log = tmp_path / 'flight_control.log'
+    with NodeProcess('flight_control', (), parameters, log=log) as process:
+        yield HoveringDrone(ros_node, process)
+
+
+def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: HoveringDrone) -> None:
+    drone.hover_until('in order')
+    command = drone.commands[-1]
+    assert list(command.name) == list(DRONE.rotor_names)
+    assert not command.position
+    assert not command.velocity
+    assert drone.thrust() == pytest.approx(WEIGHT, rel=0.01)
+    stamp_ns = command.header.stamp.sec * 10**9 + command.header.stamp.nanosec
+    assert stamp_ns % STEP_NS == 0
+    assert stamp_ns < drone.now_ns
+    higher = PoseStamped()
+    higher.pose.position.z, higher.pose.orientation.w = 0.5, 1.0
+    higher.header.frame_id = 'map'
+    drone.set_point.publish(higher)
+    drone.refuse(
+        "flight_set_point is in frame 'map'",
+        lambda: (drone.odometry_message(), drone.imu_message()),
+    )
+    assert drone.thrust() == pytest.approx(WEIGHT, rel=0.01)
+    higher.header.frame_id = 'odom'
+    drone.set_point.publish(higher)
+    for _ in range(400):
+        drone.hover(1)
+        if drone.thrust() > 1.05 * WEIGHT:
+            break
+    else:
+        raise AssertionError('it does not rise')
+
+
+def test_what_cannot_be_believed_is_named_and_the_drone_kept_level(drone: HoveringDrone) -> None:
+    drone.hover_until('in order')
+    drone.refuse(
+        'odometry: a value is NaN', lambda: (drone.odometry_message(np.nan, 0.0, 0.0), None)
+    )
+    drone.hover_until('in order')
+    # Silent odometry: level by the IMU, sinking.
+    for _ in range(600):
+        drone.step(None, drone.imu_message())
+        if any('level by the IMU' in text for text in drone.problems):
+            break
+    else:
+        raise AssertionError(drone.problems)
+    assert drone.thrust() == pytest.approx(0.97 * WEIGHT, rel=0.02)
+    drone.hover(50)
+    drone.refuse(
+        'position jumps by 3.00 m', lambda: (drone.odometry_message(3.0, 0.0, 0.0), None), steps=20
+    )
+    drone.hover(50)
+    drone.refuse(
+        'its pose repeats itself', lambda: (drone.odometry_message(), drone.imu_message(0.3))
+    )
+    drone.hover(50)
+    drone.refuse(
+        'not that of the odometry', lambda: (drone.odometry_message(), drone.imu_message(20.0))
+    )
+    # A silent IMU is named; the odometry's rate serves.
+    drone.problems.clear()
+    for _ in range(3000):
+        drone.step(drone.odometry_message())
+        if 'imu silent' in drone.problems:
+            break
+    else:
+        raise AssertionError(drone.problems)
+    assert drone.thrust() == pytest.approx(WEIGHT, rel=0.05)
+    # Both silent: no command any more.
+    assert spin_until(
+        drone.node, lambda: any('the rotors stop' in text for text in drone.problems), 20.0
+    )
+    count = len(drone.commands)
+    for _ in range(20):
+        rclpy.spin_once(drone.node, timeout_sec=0.02)
+    assert len(drone.commands) == count
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'reason'),
+    [({}, 'drone_file is empty'), ({'drone_file': '/nowhere/drone.yaml'}, 'check the path')],
+)
+def test_it_does_not_start_without_a_drone(
+    ros_domain: dict[str, str], tmp_path: Path, parameters: dict[str, object], reason: str
+) -> None:
+    log = tmp_path / 'log'
+    with NodeProcess('flight_control', (), parameters, log=log) as process:
+        assert process.wait(30.0) == 1
+    assert reason in log.read_text()
