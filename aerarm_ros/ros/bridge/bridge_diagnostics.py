@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -17,6 +17,8 @@ from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
 from aerarm_ros.ros.graph.rival_watch import RivalWatch
 
 _END = object()
+# Part, level, text and values.
+Status = tuple[str, bytes, str, Mapping[str, object]]
 _POWER_SOURCES = {
     'voltage': 'power from the voltages that the boards report',
     'model': 'power computed from current, resistance and speed: the frames carry none',
@@ -48,9 +50,17 @@ class BridgeDiagnostics:
         Owner of the publisher; its executor's thread says once a second that no cycle runs.
     now_ns
         Returns the time for stamps [ns].
+    others
+        Returns what else there is to report, each with the name of its part.
     """
 
-    def __init__(self, node: Node, now_ns: Callable[[], int]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        now_ns: Callable[[], int],
+        others: Callable[[], Sequence[Status]] = tuple,
+    ) -> None:
+        self._others = others
         self._output = DiagnosticsPublisher(node, now_ns=now_ns)
         self._watched: Watched | None = None
         self._pieces: Iterator[None] | None = None
@@ -96,7 +106,8 @@ class BridgeDiagnostics:
         yield
         arm = self._output.status('arm', *_arm(watched))
         yield
-        self._output.publish([arm, motors, timing])
+        others = [self._output.status(*status) for status in self._others()]
+        self._output.publish([arm, motors, timing, *others])
 
     def _publish_inactive(self) -> None:
         status = self._output.status('arm', DiagnosticStatus.STALE, 'not active', {})

@@ -13,6 +13,7 @@ from aerarm_ros.hardware.frames.frame_field import ProfileError
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES
+from aerarm_ros.ros.parameters.drone_file import DRONE_FILE
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS
 
@@ -47,6 +48,7 @@ _SETTINGS = {
 
 BRIDGE_PARAMETERS = (
     *ARM_FILES,
+    DRONE_FILE,
     Parameter('period', 0.001, 'time between two cycles', 's', 0.0005, 0.1),
     Parameter('autostart', True, 'configure and activate by itself, without a lifecycle manager'),
     *REAL_TIME_PARAMETERS,

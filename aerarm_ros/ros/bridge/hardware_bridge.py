@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.boards.spi_self_test import self_test
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
@@ -25,7 +26,7 @@ from aerarm_ros.hardware.transports.transport import Transport
 from aerarm_ros.realtime.cycle_slack import CycleSlack
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.realtime.steady_clock import SteadyClock
-from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, Watched
+from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, Status, Watched
 from aerarm_ros.ros.bridge.bridge_parameters import (
     BRIDGE_PARAMETERS,
     board_gains,
@@ -44,6 +45,7 @@ from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
 from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
 from aerarm_ros.ros.graph.rival_watch import RivalWatch
 from aerarm_ros.ros.parameters.arm_files import load_arm
+from aerarm_ros.ros.parameters.drone_file import load_drone
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.real_time_parameters import prepare_thread
 from aerarm_ros.ros.process.exit_status import print_account
@@ -94,7 +96,7 @@ class HardwareBridge(LifecycleNode):
         self._mode_log = ModeLog(self)
         self._rejection_log = RejectionLog(self, lambda: self._command_publishers.warning)
         BridgeServices(self, self.requests.ask, self.actions())
-        self._diagnostics = BridgeDiagnostics(self, self.now_ns)
+        self._diagnostics = BridgeDiagnostics(self, self.now_ns, self.other_statuses)
         self._work = threading.Event()
         self._stopping = False
         self._starting = False  # by itself: what goes wrong ends the process
@@ -112,10 +114,6 @@ class HardwareBridge(LifecycleNode):
         """Return the way to the boards; raises ValueError or OSError with what to check."""
         return SpidevTransport(config)
 
-    def description_of(self, robot: Robot) -> str:
-        """Return the URDF to publish."""
-        return robot.urdf_text
-
     def actions(self) -> Mapping[str, Action]:
         """Return what the node's services do."""
         return ACTIONS
@@ -131,6 +129,10 @@ class HardwareBridge(LifecycleNode):
     def newest_command(self) -> Command | None:
         """Return what came on joint_command since the last call; ValueError if unreadable."""
         return self._streams.newest_command()
+
+    def other_statuses(self) -> Sequence[Status]:
+        """Return what else to report on /diagnostics."""
+        return ()
 
     def use_slack(self, now: float) -> None:
         """Do what may take time, once the cycle that began at `now` [s] is over."""
@@ -156,6 +158,8 @@ class HardwareBridge(LifecycleNode):
         """Read the configuration, open the buses and try the wires."""
         try:
             config, robot = load_arm(self.values)
+            drone = load_drone(self.values, config, robot)
+            urdf = robot.urdf_text if drone is None else with_drone(robot.urdf_text, drone)
             profile = frame_profile(self.values, config)
             self._config = config
             self._diagnostics.name_arm(config.name)
@@ -179,7 +183,7 @@ class HardwareBridge(LifecycleNode):
         self._streams = BridgeStreams(self, config.joint_names)
         self._watch = PublisherWatch(self, topics.JOINT_COMMAND, self._command_publishers.look)
         self._rivals = RivalWatch(self, topics.JOINT_STATES)
-        self._description = RobotDescription(self, self.description_of(robot))
+        self._description = RobotDescription(self, urdf)
         return SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:

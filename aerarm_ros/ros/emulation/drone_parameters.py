@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from aerarm_ros.ros.parameters.drone_file import DRONE_FILE
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.simulation.delayed_sensor import DelayedSensor
 from aerarm_ros.simulation.faulty_imu import FaultyImu, ImuErrors, ImuReading
@@ -19,7 +18,6 @@ _GUST_PERIOD = 1e-3  # [s]
 _IMU_SEED, _ODOMETRY_SEED, _GUST_SEED = range(3)
 
 DRONE_PARAMETERS = (
-    DRONE_FILE,
     Parameter(
         'rotor_timeout',
         0.2,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,6 @@ import yaml
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulated_base import mount_on_base, mount_on_drone
@@ -22,6 +21,7 @@ from aerarm_ros.hardware.emulation.fault_request import FORM, FaultRequest
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.ros.bridge.bridge_diagnostics import Status
 from aerarm_ros.ros.bridge.bridge_parameters import BRIDGE_PARAMETERS
 from aerarm_ros.ros.bridge.bridge_streams import Command
 from aerarm_ros.ros.bridge.cycle_requests import Action
@@ -115,11 +115,6 @@ class FakeHardware(HardwareBridge):
         sensors = (drone_parameters.imu(values, plant), drone_parameters.odometry(values, plant))
         return FlyingDrone(self, plant, *sensors, LAG[values.pace])
 
-    def description_of(self, robot: Robot) -> str:
-        """Return the URDF of the arm, under its drone if there is one."""
-        flying = self._flying
-        return robot.urdf_text if flying is None else with_drone(robot.urdf_text, flying.drone)
-
     @property
     def _flying(self) -> FlyingDrone | None:
         return self._drone if isinstance(self._drone, FlyingDrone) else None
@@ -167,6 +162,10 @@ class FakeHardware(HardwareBridge):
             'inject_fault': self._inject_fault,
             'put_back': self._put_back,
         }
+
+    def other_statuses(self) -> Sequence[Status]:
+        """Return what the drone does, if one flies."""
+        return () if self._flying is None else (self._flying.describe(),)
 
     def use_slack(self, now: float) -> None:
         """Run boards and arm on to the next cycle, while the controllers compute."""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import time
+from math import inf
+
+from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.hardware.emulation.answer_watch import AnswerWatch
+from aerarm_ros.ros.bridge.bridge_diagnostics import Status
 from aerarm_ros.ros.emulation.emulated_drone import (
     EmulatedDrone,
     fill_quaternion,
@@ -20,6 +24,7 @@ from aerarm_ros.simulation.faulty_imu import ImuReading
 from aerarm_ros.simulation.flying_plant import FlyingPlant
 from aerarm_ros.simulation.noisy_odometry import OdometryReading
 
+_REMEMBERED = 5.0  # [s] for which a rejection is a warning
 WORLD_FRAME, BODY_FRAME, IMU_FRAME = 'odom', 'drone', 'drone_imu'
 
 
@@ -57,12 +62,7 @@ class FlyingDrone(EmulatedDrone):
         self._commands = RotorCommands(node, plant.drone.rotor_names, self._reject)
         self._watch = AnswerWatch(odometry.period_ns, lag)
         self._logger = node.get_logger()
-        self.rejections: dict[str, int] = {}
-
-    @property
-    def drone(self) -> DroneConfig:
-        """The drone, as it truly is."""
-        return self._flight.drone
+        self._rejections, self._rejection, self._rejected_at = 0, '', -inf
 
     @property
     def is_flying(self) -> bool:
@@ -74,15 +74,23 @@ class FlyingDrone(EmulatedDrone):
         """Whether somebody answers the odometry."""
         return self._watch.expects
 
-    @property
-    def status(self) -> str:
-        """What the drone does, and why, in a few words."""
-        rotors = self._flight.rotors
-        if self.is_flying:
-            return 'flying' if rotors.is_commanded else 'no rotor commands: the rotors stand'
-        if rotors.is_commanded:
-            return 'held until the motors hold the arm and the rotors lift it'
-        return 'held: no rotor commands'
+    def describe(self) -> Status:
+        """Return what the drone does, and why, for /diagnostics."""
+        rotors, is_commanded = self._flight.rotors, self._flight.rotors.is_commanded
+        level, text = DiagnosticStatus.OK, 'flying'
+        if not self.is_flying:
+            text = 'held until the motors hold the arm and the rotors lift it'
+            text = text if is_commanded else 'held: no rotor commands'
+        elif not is_commanded:
+            level, text = DiagnosticStatus.WARN, 'no rotor commands: the rotors stand, it falls'
+        if time.monotonic() - self._rejected_at < _REMEMBERED:
+            level, text = DiagnosticStatus.WARN, f'rejected: {self._rejection}'
+        values: dict[str, object] = {
+            f'{name} thrust [N]': f'{thrust:.2f}'
+            for name, thrust in zip(self._flight.drone.rotor_names, rotors.thrust, strict=True)
+        }
+        values['rejected commands'] = self._rejections
+        return 'drone', level, text, values
 
     def update(self, mode: str, stamp_ns: int) -> None:
         """Publish what is due, and take the newest rotor command."""
@@ -145,5 +153,6 @@ class FlyingDrone(EmulatedDrone):
         self._odometry_publisher.publish(message)
 
     def _reject(self, reason: str) -> None:
-        self.rejections[reason] = self.rejections.get(reason, 0) + 1
+        self._rejections += 1
+        self._rejection, self._rejected_at = reason, time.monotonic()
         self._logger.warning(f'rejected: {reason}', throttle_duration_sec=1.0)

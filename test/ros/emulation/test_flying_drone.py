@@ -109,6 +109,7 @@ def test_commands_that_are_not_its_own_leave_it_where_it_is_held(bench: DroneBen
             lambda command=command: bench.rotors.publish(command),
         )
     np.testing.assert_allclose(bench.place, 0.0, atol=1e-6)
+    bench.wait(lambda: any('rejected: rotor_command' in text for text in bench.problems), 'a word')
 
 
 def test_a_weak_drone_and_two_kinds_of_base_are_refused(tmp_path: Path, ros_node: Node) -> None:
