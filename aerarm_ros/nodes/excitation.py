@@ -51,6 +51,8 @@ PARAMETERS = ParameterTable(
     Parameter('tracking_limit', 0.3, '|q_d - q| at which the arm is stopped', 'rad', 1e-3, 3.0),
     Parameter('stop_time', 0.0, 'duration of a smooth stop; 0: that of the excitation_config', 's',
               0.0, 10.0),
+    Parameter('damped_share_max', 0.01, "share of the motion's time for which the bridge may damp "
+              'the arm, since commands come late; above it the exit status is 1', '', 0.0, 1.0),
     Parameter('return_to_start', True, 'go back to the posture found at the start'),
     Parameter('state_timeout', 0.2, 'longest wait for the next joint state', 's', 0.005, 10.0),
     Parameter('wait_timeout', 20.0, 'longest wait for arm and subscribers', 's', 0.1, 3600.0),
@@ -173,13 +175,21 @@ class ExcitationNode:
 
     def _conclude(self) -> None:
         assert self._player is not None
-        stopped = self._playback.stop_asked
-        print(
-            f'{NAME}: {"stopped" if stopped else "done"}: {self._diagnostics.account()}; '
-            f'largest tracking error {self._player.largest_error.max():.3f} rad',
-            flush=True,
-        )
+        stopped, damping = self._playback.stop_asked, self._playback.damping
+        largest = self._player.largest_error.max()
+        account = [self._diagnostics.account(), f'largest tracking error {largest:.3f} rad']
+        account += filter(None, [damping.text])
+        print(f'{NAME}: {"stopped" if stopped else "done"}: {"; ".join(account)}', flush=True)
         self.status = INTERRUPTED if stopped else 0
+        allowed = self._parameters.damped_share_max
+        if not stopped and damping.share > allowed:
+            self.status = 1
+            raise ExcitationError(
+                f'the arm was damped for {damping.share:.1%} of the motion, allowed are '
+                f'{allowed:.1%}: this is not the motion that was planned. The computer is too '
+                'busy for 1 kHz: end other programs, give it priority (realtime_priority), or '
+                'bear more (damped_share_max)'
+            )
 
     def _diagnostic_values(self) -> dict[str, object]:
         player = self._player
@@ -193,7 +203,7 @@ class ExcitationNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node; the exit status is 0 only if the whole trajectory was played."""
+    """Run the node; the exit status is 0 only if the whole trajectory was played, undamped."""
     return run_node(NAME, ExcitationNode, args, PARAMETERS, __doc__)
 
 

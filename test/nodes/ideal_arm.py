@@ -43,6 +43,7 @@ class IdealArm:
         self.sent: set[int] = set()
         self.moved_for = 0.0
         self.waited = 0
+        self.next_damping = 0.5  # [s] of motion
         self.time_ns = time.time_ns()
         self.trace: list[np.ndarray] = []
         self.set_mode(options.mode)
@@ -69,6 +70,11 @@ class IdealArm:
             self.moved_for += PERIOD
         if self.moved_for < self.options.stuck_after:
             self.q = self.q + PERIOD * self.dq
+        if self.options.damped and self.moved_for >= self.next_damping:
+            self.next_damping += 0.5 if self.next_damping < 1.0 else np.inf
+            for mode in ('damping', 'running'):
+                self.set_mode(mode)
+                time.sleep(self.options.damped)
         if self.moved_for >= self.options.fault_after:
             self.set_mode('fault')
             self.options.fault_after = np.inf
@@ -97,6 +103,7 @@ def main() -> int:
     parser.add_argument('--start', type=float, nargs=4, default=[0.1, 1.4, -0.1, 0.2])
     parser.add_argument('--reversed', action='store_true')
     parser.add_argument('--full', action='store_true')
+    parser.add_argument('--damped', type=float, default=0.0, help='for how long, twice [s]')
     for fault in ('stuck', 'silent', 'fault'):
         parser.add_argument(f'--{fault}-after', type=float, default=np.inf)
     rclpy.init()

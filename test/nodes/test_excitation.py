@@ -185,6 +185,17 @@ def test_trouble_ends_the_motion(tmp_path: Path, environment, fault: str, messag
     assert message in log
 
 
+@pytest.mark.parametrize(('allowed', 'expected'), [(0.001, 1), (0.9, 0)])
+def test_says_how_much_was_damped(tmp_path: Path, environment, allowed, expected) -> None:
+    with ideal_arm(tmp_path, environment, '--damped', '0.1'):
+        status, log = run(environment, tmp_path, damped_share_max=allowed)
+    assert status == expected, log
+    told = re.search(r'damped the arm 2 times, for ([0-9.]+) s \(([0-9.]+)% of the motion\)', log)
+    assert told is not None, log
+    assert float(told[1]) >= 0.2
+    assert ('not the motion that was planned' in log) == (expected == 1)
+
+
 def test_says_what_it_waits_for(tmp_path: Path, environment) -> None:
     with ideal_arm(tmp_path, environment, '--mode', 'idle'):
         status, log = run(

@@ -10,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'bench_recording': ['BenchRecording'],
+        'damping_account': ['DampingAccount'],
         'motion_playback': ['MotionPlayback'],
         'start_conditions': ['StartConditions'],
     },

@@ -17,6 +17,7 @@ from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.ros.diagnostics.progress_line import ProgressLine
 from aerarm_ros.ros.diagnostics.waiting_notice import WaitingNotice
 from aerarm_ros.ros.graph.endpoint_name import endpoint_name
+from aerarm_ros.ros.playback.damping_account import DampingAccount
 from aerarm_ros.ros.playback.start_conditions import StartConditions
 from aerarm_ros.ros.states.arm_modes import COMMANDABLE
 from aerarm_ros.ros.states.state_stream import StateStream
@@ -51,6 +52,8 @@ class MotionPlayback:
         Whether the arm shall come to rest, or has.
     states
         The stream of joint states.
+    damping
+        How often and how long the bridge damped the arm during the motion.
     """
 
     def __init__(
@@ -68,7 +71,10 @@ class MotionPlayback:
         self._codec = JointStateCdr(joint_names)
         command = topics.JOINT_COMMAND
         self._commands = node.create_publisher(command.type, command.name, command.qos)
-        self._conditions = StartConditions(node, self._commands, subscribers, recorder)
+        self.damping = DampingAccount()
+        self._conditions = StartConditions(
+            node, self._commands, subscribers, recorder, self.damping.note
+        )
         self._rejection = ''
         self._answered_ns: int | None = None
         self._command = b''
@@ -122,6 +128,7 @@ class MotionPlayback:
         """
         progress = ProgressLine(self._name)
         heard = time.monotonic()
+        self.damping.begin(time.time_ns())
         try:
             while not player.done:
                 self.states.wait(silence)
@@ -136,6 +143,7 @@ class MotionPlayback:
                 if progress.due(newest[0], player.stage):
                     progress.show(_progress_text(player))
         finally:
+            self.damping.end(time.time_ns())
             progress.close()
         if player.fault is not None:
             raise ExcitationError(player.fault)

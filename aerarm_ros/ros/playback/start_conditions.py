@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable, Mapping
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
+from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.ros.graph.sole_publisher import SolePublisher
 
@@ -26,11 +29,18 @@ _ADVICE = {
 }
 # By then all nodes in the domain have announced themselves (config/fastdds.xml) [s].
 _DISCOVERY_TIME = 0.5
+_DEPTH = 100  # messages that may wait for this process
 _LISTENERS = {
     topics.JOINT_COMMAND.name: 'are the bridge, and the recorder if wanted, running?',
     topics.JOINT_STATES.name: 'is the recorder running?',
 }
 _ENABLE = "run 'arm enable' (the arm moves)"
+
+
+def _all_of(topic: Topic) -> QoSProfile:
+    return QoSProfile(
+        depth=_DEPTH, reliability=topic.qos.reliability, durability=topic.qos.durability
+    )
 
 
 class StartConditions:
@@ -48,6 +58,8 @@ class StartConditions:
         How many subscribers joint_command and joint_states must have.
     recorder
         Whether the recorder must have found both.
+    on_mode
+        Called with each arm_mode and when it was published [ns since the epoch].
 
     Attributes
     ----------
@@ -55,7 +67,14 @@ class StartConditions:
         Last arm_mode, '' before the first.
     """
 
-    def __init__(self, node: Node, commands: Publisher, subscribers: int, recorder: bool) -> None:
+    def __init__(
+        self,
+        node: Node,
+        commands: Publisher,
+        subscribers: int,
+        recorder: bool,
+        on_mode: Callable[[str, int], None],
+    ) -> None:
         self.mode = ''
         self._discovered = time.monotonic() + _DISCOVERY_TIME
         self._node = node
@@ -63,12 +82,14 @@ class StartConditions:
         self._subscribers = subscribers
         self._recorder = recorder
         self._recorded: set[str] = set()
+        self._tell_mode = on_mode
         self._sources = SolePublisher(node, topics.JOINT_STATES)
         for topic, callback in (
             (topics.ARM_MODE, self._on_mode),
             (topics.RECORDER_STATUS, self._on_recorder_status),
         ):
-            node.create_subscription(topic.type, topic.name, callback, topic.qos)
+            # Each of the modes counts, however fast they change.
+            node.create_subscription(topic.type, topic.name, callback, _all_of(topic))
 
     def missing(self) -> list[str]:
         """Return what is missing, a phrase each.
@@ -106,8 +127,9 @@ class StartConditions:
             )
         return missing
 
-    def _on_mode(self, message: String) -> None:
+    def _on_mode(self, message: String, info: Mapping[str, int]) -> None:
         self.mode = message.data
+        self._tell_mode(message.data, info['source_timestamp'])
 
     def _on_recorder_status(self, message: String) -> None:
         try:
