@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator
 from aerarm_ros.control.checks.gains import non_negative
 from aerarm_ros.control.checks.joint_limits import JointLimits
 from aerarm_ros.control.compensation.fade import Fade
@@ -38,7 +39,7 @@ class ControlLoop(Generic[Reference]):
         Of the references that `source` makes.
     observer : MomentumObserver, optional
         It must know the friction that the law compensates.
-    base : BaseMotionEstimator, optional
+    base : BaseMotionEstimator or FreeBaseEstimator, optional
         Default: the base is still under the dynamics' own gravity.
     compensation_max : (n,) array_like
         Largest torque [Nm] with which the observed disturbance is compensated; zero only
@@ -66,7 +67,7 @@ class ControlLoop(Generic[Reference]):
         source: ReferenceSource[Reference],
         law: ControlLaw[Reference],
         observer: MomentumObserver | None = None,
-        base: BaseMotionEstimator | None = None,
+        base: BaseMotionEstimator | FreeBaseEstimator | None = None,
         compensation_max: npt.ArrayLike = 0.0,
     ) -> None:
         self.limits = limits
@@ -116,22 +117,24 @@ class ControlLoop(Generic[Reference]):
         base = None if self.base is None else self.base.motion(now, COMMAND_DELAY)
         reference = self.source.update(q, now, dt)
         command = self.law.update(state, reference, dt, base)
-        if self.observer is not None and dt > 0.0:
+        if dt > 0.0:
             self._unobserved = (state, now, dt)
         return self._finish(command, dt)
 
     def observe(self) -> None:
-        """Let the observer take the newest state.
+        """Let the observer and the base's estimator take the newest state.
 
-        The next `update` does it otherwise. To call it once the command is sent takes the
-        observer's time out of the command's delay; the compensation is a cycle late either
-        way, which a time constant of many cycles forgives.
+        The next `update` does it otherwise. To call it once the command is sent takes their time
+        out of the command's delay; the compensation is a cycle late either way, which a time
+        constant of many cycles forgives.
         """
-        if self._unobserved is None or self.observer is None:
+        if self._unobserved is None:
             return
         state, now, dt = self._unobserved
         self._unobserved = None
-        if np.isfinite(state.tau.sum()):
+        if self.base is not None:
+            self.base.observe(state.q, state.dq, now)
+        if self.observer is not None and np.isfinite(state.tau.sum()):
             # The torque acted in the cycle that ended with the state. The base at another time
             # would look like a disturbance, and its compensation undo the law's prediction.
             base = None if self.base is None else self.base.motion(now, -0.5 * dt)

@@ -20,6 +20,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             'inertia_about_origin',
             'is_physically_consistent',
             'minimum_eigenvalue',
+            'parameters_of_body',
             'pseudo_inertia',
         ],
         'kinematics': ['Kinematics', 'dh_forward', 'dh_transform'],

@@ -68,6 +68,23 @@ def barycentric_inertia(pi: npt.ArrayLike) -> Array:
     return inertia_about_origin(pi) - _steiner(moment) / mass
 
 
+def parameters_of_body(mass: float, centre: npt.ArrayLike, inertia: npt.ArrayLike) -> Array:
+    """Return the inertial parameters (10,) of a body: `barycentric_inertia` undone.
+
+    Parameters
+    ----------
+    mass : float
+        [kg]
+    centre : (3,) array_like
+        Centre of mass from the frame's origin [m].
+    inertia : (3, 3) array_like
+        About the centre of mass, in the frame's axes [kg m^2].
+    """
+    lever = np.asarray(centre, dtype=float)
+    tensor = np.asarray(inertia, dtype=float) + mass * _steiner(lever)
+    return np.concatenate([[mass], mass * lever, tensor[_ROWS, _COLUMNS]])
+
+
 def pseudo_inertia(pi: npt.ArrayLike) -> Array:
     """Return the pseudo-inertia matrices of Wensing, Kim and Slotine (RA-L 2018).
 

@@ -42,6 +42,11 @@ class WholeBodyDynamics:
         Inertial parameters (3.3) of what carries the arm, in the arm's base frame; none if not
         given, and then M_bb is the arm's own.
 
+    Attributes
+    ----------
+    mass : float
+        Of the whole [kg].
+
     Raises
     ------
     ValueError
@@ -63,6 +68,7 @@ class WholeBodyDynamics:
         if carrier is not None:
             whole = self._model.inertias[1].toDynamicParameters() + _checked(carrier)
             self._model.inertias[1] = pin.Inertia.FromDynamicParameters(whole)
+        self.mass = float(pin.computeTotalMass(self._model))
         self._data = self._model.createData()
         self._last_link = pin.Inertia(self._model.inertias[self._model.njoints - 1])
         self._q = pin.neutral(self._model)
@@ -83,6 +89,7 @@ class WholeBodyDynamics:
             If no body has them.
         """
         carry(self._model, self._last_link, payload)
+        self.mass = float(pin.computeTotalMass(self._model))
 
     def inertia_matrix(self, q: Array) -> Array:
         """Return M(q), (6 + n, 6 + n), symmetric, rotors included."""
@@ -140,6 +147,11 @@ class WholeBodyDynamics:
         coupling = matrix[:6, 6:]
         answer = self._data.Ycrb[1].inverse() @ coupling
         return np.asarray(matrix[6:, 6:] - coupling.T @ answer)
+
+    def mobility_matrix(self, q: Array) -> Array:
+        """Return the inverse of `reduced_inertia`, (n, n) [1/(kg m^2)]."""
+        self._q[7:] = q
+        return np.array(pin.computeMinverse(self._model, self._data, self._q)[6:, 6:])
 
     def feedback_gain(self, q: Array) -> float:
         """Return the gain of the loop that a measured acceleration of the base closes.

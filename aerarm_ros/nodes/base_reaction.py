@@ -16,6 +16,7 @@ from std_msgs.msg import Header
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.acceleration_estimate import AccelerationEstimate
 from aerarm_ros.control.base.base_reaction import BaseReaction
+from aerarm_ros.control.base.free_base_estimator import FREE
 from aerarm_ros.control.control_loop import LONGEST_GAP
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD_PARAMETER
@@ -43,6 +44,9 @@ class BaseReactionNode(StateNode):
 
     def build(self) -> None:
         """Make the model and the acceleration's estimate."""
+        if self.values.base_motion == FREE:
+            # A wrench that contains the drone's own acceleration would come back by its rotors.
+            self.base = self.arm.hovering_base(self.values)
         self._reaction = BaseReaction(self.arm.robot)
         self.arm.load(self._reaction.dynamics, self.values)
         self._acceleration = AccelerationEstimate(self.arm.config.n, self.values.cutoff)

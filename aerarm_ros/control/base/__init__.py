@@ -1,7 +1,8 @@
 """The base of the arm in motion: what the drone does to the arm, and the arm to the drone.
 
-In come IMU samples in the autopilot's or ROS's frames; out goes a `BaseMotion` at any time near
-now, the arm's dynamics on such a base, and the wrench of the arm on what carries it.
+In come IMU samples in the autopilot's or ROS's frames, and commands of the rotors; out goes a
+`BaseMotion` at any time near now, the arm's dynamics on such a base, and
+the wrench of the arm on what carries it.
 """
 
 import lazy_loader
@@ -14,6 +15,10 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'base_motion_estimator': ['BaseMotionEstimator'],
         'base_motion_prediction': ['BaseMotionPrediction'],
         'base_reaction': ['BaseReaction'],
+        'answer_correction': ['AnswerCorrection'],
+        'drone_in_base': ['carrier_parameters', 'wrench_per_thrust'],
+        'feedback_check': ['check_feedback', 'largest_feedback_gain'],
+        'free_base_estimator': ['FreeBaseEstimator'],
         'free_base_motion': ['FreeBaseMotion'],
         'frame_conversion': [
             'frd_to_flu',
@@ -23,7 +28,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             'quaternion',
         ],
         'imu_sample': ['ImuSample'],
+        'imu_watch': ['ImuWatch'],
         'mount': ['Mount'],
         'moving_base_dynamics': ['MovingBaseDynamics'],
+        'rotor_wrench': ['RotorWrench'],
     },
 )

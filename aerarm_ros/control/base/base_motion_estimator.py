@@ -15,6 +15,7 @@ from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 Array = npt.NDArray[np.float64]
 
 NONE, ATTITUDE, FULL = 'none', 'attitude', 'full'
+HOVER = 'hover'
 MODES = (NONE, ATTITUDE, FULL)
 
 _GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
@@ -28,6 +29,8 @@ class BaseMotionEstimator:
 
     Modes: 'none' uses the configured gravity; 'attitude' turns gravity with the drone and
     takes the base for still otherwise; 'full' also uses angular rate and specific force.
+    'hover', for those that tell a drone of the arm, takes it for hovering: what is felt is thrust
+    along its own axes, whatever it does.
     Angular acceleration is the filtered derivative of the rate, brought forward by the lag of the
     filter.
 
@@ -73,7 +76,7 @@ class BaseMotionEstimator:
         cutoff: float = 60.0,
         latency: float = 0.0,
     ) -> None:
-        if mode not in MODES:
+        if mode not in (*MODES, HOVER):
             raise ValueError(f'mode = {mode!r} must be one of {", ".join(MODES)}')
         self.mode = mode
         self.configured = BaseMotion.still(gravity_in_base)
@@ -103,6 +106,14 @@ class BaseMotionEstimator:
         if np.isinf(age):
             return 'no IMU yet: configured gravity'
         return f'IMU silent for {age:.2f} s: configured gravity'
+
+    def problem(self, now: float) -> str:
+        """Return what is wrong at `now` [s], '' if nothing."""
+        source = self.status(now)
+        return '' if self.mode == NONE or source == 'IMU' else source
+
+    def observe(self, q: Array, dq: Array, now: float) -> None:
+        """Take joints q [rad], dq [rad/s] at `now` [s]: not used."""
 
     def reject(self, reason: str) -> None:
         """Count a sample that could not be made."""
@@ -158,7 +169,7 @@ class BaseMotionEstimator:
 
     def _predict(self, sample: ImuSample, step: float | None) -> BaseMotionPrediction:
         """Return the motion from a sample on, `step` [s] after the one before."""
-        rotation = self._mount.rotation_imu_to_base
+        rotation, rest = self._mount.rotation_imu_to_base, np.zeros(3)
         rate = rotation @ sample.angular_velocity
         force = rotation @ sample.specific_force
         if sample.attitude is None:
@@ -167,6 +178,9 @@ class BaseMotionEstimator:
             gravity = rotation @ (rotation_matrix(sample.attitude).T @ _GRAVITY_IN_WORLD)
         if self.mode == ATTITUDE:
             return BaseMotionPrediction(BaseMotion.still(gravity), rate)
+        if self.mode == HOVER:
+            thrust = self.configured.specific_force
+            return BaseMotionPrediction(BaseMotion(gravity, thrust, rate, np.zeros(3)), rate, rest)
         spin, jerk = self._angular_acceleration(rate, step)
         # From the IMU to the origin of the base frame: rigid-body acceleration.
         lever = -self._mount.imu_position_in_base

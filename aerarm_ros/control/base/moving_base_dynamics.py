@@ -155,6 +155,17 @@ class MovingBaseDynamics:
         given = coupling.T @ (base.share[:, np.newaxis] * (inverse @ coupling))
         return self.fixed.inertia_matrix(q) - given
 
+    def mobility_matrix(self, q: Array, base: BaseMotion | None = None) -> Array:
+        """Return the inverse of `inertia_matrix`, (n, n) [1/(kg m^2)].
+
+        On a base that answers in part it is a mean of both ends.
+        """
+        fixed = self.fixed.mobility_matrix(q)
+        if not isinstance(base, FreeBaseMotion):
+            return fixed
+        share = min(1.0, float(base.share.min()))
+        return fixed + share * (self.whole.mobility_matrix(q) - fixed)
+
     def mount_wrench(
         self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None = None
     ) -> Array:

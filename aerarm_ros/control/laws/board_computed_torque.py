@@ -33,5 +33,5 @@ class BoardComputedTorque(InverseDynamicsLaw):
             a = a + self._integral.update(reference.q - state.q, dt)
         # Nonlinear terms at the reference: measured noise stays out, and the boards' stiff
         # loop keeps the arm close enough to it.
-        u = self._torque(reference.q, reference.dq, a, reference.dq, base)
+        u = self._torque(reference.q, reference.dq, a, reference, base)
         return JointCommand(reference.q, reference.dq, u)

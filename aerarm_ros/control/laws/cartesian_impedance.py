@@ -90,7 +90,7 @@ class CartesianImpedance:
         """Return the effort (n,) [Nm]; `dt` isn't used."""
         q, dq, _ = state
         jacobian = self._kinematics.position_jacobian(q)
-        mobility = self._dynamics.fixed.mobility_matrix(q) @ jacobian.T
+        mobility = self._dynamics.mobility_matrix(q, base) @ jacobian.T
         force = self.stiffness * (reference.p - self._kinematics.position(q))
         force += self.damping * (reference.dp - jacobian @ dq)
         posture = self._rest_stiffness * (self._rest - q) - self._rest_damping * dq

@@ -72,4 +72,4 @@ class ComputedTorque(InverseDynamicsLaw):
         if self._integral is not None:
             a += self._integral.update(error, dt)
         # Friction along the reference: measured noise stays out.
-        return JointCommand(tau=self._torque(q, dq, a, reference.dq, base))
+        return JointCommand(tau=self._torque(q, dq, a, reference, base))

@@ -89,7 +89,7 @@ class GravityCompensation:
         stiffness = self._fade.update(dt, not self.hand_guiding)
         q, dq, _ = state
         damping = stiffness + (1.0 - stiffness) * HAND_GUIDING_DAMPING
-        load = self._dynamics.gravity(q, base)
+        load = self._dynamics.gravity(q, base, reference.ddq)
         u = load + stiffness * self.kp * (reference.q - q)
         u += damping * self.kd * (stiffness * reference.dq - dq)
         if self._friction is not None:

@@ -5,6 +5,7 @@ from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.compensation.error_integral import ErrorIntegral
 from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
 from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
 
 
 class InverseDynamicsLaw:
@@ -38,15 +39,16 @@ class InverseDynamicsLaw:
         q: FloatArray,
         dq: FloatArray,
         a: FloatArray,
-        along: FloatArray,
+        along: JointReference,
         base: BaseMotion | None,
     ) -> FloatArray:
         """Return the torque (n,) [Nm] for an acceleration `a` [rad/s^2] at q [rad], dq [rad/s].
 
-        Friction is compensated as at the velocity `along` [rad/s].
+        Friction is compensated as on the reference `along`, and a base that answers is expected
+        to answer what is planned there.
         """
-        u = self._dynamics.inverse(q, dq, a, base)
+        u = self._dynamics.inverse(q, dq, a, base, along.ddq)
         if self._friction is not None:
             load = u - self._dynamics.fixed.rotor_inertia * a
-            u = u + self._friction.torque(along, load)
+            u = u + self._friction.torque(along.dq, load)
         return u

@@ -10,37 +10,59 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.base.base_motion_estimator import MODES, NONE, BaseMotionEstimator
+from aerarm_ros.control.base.answer_correction import AnswerCorrection
+from aerarm_ros.control.base.base_motion_estimator import (
+    FULL,
+    HOVER,
+    MODES,
+    NONE,
+    BaseMotionEstimator,
+)
+from aerarm_ros.control.base.drone_in_base import carrier_parameters
+from aerarm_ros.control.base.feedback_check import check_feedback
+from aerarm_ros.control.base.free_base_estimator import FREE, FreeBaseEstimator
 from aerarm_ros.control.base.mount import Mount
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.base.rotor_wrench import RotorWrench
 from aerarm_ros.control.checks.joint_limits import JointLimits
 from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
 from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
 from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
 from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.dynamics import checked_payload
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS
 
 ARM_PARAMETERS = (
     *ARM_FILES,
+    DRONE_FILE,
     Parameter(
         'base_motion',
         NONE,
-        'what of the imu topic is used: nothing, its attitude, or attitude, rate and acceleration',
-        choices=MODES,
+        'how the base moves: not at all, or as the imu topic says it, by its attitude or in full; '
+        "or it is 'free', and answers rotor_command and arm as the drone_file says",
+        choices=(*MODES, FREE),
     ),
-    Parameter('imu_frame', '', 'link of the URDF that is the IMU; base_link if empty'),
-    Parameter(
-        'imu_hold_time', 0.1, 'age up to which the last IMU sample is held', 's', 0.001, 10.0
-    ),
+    Parameter('imu_frame', '', "link of the URDF that is the IMU; the drone file's, or base_link, "
+              'if empty'),
+    Parameter('imu_hold_time', 0.1, 'age up to which the last IMU sample, or command of the '
+              'rotors, is held', 's', 0.001, 10.0),
     Parameter('imu_fade_time', 0.5, 'time in which gravity falls back', 's', 0.01, 60.0),
     Parameter('imu_cutoff', 60.0, "low-pass of the base's angular acceleration", 'Hz', 0.1, 500.0),
     Parameter('imu_latency', 0.0, 'age of an IMU sample when it arrives', 's', 0.0, 0.1),
-)
+    Parameter('rotor_latency', 0.0, 'time from the arrival of rotor_command here until the rotors '
+              'have it', 's', 0.0, 0.1),
+    Parameter('correction_cutoff', 0.3, "what of a free base's acceleration is measured, above it "
+              'is predicted', 'Hz', 0.01, 0.5),
+    Parameter('accelerometer_bias', 0.2, 'of the IMU, at most: a lasting deviation from weight '
+              'below it is ignored on a free base', 'm/s^2', 0.0, 5.0),
+)  # fmt: skip
 
 LOOP_PARAMETERS = (
     Parameter('state_timeout', 0.1, 'silence of joint_states that is reported', 's', 0.005, 10.0),
@@ -95,22 +117,29 @@ class ControlledArm:
     config: ArmConfig
     robot: Robot
     limits: JointLimits
-    _models: list[MovingBaseDynamics] = field(default_factory=list)
+    drone: DroneConfig | None = None
+    _models: list[MovingBaseDynamics | WholeBodyDynamics] = field(default_factory=list)
 
     @classmethod
     def from_parameters(cls, values: SimpleNamespace) -> ControlledArm:
         """Read URDF and configuration; raises ValueError with what to check."""
         config, robot = load_arm(values)
-        return cls(config, robot, JointLimits.from_config(config))
+        drone = load_drone(values, config, robot)
+        if drone is not None:
+            # The arm hangs as the drone file says.
+            robot = robot.with_gravity(drone.gravity_in_base)
+        return cls(config, robot, JointLimits.from_config(config), drone)
 
     def dynamics(self, values: SimpleNamespace) -> MovingBaseDynamics:
         """Return the model with the rotors' inertia."""
-        given = values.rotor_inertia or self.config.column('reflected_inertia')
-        model = MovingBaseDynamics(self.robot, given)
+        carrier = None
+        if values.base_motion == FREE and self.drone is not None:
+            carrier = carrier_parameters(self.drone)
+        model = MovingBaseDynamics(self.robot, self._rotor_inertia(values), carrier)
         self.load(model, values)
         return model
 
-    def load(self, model: MovingBaseDynamics, values: SimpleNamespace) -> None:
+    def load(self, model: MovingBaseDynamics | WholeBodyDynamics, values: SimpleNamespace) -> None:
         """Tell a model what the arm carries, now and whenever that changes; raises ValueError."""
         model.carry(_payload(getattr(values, PAYLOAD, [])))
         self._models.append(model)
@@ -146,13 +175,53 @@ class ControlledArm:
         """Return the largest compensated disturbance, (n,) [Nm]."""
         return np.asarray(values.compensation * self.limits.effort_max)
 
-    def base(self, values: SimpleNamespace) -> BaseMotionEstimator:
-        """Return the estimator of the base's motion."""
-        mount = Mount.from_robot(self.robot, values.imu_frame) if values.imu_frame else None
+    def base(self, values: SimpleNamespace) -> BaseMotionEstimator | FreeBaseEstimator:
+        """Return the estimator of the base's motion; raises ValueError with what to check."""
+        if values.base_motion == FREE:
+            return self._free_base(values)
+        if values.base_motion == FULL and self.drone is not None:
+            check_feedback(self.drone, self.robot, self._rotor_inertia(values))
+        return self._moved_base(values, values.base_motion)
+
+    def hovering_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
+        """Return the estimator for what tells a drone of the arm: it must not be fed back."""
+        return self._moved_base(values, HOVER)
+
+    def _free_base(self, values: SimpleNamespace) -> FreeBaseEstimator:
+        drone = self.drone
+        if drone is None:
+            raise ValueError(
+                "base_motion 'free' needs the drone's mass and rotors: give drone_file, as "
+                'config/drone.yaml'
+            )
+        inertia = self._rotor_inertia(values)
+        whole = WholeBodyDynamics(self.robot, inertia, carrier_parameters(drone))
+        self.load(whole, values)
+        return FreeBaseEstimator(
+            self.robot.gravity_in_base,
+            RotorWrench(drone, values.imu_hold_time, values.rotor_latency),
+            whole,
+            self._mount(values) or Mount.aligned(),
+            AnswerCorrection(values.correction_cutoff, values.accelerometer_bias),
+            values.imu_hold_time,
+            values.imu_fade_time,
+            values.imu_latency,
+        )
+
+    def _rotor_inertia(self, values: SimpleNamespace) -> npt.ArrayLike:
+        given: Sequence[float] = getattr(values, 'rotor_inertia', ())
+        return given or self.config.column('reflected_inertia')
+
+    def _mount(self, values: SimpleNamespace) -> Mount | None:
+        if values.imu_frame:
+            return Mount.from_robot(self.robot, values.imu_frame)
+        return None if self.drone is None else Mount.from_drone(self.drone)
+
+    def _moved_base(self, values: SimpleNamespace, mode: str) -> BaseMotionEstimator:
         return BaseMotionEstimator(
-            self.config.gravity_in_base,
-            values.base_motion,
-            mount,
+            self.robot.gravity_in_base,
+            mode,
+            self._mount(values),
             values.imu_hold_time,
             values.imu_fade_time,
             values.imu_cutoff,

@@ -11,7 +11,7 @@ from typing import Any
 import rclpy
 
 from aerarm_msgs_py.live_topics.topic import Topic
-from aerarm_ros.control.base.base_motion_estimator import NONE
+from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator
 from aerarm_ros.control.base.imu_sample import ImuSample
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.motion.arm_state import ArmState
@@ -93,7 +93,9 @@ class StateNode:
             WaitingNotice(time.monotonic()),
             self.answers_every_state,
         )
-        self._stream = StateStream(self.node, self.arm.config.joint_names, self.reject)
+        self._stream = StateStream(
+            self.node, self.arm.config.joint_names, self.reject, self._rotor_names()
+        )
         self.diagnostics.watch(self._stream)
         self.connect()
 
@@ -117,8 +119,7 @@ class StateNode:
 
     def warning(self) -> str:
         """Return what diagnostics should warn of, '' if nothing."""
-        source = self.base.status(self.stamp_ns * 1e-9)
-        return source if self.base.mode != NONE and source != 'IMU' else ''
+        return self.base.problem(self.stamp_ns * 1e-9)
 
     def describe(self) -> dict[str, object]:
         """Return what diagnostics should tell."""
@@ -169,6 +170,7 @@ class StateNode:
     def _take(self) -> None:
         newest = self._stream.newest_state()
         samples = self._stream.imu_samples()
+        thrusts = self._stream.rotor_command()
         before_ns, stamp_ns = self.stamp_ns, newest[0] if newest is not None else self.stamp_ns
         for sample, lead_ns in samples:
             if lead_ns > 0:
@@ -181,6 +183,14 @@ class StateNode:
         for sample, lead_ns in samples:
             if lead_ns <= 0:
                 self._offer(sample, stamp_ns)
+        if thrusts is not None and isinstance(self.base, FreeBaseEstimator):
+            came_ns = _arrival(before_ns, stamp_ns, thrusts.lead_ns)
+            self._try(partial(self.base.offer_rotors, *thrusts[:3]), came_ns)
+
+    def _rotor_names(self) -> tuple[str, ...]:
+        """Return the rotors whose commands are wanted."""
+        drone = self.arm.drone if isinstance(self.base, FreeBaseEstimator) else None
+        return () if drone is None else drone.rotor_names
 
     def _offer(self, sample: ImuSample, now_ns: int) -> None:
         self._try(partial(self.base.offer, sample), now_ns)

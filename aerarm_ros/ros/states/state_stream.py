@@ -1,4 +1,4 @@
-"""Joint states and IMU samples for a loop that takes them itself, as serialized bytes."""
+"""Joint states, IMU samples and rotor commands, as serialized bytes, for a loop that takes them."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_ros.control.base.imu_sample import ImuSample
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.ros.states.rotor_thrusts import RotorThrusts
 
-_STATES, _IMU = 0, 1
+_STATES, _IMU, _ROTORS = 0, 1, 2
 
 
 class StateStream:
-    """Waits for joint states and IMU samples.
+    """Waits for joint states, IMU samples, and commands of a drone's rotors if any are named.
 
     Attributes
     ----------
@@ -38,13 +39,23 @@ class StateStream:
         Joint names, n of them, in the order of all arrays.
     reject
         Called with the reason why a message is not used.
+    rotors
+        Names of the rotors.
     """
 
-    def __init__(self, node: Node, names: Sequence[str], reject: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        names: Sequence[str],
+        reject: Callable[[str], None],
+        rotors: Sequence[str] = (),
+    ) -> None:
         self._names = tuple(names)
         self._cdr = JointStateCdr(self._names)
         self._reject = reject
-        self._reader = RawReader(node, topics.JOINT_STATES, topics.IMU)
+        self._rotors = JointStateCdr(rotors) if rotors else None
+        wanted = [topics.ROTOR_COMMAND] if rotors else []
+        self._reader = RawReader(node, topics.JOINT_STATES, topics.IMU, *wanted)
         self._no_effort = np.full(len(self._names), np.nan)
         self._published_ns = self._received_ns = 0
         self.stamp_ns: int | None = None
@@ -105,6 +116,24 @@ class StateStream:
             else:
                 samples.append((sample, self._received_ns - info['received_timestamp']))
         return samples
+
+    def rotor_command(self) -> RotorThrusts | None:
+        """Return the newest command of the rotors, None if none waits."""
+        if self._rotors is None or (message := self._reader.take_newest(_ROTORS)) is None:
+            return None
+        payload, info = message
+        names, sample = self._rotors.names, self._rotors.unpack(payload)
+        try:
+            if sample is None:
+                names, sample = decode_joint_state(payload)
+        except ValueError as error:
+            self._reject(f'rotor_command: {error}')
+            return None
+        if sample.effort is None:
+            self._reject('rotor_command: it has no effort, which is the thrust of each rotor [N]')
+            return None
+        lead_ns = self._received_ns - info['received_timestamp']
+        return RotorThrusts(names, sample.effort, sample.stamp_ns * 1e-9, lead_ns)
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""

@@ -1,0 +1,40 @@
+"""Whether a drone is heavy enough for an IMU that is fed back at once."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.drone_in_base import carrier_parameters
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+
+_POSTURES = 200
+# A loop whose gain is below one at every frequency is stable whatever its delay (small gain). The
+# prediction of trends raises that of the IMU's path to 1.15; the margin is 1.3.
+LARGEST_GAIN = 0.67
+
+
+def largest_feedback_gain(whole: WholeBodyDynamics) -> float:
+    """Return the largest `feedback_gain` over the arm's postures, as a sample of them."""
+    robot = whole.robot
+    low = np.maximum(robot.position_min, -np.pi)
+    high = np.minimum(robot.position_max, np.pi)
+    postures = np.random.default_rng(0).uniform(low, high, (_POSTURES, robot.n))
+    return max(whole.feedback_gain(q) for q in postures)
+
+
+def check_feedback(drone: DroneConfig, robot: Robot, rotor_inertia: npt.ArrayLike) -> None:
+    """Require that torques may answer the base's measured acceleration at once.
+
+    Raises
+    ------
+    ValueError
+        If the loop of arm torque, base acceleration, IMU and arm torque has too much gain.
+    """
+    gain = largest_feedback_gain(WholeBodyDynamics(robot, rotor_inertia, carrier_parameters(drone)))
+    if gain > LARGEST_GAIN:
+        raise ValueError(
+            f"base_motion 'full' on {drone.name} ({drone.mass:g} kg) would excite itself: what the "
+            f"arm's torque does to the drone comes back by the IMU {gain:.2g} times as large, and "
+            f"{LARGEST_GAIN:g} is safe: use 'free', or 'attitude'"
+        )

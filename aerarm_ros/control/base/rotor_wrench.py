@@ -1,0 +1,139 @@
+"""The wrench of a drone's rotors, from what they are commanded."""
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.drone_in_base import wrench_per_thrust
+from aerarm_ros.control.checks.gains import non_negative_number, positive
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.description.drone_config import DroneConfig
+
+Array = npt.NDArray[np.float64]
+
+_PIECES = 64  # commands remembered: 0.25 s at 250 Hz
+# A command beyond the limits saturates the rotor; this many times beyond, it is no thrust in N.
+_ABSURD = 3.0
+_FROZEN = 0.5  # [s] a controller in flight never repeats its numbers for as long
+
+
+class RotorWrench:
+    """Passes commanded thrusts through each rotor's saturation and first-order lag.
+
+    A command holds from its arrival plus the latency until the next one, and the thrust follows
+    exactly: `T(t) = u + (T_0 - u) exp(-(t - t_0) / T_r)`.
+
+    Parameters
+    ----------
+    drone : DroneConfig
+    hold_time : float
+        Age [s] up to which the last command is believed.
+    latency : float
+        From a command's arrival here to its rotor [s].
+
+    Attributes
+    ----------
+    matrix : (6, n) ndarray
+        Wrench per thrust at the origin of the arm's base frame, in its axes.
+    commanded_force : float
+        Of all rotors together, by the last command [N].
+    """
+
+    def __init__(self, drone: DroneConfig, hold_time: float = 0.1, latency: float = 0.0) -> None:
+        self._drone = drone
+        self._names = drone.rotor_names
+        self.matrix = wrench_per_thrust(drone)
+        self._low, self._high = drone.column('thrust_min'), drone.column('thrust_max')
+        self._rate = 1.0 / drone.column('time_constant')
+        self._hold_time = positive('hold_time', hold_time)
+        self._latency = non_negative_number('latency', latency)
+        self._order: list[int] = list(range(drone.n))
+        self._sent_names: tuple[str, ...] = self._names
+        # Begin [s], thrust then, and command of each piece.
+        self._pieces: deque[tuple[float, Array, Array]] = deque(maxlen=_PIECES)
+        self.commanded_force = 0.0
+        self._stamp = self._received = self._changed = -np.inf
+
+    def problem(self, now: float) -> str:
+        """Return why commands can't be used at `now` [s], '' if they can."""
+        age = now - self._received
+        if np.isinf(age):
+            return 'no rotor commands yet'
+        if abs(age) > self._hold_time:
+            return f'rotor commands silent for {age:.2f} s'
+        if now - self._changed > _FROZEN:
+            return f'rotor commands frozen for {now - self._changed:.1f} s'
+        return ''
+
+    def offer(self, names: Sequence[str], thrust: Array, stamp: float, now: float) -> None:
+        """Take thrusts [N] of named rotors, sent at `stamp` [s], received at `now` [s].
+
+        Raises
+        ------
+        RejectedInputError
+            If they aren't those of this drone, not newer than the last, or no thrusts.
+        """
+        if tuple(names) != self._sent_names:
+            self._order = self._find(names)
+            self._sent_names = tuple(names)
+        if len(thrust) != len(self._names):
+            raise RejectedInputError(
+                f'rotor_command: {len(thrust)} efforts for {len(self._names)} rotors: give the '
+                'thrust of each [N] as effort'
+            )
+        if not np.isfinite(thrust.sum()):
+            raise RejectedInputError('rotor_command: a thrust is NaN or infinite: check the sender')
+        thrust = thrust[self._order]
+        if np.any(np.abs(thrust) > _ABSURD * np.maximum(np.abs(self._low), self._high)):
+            raise RejectedInputError(
+                f'rotor_command: {np.abs(thrust).max():.3g} is far beyond thrust_max of '
+                f'{self._drone.name}: check the unit, N, and the drone file'
+            )
+        # A stamp far in the past is a clock that was set back: start anew.
+        if -1.0 < stamp - self._stamp <= 0.0:
+            raise RejectedInputError(
+                'rotor_command: it is not newer than the one before: one publisher only'
+            )
+        self._stamp = stamp
+        self._add(np.minimum(np.maximum(thrust, self._low), self._high), now)
+
+    def thrust(self, time: float) -> Array:
+        """Return the rotors' thrusts (n,) [N] at `time` [s]: zeros before the first command."""
+        piece = None
+        for piece in reversed(self._pieces):
+            if piece[0] <= time:
+                break
+        if piece is None:
+            return np.zeros(len(self._names))
+        begin, first, command = piece
+        return command + (first - command) * np.exp((min(begin, time) - time) * self._rate)
+
+    def wrench(self, time: float) -> Array:
+        """Return force [N] and moment [Nm] (6,) on the base's origin at `time` [s]."""
+        return np.asarray(self.matrix @ self.thrust(time))
+
+    def _add(self, command: Array, now: float) -> None:
+        self.commanded_force = float(np.linalg.norm(self.matrix[:3] @ command))
+        gap = now - self._received
+        self._received = now
+        begin = now + self._latency
+        if not -self._hold_time < gap < self._hold_time or not self._pieces:
+            # Nobody knows what the rotors did meanwhile.
+            self._pieces.clear()
+            self._pieces.append((begin, command, command))
+            self._changed = now
+            return
+        if np.any(command != self._pieces[-1][2]):
+            self._changed = now
+        self._pieces.append((begin, self.thrust(begin), command))
+
+    def _find(self, names: Sequence[str]) -> list[int]:
+        """Return where each rotor stands in a command."""
+        if sorted(names) != sorted(self._names):
+            raise RejectedInputError(
+                f'rotor_command: rotors {list(names)} are not those of {self._drone.name}, '
+                f'{list(self._names)}: is it of another drone?'
+            )
+        return [list(names).index(name) for name in self._names]

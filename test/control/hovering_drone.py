@@ -1,0 +1,283 @@
+"""A drone with its arm in the physics engine, hovering under a plain PID, for control laws."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from aerarm_ros.control.base.answer_correction import AnswerCorrection
+from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.base.drone_in_base import carrier_parameters
+from aerarm_ros.control.base.free_base_estimator import FREE, FreeBaseEstimator
+from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.base.mount import Mount
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.base.rotor_wrench import RotorWrench
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
+
+Array = npt.NDArray[np.float64]
+
+CYCLE = 1e-3
+IMU_CYCLES = 4  # 250 Hz; the drone's controller runs at the same rate
+LINK_DELAY = 4e-3
+CENTRE, PHASES = np.array([0.0, np.pi / 2, 0.0, 0.3]), np.array([0.0, 0.7, 1.4, 2.1])
+SWINGS = {
+    'slow': (np.array([0.5, 0.4, 0.5, 0.5]), np.array([0.2, 0.25, 0.3, 0.35])),
+    'fast': (np.array([0.8, 0.5, 0.8, 0.7]), np.array([0.5, 0.6, 0.75, 0.9])),
+}
+BEGIN = 2.0  # [s] over which a swing grows from rest
+CHEAP = {'force': 0.3, 'rate': 0.01, 'force_bias': 0.15, 'rate_bias': 0.01}
+
+CONFIG = load_arm_config()
+ROTORS = CONFIG.column('reflected_inertia')
+
+
+def drone_of(mass: float) -> DroneConfig:
+    """Return the packaged drone nearest to a mass [kg], scaled to it with its density."""
+    light = mass < 2.0
+    path = resource('config', 'drones/quadrotor.yaml') if light else None
+    drone = load_drone_config(path)
+    scale = mass / drone.mass
+    size = scale ** (1.0 / 3.0)
+    rotors = tuple(
+        replace(
+            rotor,
+            position=tuple(size * x for x in rotor.position),
+            thrust_max=rotor.thrust_max * max(scale, 0.8),
+        )
+        for rotor in drone.rotors
+    )
+    inertia = tuple(scale * size**2 * x for x in drone.inertia)
+    return replace(drone, mass=mass, inertia=inertia, rotors=rotors)
+
+
+class SwingingReference:
+    """A reference that swings about a hanging posture."""
+
+    def __init__(self, kind: str) -> None:
+        self._amplitude, frequency = SWINGS[kind]
+        self._rate = 2.0 * np.pi * frequency
+
+    def take_over(self, q: Array) -> None:
+        """Start where the arm was put."""
+
+    def update(self, q: Array, now: float, dt: float) -> JointReference:
+        w, r = self._rate, min(now / BEGIN, 1.0)
+        share = r**3 * (10.0 - 15.0 * r + 6.0 * r**2)
+        slope = 30.0 * r**2 * (1.0 - r) ** 2 / BEGIN
+        curve = 60.0 * r * (1.0 - r) * (1.0 - 2.0 * r) / BEGIN**2
+        f = self._amplitude * np.sin(w * now + PHASES)
+        df = self._amplitude * w * np.cos(w * now + PHASES)
+        return JointReference(
+            CENTRE + share * f,
+            share * df + slope * f,
+            curve * f + 2.0 * slope * df - share * w**2 * f,
+        )
+
+
+class DroneInEngine:
+    """Arm and drone in the engine, rotors with lag, and the PID that holds the drone.
+
+    Where the drone is None the arm hangs from something that doesn't move.
+    """
+
+    def __init__(self, drone: DroneConfig, is_free: bool = True) -> None:
+        self.drone, self.is_free = drone, is_free
+        self.robot = load_robot(gravity_in_base=drone.gravity_in_base)
+        arm = mujoco.MjSpec.from_string(_without_shapes(self.robot.urdf_text))
+        arm.compiler.fusestatic = False
+        spec = mujoco.MjSpec()
+        spec.option.gravity, spec.option.timestep = [0.0, 0.0, -9.81], CYCLE
+        body = spec.worldbody.add_body(
+            name='body', mass=drone.mass, ipos=drone.centre_of_mass, inertia=drone.inertia[:3]
+        )
+        if is_free:
+            body.add_freejoint()
+        turn = Rotation.from_matrix(drone.mount.rotation).as_quat()[[3, 0, 1, 2]]
+        frame = body.add_frame(pos=drone.mount.position, quat=turn)
+        frame.attach_body(arm.body('base_link'), 'arm_', '')
+        self.model = spec.compile()
+        self.model.dof_armature[-4:] = ROTORS
+        self.model.dof_damping[:] = self.model.dof_frictionloss[:] = 0.0
+        disabled = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+        self.model.opt.disableflags |= int(disabled)
+        self.data: Any = mujoco.MjData(self.model)
+        self.data.qpos[-4:] = SwingingReference('slow').update(CENTRE, 0.0, CYCLE).q
+        mujoco.mj_forward(self.model, self.data)
+        # Posture at take-off, and integral action: what a plain controller has.
+        whole = WholeBodyDynamics(self.robot, ROTORS, carrier_parameters(drone))
+        self._mass, com, inertia = whole.composite_inertia(self.data.qpos[-4:])
+        rotation = drone.mount.rotation
+        self._centre = np.array(drone.mount.position) + rotation @ com
+        self._inertia = rotation @ inertia @ rotation.T
+        self._mixer = np.linalg.pinv(drone.allocation)
+        self._low, self._high = drone.column('thrust_min'), drone.column('thrust_max')
+        self._decay = np.exp(-CYCLE / drone.column('time_constant'))
+        self._sums = np.zeros((2, 3))
+        weight = np.array([0.0, 0.0, 9.81 * self._mass])
+        hover = self._mixer @ np.concatenate([weight, np.cross(self._centre, weight)])
+        self.thrust, self.command = hover, hover
+
+    @property
+    def state(self) -> tuple[Array, Array]:
+        return np.array(self.data.qpos[-4:]), np.array(self.data.qvel[-4:])
+
+    def attitude(self) -> Rotation:
+        return Rotation.from_quat(np.roll(self.data.qpos[3:7], -1))
+
+    def imu(self) -> tuple[Array, Array, Array]:
+        """Return attitude, angular velocity and specific force, as `ImuSample` has them."""
+        attitude, spin = self.attitude(), self.data.qacc[3:6]
+        rate = np.array(self.data.qvel[3:6])
+        place = np.array(self.drone.imu.position)
+        force = attitude.inv().apply(self.data.qacc[:3] + [0.0, 0.0, 9.81])
+        force += np.cross(spin, place) + np.cross(rate, np.cross(rate, place))
+        return attitude.as_quat(), rate, force
+
+    def control(self) -> Array:
+        """Return the thrusts that the PID wants, at its rate."""
+        period, attitude = IMU_CYCLES * CYCLE, self.attitude()
+        position, velocity = self.data.qpos[:3], self.data.qvel[:3]
+        self._sums[0] -= period * position
+        wanted = -4.95 * position - 3.3 * velocity + 2.0 * self._sums[0] + [0.0, 0.0, 9.81]
+        z = wanted / np.linalg.norm(wanted)
+        y = np.cross(z, [1.0, 0.0, 0.0])
+        y /= np.linalg.norm(y)
+        axes = Rotation.from_matrix(np.column_stack([np.cross(y, z), y, z]))
+        error = (attitude.inv() * axes).as_rotvec()
+        self._sums[1] += period * error
+        force = np.array([0.0, 0.0, self._mass * (wanted @ attitude.apply([0.0, 0.0, 1.0]))])
+        spin = 150.0 * error - 18.0 * self.data.qvel[3:6] + 300.0 * self._sums[1]
+        moment = self._inertia @ spin + np.cross(self._centre, force)
+        return np.asarray(self._mixer @ np.concatenate([force, moment]))
+
+    def step(self, effort: Array) -> None:
+        """Advance by a cycle under joint torques [Nm]."""
+        applied = self.data.qfrc_applied
+        applied[-4:] = effort
+        if self.is_free:
+            command = np.minimum(np.maximum(self.command, self._low), self._high)
+            self.thrust = command + (self.thrust - command) * self._decay
+            wrench = self.drone.allocation @ self.thrust
+            applied[:3] = self.data.xmat[1].reshape(3, 3) @ wrench[:3]
+            applied[3:6] = wrench[3:]
+        mujoco.mj_step(self.model, self.data)
+
+
+@dataclass
+class FlightFaults:
+    """What goes wrong with a flight.
+
+    Attributes
+    ----------
+    known : the drone as the arm's controller knows it; the true one if not given.
+    noise : of the IMU, as CHEAP.
+    latency : of the IMU [s].
+    commands : whether the rotors' commands are told.
+    """
+
+    known: DroneConfig | None = None
+    noise: dict[str, float] | None = None
+    latency: float = 0.0
+    commands: bool = True
+
+
+def make_estimator(
+    mode: str, drone: DroneConfig, robot: Any
+) -> BaseMotionEstimator | FreeBaseEstimator:
+    mount = Mount.from_drone(drone)
+    if mode != FREE:
+        return BaseMotionEstimator(drone.gravity_in_base, mode, mount)
+    whole = WholeBodyDynamics(robot, ROTORS, carrier_parameters(drone))
+    rotors = RotorWrench(drone, latency=LINK_DELAY)
+    return FreeBaseEstimator(drone.gravity_in_base, rotors, whole, mount, AnswerCorrection())
+
+
+def fly(
+    drone: DroneConfig,
+    kind: str,
+    mode: str,
+    seconds: float,
+    flight: FlightFaults | None = None,
+    make_law: Any = None,
+    observer: Any = None,
+) -> Array:
+    """Return the joints' errors (M, n) [rad] of a flight, one row a cycle.
+
+    Mode 'fixed' hangs the arm from something that doesn't move.
+    """
+    flight = flight or FlightFaults()
+    known = flight.known or drone
+    plant = DroneInEngine(drone, mode != 'fixed')
+    base = make_estimator('none' if mode == 'fixed' else mode, known, plant.robot)
+    dynamics = MovingBaseDynamics(plant.robot, ROTORS, carrier_parameters(known))
+    law = make_law(dynamics) if make_law else ComputedTorque(dynamics, 400.0, 40.0)
+    source = SwingingReference(kind)
+    loop = ControlLoop(
+        JointLimits.from_config(CONFIG),
+        source,
+        law,
+        observer(dynamics) if observer else None,
+        base,
+        0.5 * CONFIG.column('effort_max') if observer else 0.0,
+    )
+    random = np.random.default_rng(0)
+    biases = random.normal(size=6)
+    samples: list[tuple[float, ImuSample]] = []
+    commands: list[tuple[float, Array]] = []
+    effort = dynamics.gravity(plant.state[0])
+    errors = []
+    for cycle in range(round(seconds / CYCLE)):
+        now = cycle * CYCLE
+        if plant.is_free and cycle % IMU_CYCLES == 0:
+            attitude, rate, force = plant.imu()
+            if flight.noise:
+                noise = random.normal(size=6)
+                force = force + flight.noise['force'] * noise[:3]
+                force = force + flight.noise['force_bias'] * biases[:3]
+                rate = rate + flight.noise['rate'] * noise[3:]
+                rate = rate + flight.noise['rate_bias'] * biases[3:]
+            samples.append((now + flight.latency, ImuSample(now, attitude, rate, force)))
+            thrust = plant.control()
+            commands.append((now + LINK_DELAY, thrust))
+            if flight.commands and isinstance(base, FreeBaseEstimator):
+                base.offer_rotors(drone.rotor_names, thrust, now, now)
+        while samples and samples[0][0] <= now + 1e-9:
+            base.offer(samples.pop(0)[1], now)
+        while commands and commands[0][0] <= now + 1e-9:
+            plant.command = commands.pop(0)[1]
+        q, dq = plant.state
+        answer = loop.update(ArmState(q, dq, effort), now)
+        errors.append(source.update(q, now, CYCLE).q - q)
+        plant.step(effort)  # a command acts from the next cycle on
+        if answer is not None:
+            assert answer.tau is not None
+            effort = answer.tau
+        loop.observe()
+    return np.array(errors)
+
+
+def rms(errors: Array, since: float) -> float:
+    """Return the root mean square from a time [s] on, over all joints [rad]."""
+    return float(np.sqrt((errors[round(since / CYCLE) :] ** 2).mean()))
+
+
+def _without_shapes(urdf: str) -> str:
+    root = ElementTree.fromstring(urdf)
+    for link in root.findall('link'):
+        for shape in [*link.findall('visual'), *link.findall('collision')]:
+            link.remove(shape)
+    return ElementTree.tostring(root, encoding='unicode')

@@ -1,0 +1,94 @@
+"""A controller on a free base: what it asks for, refuses, and hears of the rotors."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from aerarm_msgs_py import topics
+from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator
+from aerarm_ros.description.resources import resource
+from aerarm_ros.nodes.computed_torque import ComputedTorqueNode
+
+DRONE = str(resource('config', 'drone.yaml'))
+LIMIT = 20.0  # [s]
+
+
+@pytest.fixture
+def make(ros_domain: dict[str, str]) -> Iterator[Callable[..., ComputedTorqueNode]]:
+    """Return a function that makes a controller with parameters."""
+    with ExitStack() as stack:
+
+        def make(**parameters: str) -> ComputedTorqueNode:
+            given = [word for name, x in parameters.items() for word in ('-p', f'{name}:={x}')]
+            rclpy.init(args=['--ros-args', *given])
+            stack.callback(rclpy.shutdown)
+            node = ComputedTorqueNode()
+            stack.callback(node.close)
+            return node
+
+        yield make
+
+
+def test_free_needs_a_drone(make) -> None:
+    with pytest.raises(ValueError, match='give drone_file'):
+        make(base_motion='free')
+
+
+def test_full_is_refused_on_a_drone_that_would_excite_itself(make) -> None:
+    with pytest.raises(ValueError, match=r"hexarotor \(3 kg\) would excite itself.*use 'free'"):
+        make(base_motion='full', drone_file=DRONE)
+
+
+def hear(node: ComputedTorqueNode, send: Callable[[], None], done: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + LIMIT
+    while not done():
+        assert time.monotonic() < deadline
+        send()
+        if node._stream.wait(0.05):
+            node._take()
+
+
+def rotor_command(names: tuple[str, ...], stamp_ns: int, thrust: list[float]) -> JointState:
+    message = JointState(name=list(names), effort=thrust)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
+    return message
+
+
+def test_rotor_commands_are_heard_and_those_of_others_refused(make) -> None:
+    node = make(base_motion='free', drone_file=DRONE)
+    base, names = node.base, node.arm.drone.rotor_names
+    assert isinstance(base, FreeBaseEstimator)
+    assert node.describe()['base motion'].startswith('neither rotor commands nor IMU')
+    np.testing.assert_allclose(base.configured.gravity, [0.0, 0.0, 9.81], atol=1e-9)
+    teller: Node = node.node
+    topic = topics.ROTOR_COMMAND
+    publisher = teller.create_publisher(topic.type, topic.name, topic.qos)
+    stamps = iter(range(1, 10**9))
+
+    def tell(sent: tuple[str, ...], thrust: list[float]) -> Callable[[], None]:
+        return lambda: publisher.publish(rotor_command(sent, 1_000_000 * next(stamps), thrust))
+
+    thrusts = [float(7 + k) for k in range(len(names))]
+    hear(node, tell(names, thrusts), lambda: base.rotors.commanded_force > 0.0)
+    np.testing.assert_allclose(base.rotors.thrust(node.stamp_ns * 1e-9), thrusts)
+    for sent, thrust, reason in (
+        (names[:4], thrusts[:4], 'another drone'),
+        (names, [float('nan'), *thrusts[1:]], 'NaN'),
+        (names, [], 'no effort'),
+    ):
+        hear(node, tell(sent, thrust), lambda r=reason: r in node.diagnostics.last_rejection)
+
+
+def test_a_payload_reaches_both_models(make) -> None:
+    node = make(base_motion='free', drone_file=DRONE)
+    mass = node.base.whole.mass
+    node.arm.carry([0.2, 0.02, 0.0, 0.0, 1e-4, 0.0, 2.1e-3, 0.0, 0.0, 2.1e-3])
+    assert node.base.whole.mass == pytest.approx(mass + 0.2)
+    (law,) = [model for model in node.arm._models if model is not node.base.whole]
+    assert law.whole.mass == pytest.approx(mass + 0.2)
