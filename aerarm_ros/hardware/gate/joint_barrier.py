@@ -46,6 +46,8 @@ class JointBarrier:
 
     Attributes
     ----------
+    far
+        Distance from a limit [rad] from which on it slows nothing.
     q, dq, filtered
         Predicted position [rad], speed, and what the board will make of it [rad/s].
     load
@@ -67,6 +69,8 @@ class JointBarrier:
         '_elapsed',
         '_fastest',
         '_gain_max',
+        '_kept',
+        '_kept_time',
         '_lag',
         '_last_speed',
         '_position_max',
@@ -74,6 +78,7 @@ class JointBarrier:
         '_return',
         '_speed',
         'dq',
+        'far',
         'filtered',
         'highest',
         'load',
@@ -99,6 +104,11 @@ class JointBarrier:
         self._approach = min(joint.velocity_max / settings.soft_zone, _APPROACH_SHARE * slowest)
         self._deceleration = deceleration
         self._corner = deceleration / self._approach**2
+        self.far = max(
+            self._fastest**2 / (2.0 * deceleration) + 0.5 * self._corner,
+            self._fastest / self._approach,
+        )
+        self._kept, self._kept_time = 1.0, 0.0
         self.q = self.dq = self.filtered = self.load = self.noise = self.lowest = self.highest = 0.0
         self.restart()
 
@@ -109,6 +119,8 @@ class JointBarrier:
 
     def speed(self, distance: float) -> float:
         """Return the speed [rad/s] from which the joint stops within a distance [rad]."""
+        if distance >= self.far:
+            return self._fastest
         if distance < self._corner:
             return max(self._approach * distance, -self._return)
         reachable = sqrt(2.0 * self._deceleration * (distance - 0.5 * self._corner))
@@ -138,7 +150,7 @@ class JointBarrier:
         self.q = q + dt * (speed + 0.5 * dt * acceleration)
         self.dq = speed + dt * acceleration
         mean = speed + 0.5 * dt * acceleration
-        self.filtered = mean + exp(-dt / self._lag) * (dq - mean)
+        self.filtered = mean + self._share_kept(dt) * (dq - mean)
         self._last_speed, self._elapsed, self._acceleration = dq, dt, acceleration
         self._speed = speed
         gain = min(self._gain_max, _FASTEST * inertia)
@@ -160,11 +172,17 @@ class JointBarrier:
         """Return the speed now [rad/s] of the board's low-passed one."""
         if self._elapsed <= 0.0:
             return dq
-        kept = exp(-self._elapsed / self._lag)
+        kept = self._share_kept(self._elapsed)
         mean = (dq - kept * self._last_speed) / (1.0 - kept)
         # The mean is weighted towards now; the torque of that cycle leads it there.
         age = self._lag - self._elapsed * kept / (1.0 - kept)
         return mean + age * self._acceleration
+
+    def _share_kept(self, time: float) -> float:
+        """Return the share of a speed that the board's low-pass keeps over a time [s]."""
+        if not abs(time - self._kept_time) < 1e-7:  # most cycles are alike
+            self._kept, self._kept_time = exp(-time / self._lag), time
+        return self._kept
 
     def _bound(self, distance: float, speed: float, gain: float, inertia: float) -> float:
         """Return the largest torque over the load towards a limit [Nm]."""

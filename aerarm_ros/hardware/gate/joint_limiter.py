@@ -121,10 +121,12 @@ class JointLimiter:
 
     def _speeds(self, q: float) -> tuple[float, float]:
         """Return the most negative and the most positive speed of a reference at q [rad]."""
-        speed, creep = self.barrier.speed, _CREEP_SHARE * self._velocity_max
+        most, far = self._velocity_max, self.barrier.far
+        if self._position_min + far <= q <= self._position_max - far:
+            return -most, most
+        speed, creep = self.barrier.speed, _CREEP_SHARE * most
         up = _REFERENCE_SHARE * speed(self._position_max - q)
         down = _REFERENCE_SHARE * speed(q - self._position_min)
-        most = self._velocity_max
         return -min(max(down, creep), most), min(max(up, creep), most)
 
     def _position(self, position: float, q: float, dt: float) -> float:
