@@ -73,7 +73,7 @@ class RotorWrench:
         Raises
         ------
         RejectedInputError
-            If they aren't those of this drone, not newer than the last, or no thrusts.
+            If they aren't those of this drone, older than the last, or no thrusts.
         """
         if tuple(names) != self._sent_names:
             self._order = self._find(names)
@@ -92,12 +92,15 @@ class RotorWrench:
                 f'{self._drone.name}: check the unit, N, and the drone file'
             )
         # A stamp far in the past is a clock that was set back: start anew.
-        if -1.0 < stamp - self._stamp <= 0.0:
+        if -1.0 < stamp - self._stamp < 0.0:
             raise RejectedInputError(
-                'rotor_command: it is not newer than the one before: one publisher only'
+                'rotor_command: it is older than the one before: one publisher only'
             )
+        command = np.minimum(np.maximum(thrust, self._low), self._high)
+        if stamp == self._stamp and self._pieces and np.all(command == self._pieces[-1][2]):
+            return  # told again; a sender that does nothing else is silent
         self._stamp = stamp
-        self._add(np.minimum(np.maximum(thrust, self._low), self._high), now)
+        self._add(command, now)
 
     def thrust(self, time: float) -> Array:
         """Return the rotors' thrusts (n,) [N] at `time` [s]: zeros before the first command."""

@@ -203,5 +203,11 @@ def test_commands_are_taken_by_name_and_in_order() -> None:
     rotors, names = hover.estimator.rotors, hover.drone.rotor_names
     rotors.offer(names[::-1], np.arange(4.0), 1.0, 1.0)
     np.testing.assert_allclose(rotors.thrust(1.0 + LINK_DELAY), np.arange(4.0)[::-1])
-    with pytest.raises(RejectedInputError, match='not newer'):
-        rotors.offer(names, np.arange(4.0), 1.0, 1.001)
+    with pytest.raises(RejectedInputError, match='older'):
+        rotors.offer(names, np.arange(4.0), 0.999, 1.001)
+    # An answer to the same odometry, told again: that is no sign of life.
+    for moment in np.arange(1.0, 1.2, 0.01):
+        rotors.offer(names[::-1], np.arange(4.0), 1.0, moment)
+    assert 'silent' in rotors.problem(1.2)
+    rotors.offer(names, np.arange(4.0), 1.0, 1.2)
+    assert rotors.problem(1.2) == ''
