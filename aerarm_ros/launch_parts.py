@@ -27,6 +27,7 @@ from launch.substitutions import (
     PythonExpression,
 )
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from aerarm_ros.launch_requirements import missing
@@ -45,6 +46,20 @@ def switch_argument(
     return DeclareLaunchArgument(
         name, default_value=default, choices=['true', 'false'], description=description
     )
+
+
+def drone_argument() -> DeclareLaunchArgument:
+    """Return the argument that names the drone."""
+    return DeclareLaunchArgument(
+        'drone_file',
+        default_value='',
+        description='drone that carries the arm, for example config/drone.yaml; none if empty',
+    )
+
+
+def drone_parameter() -> dict[str, ParameterValue]:
+    """Return the parameter that names the drone; an empty text stays one."""
+    return {'drone_file': ParameterValue(LaunchConfiguration('drone_file'), value_type=str)}
 
 
 def enable_argument(default: SomeSubstitutionsType = 'false') -> DeclareLaunchArgument:
@@ -68,8 +83,8 @@ def base_motion_argument(default: str = 'none') -> DeclareLaunchArgument:
     return DeclareLaunchArgument(
         'base_motion',
         default_value=default,
-        choices=['none', 'attitude', 'full'],
-        description='what a controller uses of the IMU',
+        choices=['none', 'attitude', 'full', 'free'],
+        description='how the base moves: as the IMU says, or free, as the drone_file says',
     )
 
 

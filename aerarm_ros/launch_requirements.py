@@ -19,6 +19,7 @@ FILES = (
     'config',
     'urdf',
     'plant_urdf',
+    'drone_file',
     'excitation_config',
     'trajectory',
     'identified',
@@ -47,7 +48,20 @@ def missing(arguments: Mapping[str, str]) -> list[str]:
     arguments
         Values of the launch file's arguments, as text.
     """
-    return [*_missing_files(arguments), *_missing_packages(arguments), *_missing_modules(arguments)]
+    return [
+        *_missing_drone(arguments),
+        *_missing_files(arguments),
+        *_missing_packages(arguments),
+        *_missing_modules(arguments),
+    ]
+
+
+def _missing_drone(arguments: Mapping[str, str]) -> Iterator[str]:
+    if arguments.get('base_motion') == 'free' and not arguments.get('drone_file', '').strip("'"):
+        yield (
+            'drone_file is missing: name the drone that carries the arm, as '
+            'drone_file:=config/drone.yaml; or base_motion:=full on a base that is driven or heavy'
+        )
 
 
 def _missing_files(arguments: Mapping[str, str]) -> Iterator[str]:

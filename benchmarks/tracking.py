@@ -11,8 +11,10 @@ import argparse
 import os
 import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import rclpy
@@ -63,7 +65,16 @@ def draw_motion(seed: int, periods: int) -> RampedExcitation:
     return RampedExcitation(trajectory, periods, settings.ramp_time)
 
 
-def as_message(motion: RampedExcitation, names: tuple[str, ...], start_ns: int) -> JointTrajectory:
+class TimedMotion(Protocol):
+    """Anything with a reference at any time from 0 to `duration` [s]."""
+
+    duration: float
+
+    def evaluate(self, times: np.ndarray) -> Sequence[np.ndarray]:
+        """Return q, dq, ddq, (M, n) each."""
+
+
+def as_message(motion: TimedMotion, names: tuple[str, ...], start_ns: int) -> JointTrajectory:
     """Return points with velocity and acceleration, between which quintics are exact enough."""
     times = np.append(np.arange(0.0, motion.duration, POINT_PERIOD), motion.duration)
     reference = motion.evaluate(times)

@@ -25,6 +25,8 @@ from launch.substitutions import (
 from launch_ros.actions import Node, PushRosNamespace
 from launch_ros.parameter_descriptions import ParameterValue
 
+from aerarm_ros.description.drone_config import load_drone_config
+from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.launch_parts import (
     IMU_REMAPPING,
     SHARE,
@@ -33,6 +35,8 @@ from aerarm_ros.launch_parts import (
     base_motion_argument,
     check_first,
     controller_argument,
+    drone_argument,
+    drone_parameter,
     enable_argument,
     end,
     node,
@@ -72,6 +76,7 @@ ARGUMENTS = (
         description='fake hardware: the arm that is emulated',
     ),
     base_motion_argument(),
+    drone_argument(),
     DeclareLaunchArgument('imu_topic', default_value='imu', description="the base's IMU"),
     enable_argument(),
     switch_argument('rviz', 'start RViz'),
@@ -121,7 +126,7 @@ def _bridge() -> Node:
     executable = IfElseSubstitution(ON_SPI, 'hardware_bridge', 'fake_hardware')
     return node(
         executable,
-        {'config': LaunchConfiguration('config'), 'urdf': MOVING_ARM},
+        {'config': LaunchConfiguration('config'), 'urdf': MOVING_ARM, **drone_parameter()},
         remappings=[IMU_REMAPPING],  # that of an emulated drone
     )
 
@@ -140,7 +145,7 @@ def _controller() -> Node:
     controller = LaunchConfiguration('controller')
     return node(
         controller,
-        arguments_as_parameters('config', 'urdf', 'base_motion'),
+        {**arguments_as_parameters('config', 'urdf', 'base_motion'), **drone_parameter()},
         remappings=[IMU_REMAPPING],
         condition=IfCondition(NotEqualsSubstitution(controller, 'none')),
     )
@@ -148,7 +153,11 @@ def _controller() -> Node:
 
 def _view() -> Node:
     condition = IfCondition(LaunchConfiguration('view'))
-    return node('view', arguments_as_parameters('config', 'urdf'), condition=condition)
+    return node(
+        'view',
+        {**arguments_as_parameters('config', 'urdf'), **drone_parameter()},
+        condition=condition,
+    )
 
 
 def _robot_state_publisher(context: LaunchContext) -> list[Node | LogInfo]:
@@ -157,14 +166,20 @@ def _robot_state_publisher(context: LaunchContext) -> list[Node | LogInfo]:
         get_package_prefix('robot_state_publisher')
     except PackageNotFoundError:
         return [LogInfo(msg='robot_state_publisher is not installed: no frames for RViz')]
-    urdf = ParameterValue(FileContent(MOVING_ARM), value_type=str)
+    urdf = FileContent(MOVING_ARM).perform(context)
+    drone_file = LaunchConfiguration('drone_file').perform(context)
+    if drone_file:
+        urdf = with_drone(urdf, load_drone_config(drone_file))
     # It latches its URDF too: robot_description is left to the bridge, which is always there.
     own_copy = ('robot_description', '~/robot_description')
     return [
         Node(
             package='robot_state_publisher',
             executable='robot_state_publisher',
-            parameters=[{'robot_description': urdf, 'publish_frequency': 50.0}],
+            parameters=[
+                {'robot_description': ParameterValue(urdf, value_type=str)},
+                {'publish_frequency': 50.0},
+            ],
             remappings=[own_copy, *FRAME_TOPICS],
         )
     ]

@@ -1,6 +1,6 @@
-"""The arm under a drone: a controller that feels the drone's attitude, and what the drone feels.
+"""The arm under a drone: a controller that knows how the drone answers, and what the drone feels.
 
-ros2 launch aerarm_ros drone.launch.py hardware:=spi autopilot:=px4
+ros2 launch aerarm_ros drone.launch.py hardware:=spi autopilot:=px4 drone_file:=my_drone.yaml
 Takes the arguments of bringup.launch.py.
 """
 
@@ -18,23 +18,40 @@ from aerarm_ros.launch_parts import (
     bringup,
     check_first,
     controller_argument,
+    drone_argument,
+    drone_parameter,
     node,
 )
 
 ON_PX4 = EqualsSubstitution(LaunchConfiguration('autopilot'), 'px4')
+BY_OURSELVES = EqualsSubstitution(LaunchConfiguration('autopilot'), 'flight_control')
 ARGUMENTS = (
     controller_argument('gravity_compensation'),
-    base_motion_argument('full'),
+    base_motion_argument('free'),
+    drone_argument(),
     DeclareLaunchArgument(
         'autopilot',
-        default_value='mavros',
-        choices=['mavros', 'px4'],
-        description="whose IMU it is; px4: PX4's own topics, which px4_imu then converts",
+        default_value=PythonExpression(
+            [
+                "'flight_control' if '",
+                LaunchConfiguration('hardware', default='fake'),
+                "' == 'fake' and '",
+                LaunchConfiguration('drone_file', default=''),
+                "' else 'mavros'",
+            ]
+        ),
+        choices=['flight_control', 'mavros', 'px4'],
+        description="whose IMU it is; px4: PX4's own topics, which px4_imu then converts; "
+        'flight_control: this package hovers an emulated drone',
     ),
     DeclareLaunchArgument(
         'imu_topic',
         default_value=PythonExpression(
-            ["'imu' if '", LaunchConfiguration('autopilot'), "' == 'px4' else '/mavros/imu/data'"]
+            [
+                "'/mavros/imu/data' if '",
+                LaunchConfiguration('autopilot'),
+                "' == 'mavros' else 'imu'",
+            ]
         ),
         description="the autopilot's IMU, as MAVROS or px4_imu publishes it",
     ),
@@ -45,10 +62,16 @@ def generate_launch_description() -> LaunchDescription:
     """Return what `ros2 launch` starts."""
     reaction = node(
         'base_reaction',
-        arguments_as_parameters('config', 'urdf', 'base_motion'),
+        {**arguments_as_parameters('config', 'urdf', 'base_motion'), **drone_parameter()},
         remappings=[IMU_REMAPPING],
     )
     px4_imu = node('px4_imu', remappings=[IMU_REMAPPING], condition=IfCondition(ON_PX4))
+    flight = node(
+        'flight_control',
+        {**arguments_as_parameters('config', 'urdf'), **drone_parameter()},
+        remappings=[IMU_REMAPPING],
+        condition=IfCondition(BY_OURSELVES),
+    )
     drone = GroupAction(
         [
             PushRosNamespace(LaunchConfiguration('namespace')),
@@ -56,6 +79,8 @@ def generate_launch_description() -> LaunchDescription:
             after(reaction, 'base_reaction'),
             px4_imu,
             after(px4_imu, 'px4_imu'),
+            flight,
+            after(flight, 'flight_control'),
         ]
     )
     return LaunchDescription([*ARGUMENTS, check_first(), bringup(), drone])

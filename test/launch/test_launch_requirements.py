@@ -50,6 +50,15 @@ def test_a_file_must_exist(name: str, tmp_path: Path) -> None:
     )
 
 
+def test_a_free_base_needs_a_drone() -> None:
+    (problem,) = missing({**GIVEN, 'base_motion': 'free'})
+    assert problem.startswith('drone_file is missing')
+    assert missing({**GIVEN, 'base_motion': 'free', 'drone_file': "''"}) == [problem]
+    drone = str(resource('config', 'drone.yaml'))
+    assert missing({**GIVEN, 'base_motion': 'free', 'drone_file': drone}) == []
+    assert missing({**GIVEN, 'base_motion': 'full'}) == []
+
+
 def test_rviz_is_an_own_package_as_its_frames_are() -> None:
     packages = ('rviz2', 'robot_state_publisher')
     found = missing({**GIVEN, 'rviz': 'true'})

@@ -96,7 +96,7 @@ def test_without_a_bridge_nobody_waits_for_the_arm(
         ('motor_bench', 'controller:=computed_torque', "['none']"),
         ('bringup', 'rviz:=maybe', "['true', 'false']"),
         ('bringup', 'view:=maybe', "['true', 'false']"),
-        ('drone', 'autopilot:=ardupilot', "['mavros', 'px4']"),
+        ('drone', 'autopilot:=ardupilot', "['flight_control', 'mavros', 'px4']"),
     ],
 )
 def test_what_cannot_be_chosen_is_refused_before_anything_starts(

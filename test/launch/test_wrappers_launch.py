@@ -16,6 +16,7 @@ from launched import (
 )
 
 from aerarm_msgs_py import topics
+from aerarm_ros.description.resources import resource
 
 HAS_PX4 = find_spec('px4_msgs') is not None
 WITH_DRONE = {'gravity_compensation', 'base_reaction'}
@@ -24,6 +25,7 @@ CASES = {
     'gravity_compensation': ('gravity_compensation', {'gravity_compensation'}, None),
     'computed_torque': ('computed_torque', {'computed_torque'}, None),
     'drone': ('drone', WITH_DRONE, topics.BASE_WRENCH),
+    'flying': ('drone', {*WITH_DRONE, 'flight_control'}, topics.ROTOR_COMMAND),
     # Without px4_msgs it is refused, as test_launch_requirements.py has it.
     **({'px4': ('drone', WITH_DRONE, topics.BASE_WRENCH)} if HAS_PX4 else {}),
     'view': ('bringup', {'view', 'gravity_compensation'}, None),
@@ -48,9 +50,11 @@ def generate_test_description(case):
     arguments, port = {}, free_port()
     if case == 'drone':
         file = parameter_file(fake_hardware={'base_motion_profile': 'tilted'})
-        arguments = {'imu_topic': '/drone/imu', 'params_file': file}
+        arguments = {'imu_topic': '/drone/imu', 'base_motion': 'full', 'params_file': file}
+    if case == 'flying':
+        arguments = {'drone_file': str(resource('config', 'drone.yaml'))}
     if case == 'px4':
-        arguments = {'autopilot': 'px4'}
+        arguments = {'autopilot': 'px4', 'base_motion': 'full'}
     if case == 'view':
         file = parameter_file(view={'port': port})
         arguments = {'view': 'true', 'controller': 'gravity_compensation', 'params_file': file}

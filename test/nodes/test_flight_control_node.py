@@ -23,7 +23,7 @@ WEIGHT = (3.0 + 1.487) * 9.81
 STEP_NS = 4_000_000
 
 
-class HoveringDrone:
+class DroneSensors:
     """What a drone in hover says of itself, 4 ms after 4 ms, and hears."""
 
     def __init__(self, node: Node, process: NodeProcess) -> None:
@@ -101,14 +101,14 @@ class HoveringDrone:
 
 
 @pytest.fixture
-def drone(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterator[HoveringDrone]:
+def drone(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterator[DroneSensors]:
     parameters = {'drone_file': resource('config', 'drone.yaml')}
     log = tmp_path / 'flight_control.log'
     with NodeProcess('flight_control', (), parameters, log=log) as process:
-        yield HoveringDrone(ros_node, process)
+        yield DroneSensors(ros_node, process)
 
 
-def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: HoveringDrone) -> None:
+def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     command = drone.commands[-1]
     assert list(command.name) == list(DRONE.rotor_names)
@@ -137,7 +137,7 @@ def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: Hover
         raise AssertionError('it does not rise')
 
 
-def test_what_cannot_be_believed_is_named_and_the_drone_kept_level(drone: HoveringDrone) -> None:
+def test_what_cannot_be_believed_is_named_and_the_drone_kept_level(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     drone.refuse(
         'odometry: a value is NaN', lambda: (drone.odometry_message(np.nan, 0.0, 0.0), None)
