@@ -24,7 +24,7 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup demo experiment view test attacks lint bench clean
+.PHONY: help setup demo experiment view test attacks lint bench clean fuzz
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
@@ -32,6 +32,7 @@ help:
 	@echo 'make view        the running arm in a browser'
 	@echo 'make test        lint, type check and all tests'
 	@echo 'make attacks     hundreds of attacks on the bridge in virtual time, and their worst figures'
+	@echo 'make fuzz        20,000 damaged and hostile bags'
 	@echo 'make bench       benchmarks beside a baseline or a peer'
 	@echo 'make setup       only install everything into $(VENV)'
 	@echo 'make clean       remove what make and the tests leave'
@@ -66,6 +67,9 @@ test: lint
 
 attacks: setup
 	$(BIN)/python test/hardware/attack_campaign.py
+
+fuzz: setup
+	$(BIN)/python test/aerarm_msgs_py/bag_mutants/campaign.py
 
 bench: setup
 	$(BIN)/python benchmarks/run.py

@@ -11,16 +11,13 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'bag': ['Bag'],
         'bag_contents': ['BagContents', 'lost_messages', 'read_contents'],
-        'bag_error': ['BagError', 'BagWarning'],
+        'bag_information': ['BagInformation', 'read_information'],
         'bag_reader': ['joint_state_blocks', 'read_joint_states'],
         'bag_writer': ['BagWriter'],
         'joint_state_series': ['JointStateSeries'],
-        'mcap_file': ['McapFile'],
         'mcap_writer': ['COMPRESSIONS', 'McapWriter'],
-        'message_block': ['MessageBlock'],
         'recorded_message': ['RecordedMessage'],
         'recorded_topic': ['RecordedTopic'],
-        'rosbags_file': ['RosbagsFile'],
         'topic_summary': ['TopicSummary'],
     },
 )

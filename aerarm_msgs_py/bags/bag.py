@@ -1,31 +1,42 @@
 """A recorded bag: its files and its topics."""
 
 import re
+import warnings
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any
 
-import yaml
+from aerarm_msgs_py.bags import bag_information
+from aerarm_msgs_py.bags.bag_information import BagInformation, read_information
+from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
+from aerarm_msgs_py.storage.compressed_file import SUFFIX, BagFile, CompressedFile, decompressed
+from aerarm_msgs_py.storage.damage_report import DamageReport
+from aerarm_msgs_py.storage.mcap_file import McapFile
+from aerarm_msgs_py.storage.message_block import MessageBlock
+from aerarm_msgs_py.storage.read_limits import ReadBudget, ReadLimits
+from aerarm_msgs_py.storage.sqlite_file import SqliteFile
 
-from aerarm_msgs_py.bags.bag_error import BagError
-from aerarm_msgs_py.bags.mcap_file import McapFile
-from aerarm_msgs_py.bags.message_block import MessageBlock
-from aerarm_msgs_py.bags.rosbags_file import RosbagsFile
-
-_METADATA = 'metadata.yaml'
-# The loader in C, where PyYAML has it, takes 2 ms instead of 20.
-_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+_METADATA = bag_information.FILE
+_OTHER_STORAGES = ('.db3', f'.mcap{SUFFIX}', f'.db3{SUFFIX}')
+_MOST_NAMED = 20  # topics in a message
+_LONGEST_NAME = 100  # characters of one in a message
 
 
 class Bag:
-    """A rosbag2 directory, or one .mcap file by itself.
+    """A rosbag2 directory, or one file of messages by itself.
 
     `metadata.yaml` isn't needed: a recorder that was killed may have left none, or an old one.
 
     Parameters
     ----------
     path
-        Directory or .mcap file.
+        Directory, .mcap or .db3 file.
+    limits
+        What reading may take, whatever the files hold.
+
+    Attributes
+    ----------
+    budget
+        What is left of the limits.
 
     Raises
     ------
@@ -33,21 +44,52 @@ class Bag:
         If there is no such path, or nothing in it is a bag.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, limits: ReadLimits | None = None) -> None:
         self.path = Path(path)
+        if not self.path.exists():
+            raise BagError(f'there is no bag {self.path}: check the path')
+        self._unused = ''  # why metadata.yaml isn't
         self._information = self._read_information()
-        self._files = self._find_files()
+        paths = self._find_paths()
+        self.budget = ReadBudget(self.path, _size(paths), limits)
+        self._report = DamageReport(self.path)
+        self._files = [_opened(file, self.budget) for file in paths]
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
         """Yield the messages of some topics (None: of all), about a megabyte at a time.
 
+        A warning says how many messages the bag's own account lists beyond those found.
+
         Raises
         ------
         BagError
-            If a file can't be read.
+            If a file can't be read, or would take more than the limits allow.
         """
+        found: dict[str, int] = {}
         for file in self._files:
+            for block in self._blocks_of(file, topics):
+                found[block.topic] = found.get(block.topic, 0) + len(block.payloads)
+                yield block
+        self._report.finish()
+        if self._unused and any(file.counts is None for file in self._files):
+            warnings.warn(self._unused, BagWarning, stacklevel=2)
+        for topic in self.types() if topics is None else topics:
+            expected = self.recorded_count(topic) or 0
+            if (missing := expected - found.get(topic, 0)) > 0:
+                warnings.warn(
+                    f'{self.path}: {missing} of {expected} messages of {topic} are missing',
+                    BagWarning,
+                    stacklevel=2,
+                )
+
+    def _blocks_of(self, file: BagFile, topics: Collection[str] | None) -> Iterator[MessageBlock]:
+        if self._information.compression_mode != 'message':
             yield from file.blocks(topics)
+            return
+        for compressed in file.blocks(topics):
+            block = decompressed(compressed, self._report, self.budget)
+            if block is not None:
+                yield block
 
     def messages(self, topic: str, message_type: str) -> Iterator[MessageBlock]:
         """Yield the messages of one topic of known type.
@@ -81,7 +123,7 @@ class Bag:
     @property
     def damaged(self) -> bool:
         """Whether the files read so far miss their end or hold damage."""
-        return any(file.damaged for file in self._files)
+        return self._report.places > 0 or any(file.damaged for file in self._files)
 
     def _check_type(self, topic: str, found: str, expected: str) -> None:
         if found != expected:
@@ -96,35 +138,17 @@ class Bag:
 
     def _why_empty(self, topic: str) -> str:
         types = self.types()
+        if topic in types and (self.recorded_count(topic) or self.damaged):
+            return (
+                f'none of the messages of topic {topic} of {self.path} can be read: copy it again'
+            )
         if topic in types:
             return f'topic {topic} of {self.path} holds no messages: was its publisher running?'
-        listed = ', '.join(f'{name} ({kind})' for name, kind in sorted(types.items()))
-        return f'{self.path} has no topic {topic}; it has {listed or "no topics at all"}'
-
-    def _find_files(self) -> list[McapFile | RosbagsFile]:
-        path = self.path
-        if not path.exists():
-            raise BagError(f'there is no bag {path}: check the path')
-        if path.is_file():
-            if path.name == _METADATA:
-                raise BagError(f'{path} is part of a bag: give its directory {path.parent}')
-            return [McapFile(path)]
-        information = self._information
-        if str(information.get('compression_mode')).lower() == 'message':
-            return [RosbagsFile(path)]  # every message is compressed by itself
-        files = self._files_of(information)
-        if files:
-            return [McapFile(file) for file in files]
-        names = [Path(str(name)).name for name in information.get('relative_file_paths') or ()]
-        missing = [name for name in names if not (path / name).exists()]
-        if missing:
-            raise BagError(
-                f'{path} lacks {", ".join(missing)}, which its {_METADATA} names: copy '
-                'the whole directory again'
-            )
-        if (path / _METADATA).is_file():
-            return [RosbagsFile(path)]
-        raise BagError(f'{path} is not a bag: it holds neither a .mcap file nor a {_METADATA}')
+        names = sorted(types)
+        listed = [f'{n[:_LONGEST_NAME]} ({types[n][:_LONGEST_NAME]})' for n in names[:_MOST_NAMED]]
+        if len(names) > _MOST_NAMED:
+            listed.append(f'{len(names) - _MOST_NAMED} more')
+        return f'{self.path} has no topic {topic}; it has {", ".join(listed) or "no topics at all"}'
 
     def recorded_count(self, topic: str) -> int | None:
         """Return how many messages of a topic the bag's own account lists.
@@ -132,36 +156,82 @@ class Bag:
         That is metadata.yaml (for a single file the one beside it, if it knows no other), or
         what the files say at their end, once they were read. None if neither says anything.
         """
-        try:
-            topics = self._information['topics_with_message_count']
-            counts = {entry['topic_metadata']['name']: entry['message_count'] for entry in topics}
-            return int(counts.get(topic, 0))
-        except (KeyError, TypeError, ValueError):
-            own = [file.counts for file in self._files]
-            return None if None in own else sum(c.get(topic, 0) for c in own if c is not None)
+        if self._information.counts is not None:
+            return self._information.counts.get(topic, 0)
+        own = [file.counts for file in self._files]
+        return None if None in own else sum(c.get(topic, 0) for c in own if c is not None)
 
-    def _read_information(self) -> dict[str, Any]:
+    def _read_information(self) -> BagInformation:
         """Return what metadata.yaml says, nothing if it is missing or broken."""
         folder = self.path.parent if self.path.is_file() else self.path
         try:
-            content = yaml.load((folder / _METADATA).read_text(encoding='utf-8'), _LOADER)
-            information = dict(content['rosbag2_bagfile_information'])
-            names = [Path(str(name)).name for name in information.get('relative_file_paths') or ()]
-            return information if folder == self.path or names == [self.path.name] else {}
-        except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError):
-            return {}
+            information = read_information(folder / _METADATA)
+        except FileNotFoundError:
+            return BagInformation()
+        except ValueError as error:
+            self._unused = f'{folder / _METADATA} is not used: {error}'
+            return BagInformation()
+        mine = folder == self.path or information.files == (self.path.name,)
+        return information if mine else BagInformation()
 
-    def _files_of(self, information: dict[str, Any]) -> list[Path]:
-        """Return the .mcap files in order; in that of the metadata if it knows them all."""
-        present = sorted(self.path.glob('*.mcap'), key=_natural_order)
-        names = information.get('relative_file_paths') or ()
-        listed = [self.path / Path(str(name)).name for name in names]
+    def _find_paths(self) -> list[Path]:
+        path = self.path
+        if path.is_file():
+            if path.name == _METADATA:
+                raise BagError(f'{path} is part of a bag: give its directory {path.parent}')
+            return [path]
+        present = _files_in(path)
+        listed = [path / name for name in self._information.files]
+        missing = [file.name for file in listed if not file.is_file()]
+        if not present and missing:
+            raise BagError(
+                f'{path} lacks {", ".join(missing[:_MOST_NAMED])}, which its {_METADATA} names: '
+                'copy the whole directory again'
+            )
+        if not present:
+            raise BagError(f'{path} is not a bag: it holds neither a .mcap file nor a {_METADATA}')
+        if missing:
+            warnings.warn(
+                f'{path} lacks {len(missing)} of the {len(listed)} files that its {_METADATA} '
+                f'names, first {missing[0][:_LONGEST_NAME]}',
+                BagWarning,
+                stacklevel=3,
+            )
         # A killed recorder may have begun a file that its last metadata doesn't know yet.
         return listed if set(listed) == set(present) else present
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """Return the files of a bag, of one storage, in natural order."""
+    try:
+        names = [file for file in folder.iterdir() if file.is_file()]
+    except OSError as error:
+        raise BagError(f'{folder} cannot be read: {error.strerror}') from error
+    for suffixes in (('.mcap',), _OTHER_STORAGES):
+        found = [file for file in names if file.name.endswith(suffixes)]
+        if found:
+            return sorted(found, key=_natural_order)
+    return []
+
+
+def _opened(path: Path, budget: ReadBudget) -> BagFile:
+    if path.suffix == SUFFIX:
+        return CompressedFile(path, budget, _opened)
+    if path.suffix == '.db3':
+        return SqliteFile(path, budget)
+    return McapFile(path, budget)
+
+
+def _size(paths: list[Path]) -> int:
+    try:
+        return sum(path.stat().st_size for path in paths)
+    except OSError as error:
+        raise BagError(f'{paths[0].parent} cannot be read: {error.strerror}') from error
 
 
 def _natural_order(path: Path) -> list[tuple[int, str]]:
     """Order bag_2 before bag_10."""
     return [
-        (int(part), '') if part.isdigit() else (-1, part) for part in re.split(r'(\d+)', path.name)
+        (int(part), '') if part.isdecimal() else (-1, part)
+        for part in re.split(r'(\d+)', path.name)
     ]

@@ -6,11 +6,12 @@ from pathlib import Path
 
 from aerarm_msgs_py.bags.bag import Bag
 from aerarm_msgs_py.bags.bag_contents import JOINT_STATE, read_contents
-from aerarm_msgs_py.bags.bag_error import BagError, BagWarning
 from aerarm_msgs_py.bags.joint_state_series import JointStateSeries
 from aerarm_msgs_py.bags.topic_summary import TopicSummary
 from aerarm_msgs_py.codecs.joint_state_decoder import JointStateDecoder
 from aerarm_msgs_py.live_topics.sequence_gaps import SequenceGaps
+from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
+from aerarm_msgs_py.storage.read_limits import ReadLimits
 
 __all__ = [
     'BagError',
@@ -23,7 +24,9 @@ __all__ = [
 ]
 
 
-def read_joint_states(path: Path | str, topic: str = '/joint_states') -> JointStateSeries:
+def read_joint_states(
+    path: Path | str, topic: str = '/joint_states', limits: ReadLimits | None = None
+) -> JointStateSeries:
     """Read all messages of a JointState topic.
 
     Parameters
@@ -32,6 +35,8 @@ def read_joint_states(path: Path | str, topic: str = '/joint_states') -> JointSt
         rosbag2 directory or .mcap file.
     topic
         Topic name.
+    limits
+        What reading may take, whatever the bag holds.
 
     Returns
     -------
@@ -43,7 +48,7 @@ def read_joint_states(path: Path | str, topic: str = '/joint_states') -> JointSt
     BagError
         If the bag or the topic can't be read; the message says what to check.
     """
-    return read_contents(path, topic).joint_states['/' + topic.lstrip('/')]
+    return read_contents(path, topic, limits=limits).joint_states['/' + topic.lstrip('/')]
 
 
 def joint_state_blocks(

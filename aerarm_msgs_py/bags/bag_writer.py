@@ -10,11 +10,11 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Self
 
-from aerarm_msgs_py.bags.bag_error import BagError
 from aerarm_msgs_py.bags.bag_metadata import BagMetadata
 from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS, McapWriter
 from aerarm_msgs_py.bags.recorded_message import RecordedMessage
 from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
+from aerarm_msgs_py.storage.bag_error import BagError
 
 _CHUNK_PERIOD = 0.2  # [s]
 _CHUNK_SIZE = 2**20  # [bytes]

@@ -4,12 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerarm_msgs_py.bags.joint_state_series import JointStateSeries
-from aerarm_msgs_py.bags.message_block import MessageBlock
 from aerarm_msgs_py.codecs.joint_state_decoder import JointStateDecoder
 from aerarm_msgs_py.codecs.payloads import Payloads
+from aerarm_msgs_py.storage.message_block import MessageBlock
+from aerarm_msgs_py.storage.read_limits import ReadBudget
 
 _GROWTH = 1.125  # small: numpy fills with zeros, so unused room takes memory too
 _FIRST = 4096  # messages
+_SINGLE_BYTES = 3000  # counted for a message that is decoded by itself, as that takes time
 
 
 class JointStateBuilder:
@@ -25,6 +27,8 @@ class JointStateBuilder:
     thinned
         Keep no more than twice as many messages, evenly spread over the bag: enough for a
         picture of a topic.
+    budget
+        What the arrays, and the time to fill them, are taken from.
 
     Attributes
     ----------
@@ -34,12 +38,18 @@ class JointStateBuilder:
         Fields left out because their length was neither 0 nor that of the names.
     """
 
-    def __init__(self, most: int | None = None, thinned: int | None = None) -> None:
+    def __init__(
+        self,
+        most: int | None = None,
+        thinned: int | None = None,
+        budget: ReadBudget | None = None,
+    ) -> None:
         self.left_out = 0
         self._most = most
         self._thinned = thinned
         self._stride, self._seen = 1, 0  # of the messages kept; messages that came
         self._decoder = JointStateDecoder()
+        self._budget = budget
         self._count = 0
         self._times = np.empty((0, 2), np.int64)  # stamp, reception [ns]
         self._sequence = np.empty(0, np.int64)
@@ -60,6 +70,8 @@ class JointStateBuilder:
         ------
         ValueError
             If one is no JointState.
+        BagError
+            If the budget is spent.
         """
         if self._thinned is not None:
             self._thin_out(2 * self._thinned)
@@ -69,7 +81,10 @@ class JointStateBuilder:
             payloads = payloads[: self._most - self._count]
         if not len(payloads):
             return
+        singly = self._decoder.singly
         stamp_ns, values = self._decoder.decode(payloads)
+        if self._budget:
+            self._budget.spend(values.nbytes + _SINGLE_BYTES * (self._decoder.singly - singly))
         first, last = self._count, self._count + len(stamp_ns)
         self._reserve(last, values.shape[2])
         self._times[first:last, 0] = stamp_ns
@@ -79,9 +94,10 @@ class JointStateBuilder:
         self._count = last
 
     def series(self) -> JointStateSeries:
-        """Return everything collected, and collect no more."""
+        """Return everything collected, in order of reception, and collect no more."""
         for array in (self._times, self._sequence, self._values):
             array.resize((self._count, *array.shape[1:]), refcheck=False)
+        self._sort()
         return JointStateSeries(
             names=tuple(self._decoder.names),
             stamp=self._times[:, 0] / 1e9,
@@ -91,6 +107,14 @@ class JointStateBuilder:
             effort=self._values[:, 2],
             sequence=self._sequence,
         )
+
+    def _sort(self) -> None:
+        """Put messages in order of reception, if a file has them otherwise."""
+        log_time = self._times[:, 1]
+        if (np.diff(log_time) < 0).any():
+            order = np.argsort(log_time, kind='stable')
+            self._times, self._sequence = self._times[order], self._sequence[order]
+            self._values = self._values[order]
 
     def _kept(self, block: MessageBlock) -> tuple[Payloads, NDArray[np.int64], NDArray[np.int64]]:
         """Return every so many messages of a block, with reception and sequence number."""

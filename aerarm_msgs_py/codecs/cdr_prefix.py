@@ -82,15 +82,16 @@ class CdrPrefix:
         self._recent = found
         return True
 
-    def matches_rows(self, rows: NDArray[np.uint8]) -> bool:
-        """Tell whether every row of (M, size) bytes matches."""
+    def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return which of the (M, size) rows match, (M,)."""
         if rows.shape[1] < self.end:
-            return False
+            return np.zeros(len(rows), bool)
         mask = np.frombuffer(bytes(self._mask), np.uint8)
         found = rows[:, self.start : self.end] & mask
         known = np.frombuffer(bytes(self._bytes), np.uint8)
         encapsulation = np.frombuffer(LITTLE_ENDIAN, np.uint8)
-        return bool((found == known).all() and (rows[:, :2] == encapsulation).all())
+        same: NDArray[np.bool_] = (found == known).all(1) & (rows[:, :2] == encapsulation).all(1)
+        return same
 
     def _append(self, data: bytes, *, known: bool = True) -> None:
         self._bytes += data

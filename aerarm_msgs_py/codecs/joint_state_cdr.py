@@ -6,7 +6,7 @@ instead of 30 us. Standard: OMG DDSI-RTPS 2.3, section 10 (CDR, little-endian).
 """
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
 
 import numpy as np
@@ -116,9 +116,9 @@ class JointStateCdr:
             return None
         return JointSample(stamp_ns, *self._recent.fields(payload))
 
-    def unpack_block(
+    def unpack_rows(
         self, rows: NDArray[np.uint8]
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
+    ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.float64]]:
         """Read many messages of equal size at once.
 
         Parameters
@@ -128,20 +128,37 @@ class JointStateCdr:
 
         Returns
         -------
-        stamp_ns : (M,) [ns]
-        values : (M, 3, n) position, velocity and effort [rad, rad/s, Nm]; NaN where empty.
-
-        None if a message among them has another layout.
+        mine : (M,) which of them have one of these layouts; K do
+        stamp_ns : (K,) [ns]
+        values : (K, 3, n) position, velocity and effort [rad, rad/s, Nm]; NaN where empty.
         """
-        if not len(rows) or not self._prefix.matches_rows(rows):
-            return None
-        layout = self._find_layout(rows[0].tobytes())
-        if layout is None or not layout.matches_rows(rows):
-            return None
-        stamp = np.ascontiguousarray(rows[:, _STAMP_OFFSET:_PREFIX_OFFSET])
+        mine = self._prefix.matching_rows(rows)
+        if not mine.any():  # rows may be too short even for a stamp
+            return mine, np.empty(0, np.int64), np.empty((0, 3, len(self.names)))
+        left = np.flatnonzero(mine)
+        values = np.full((len(rows), 3, len(self.names)), np.nan)
+        for layout in self._layouts_of(rows, left):
+            same = layout.matching_rows(rows if len(left) == len(rows) else rows[left])
+            if same.any():
+                found = left[same]
+                values[found] = layout.values_of_rows(rows[found])
+                left = left[~same]
+        mine[left] = False
+        stamp = np.ascontiguousarray(rows[mine, _STAMP_OFFSET:_PREFIX_OFFSET])
         seconds = stamp.view('<i4')[:, 0].astype(np.int64)
         stamp_ns = seconds * _NANOSECONDS + stamp.view('<u4')[:, 1]
-        return stamp_ns, layout.values_of_rows(rows)
+        return mine, stamp_ns, values[mine]
+
+    def _layouts_of(
+        self, rows: NDArray[np.uint8], index: NDArray[np.intp]
+    ) -> Iterator[JointStateLayout]:
+        """Yield the layouts that rows may have, that of the first one first."""
+        if not len(index):
+            return
+        first = self._find_layout(rows[index[0]].tobytes())
+        if first is not None:
+            yield first
+        yield from (x for x in self._layouts.values() if x is not first)
 
     def _find_layout(self, payload: bytes) -> JointStateLayout | None:
         layouts = self._layouts.values()

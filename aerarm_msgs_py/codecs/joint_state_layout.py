@@ -63,16 +63,15 @@ class JointStateLayout:
             return None
         return int(numbers[0] * _NANOSECONDS + numbers[1])
 
-    def matches_rows(self, rows: NDArray[np.uint8]) -> bool:
-        """Tell whether the counts of every row of (M, size) bytes are this layout's."""
+    def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return which of the (M, size) rows have this layout's counts, (M,)."""
         if rows.shape[1] < self.size:
-            return False
-        return all(
-            bool(
-                (rows[:, offset : offset + 4] == np.frombuffer(_COUNT.pack(count), np.uint8)).all()
-            )
-            for offset, count in zip(self._count_offsets, self._counts, strict=True)
-        )
+            return np.zeros(len(rows), bool)
+        same = np.ones(len(rows), bool)
+        for offset, count in zip(self._count_offsets, self._counts, strict=True):
+            found = np.ascontiguousarray(rows[:, offset : offset + _COUNT.size])
+            same &= found.view('<u4')[:, 0] == count
+        return same
 
     def fields(
         self, payload: bytes

@@ -51,6 +51,10 @@ class Payloads(Sequence[bytes]):
         for start, size in zip(self._starts.tolist(), self.sizes.tolist(), strict=True):
             yield buffer[start : start + size]
 
+    def chosen(self, which: NDArray[np.bool_]) -> 'Payloads':
+        """Return some of the messages, by a (K,) mask."""
+        return Payloads(self._buffer, self._starts[which], self.sizes[which])
+
     def rows(self, index: NDArray[np.intp]) -> NDArray[np.uint8]:
         """Return messages of equal size as the rows of an array.
 

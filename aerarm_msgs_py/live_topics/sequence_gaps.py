@@ -7,6 +7,8 @@ UNNUMBERED = frozenset({0, 2**32 - 1, 2**64 - 1})
 """Numbers that mean "not numbered": rosbag2 stores 0, a middleware without numbers gives the
 largest uint64, of which MCAP keeps 32 bits."""
 _REMEMBERED_GAPS = 256
+_MOST_PUBLISHERS = 64
+"""More are one that numbers backwards, or damage: each costs time with every message."""
 
 
 class SequenceGaps:
@@ -46,6 +48,8 @@ class SequenceGaps:
         below = [k for k, newest in enumerate(self._newest) if newest < number]
         if not below:
             self._forget_gap_around(number)
+            if len(self._newest) == _MOST_PUBLISHERS:
+                self._newest.pop(0)
             self._current = len(self._newest)
             self._newest.append(number)
             return

@@ -20,6 +20,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'gear_config': ['GearConfig'],
         'joint_config': ['JointConfig'],
         'motor_config': ['MotorConfig', 'torque_constant'],
+        'plain_yaml': ['plain_data', 'read_plain'],
         'pose_config': ['PoseConfig'],
         'resources': ['resource', 'share_directory'],
         'robot': ['Robot', 'load_robot'],

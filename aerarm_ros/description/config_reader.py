@@ -1,19 +1,24 @@
 """From a YAML mapping to a frozen dataclass, with errors that name the key."""
 
 import dataclasses
+import math
+import re
 import types
-from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import yaml
 
 from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.description.plain_yaml import LOADER, read_plain
 
 Config = TypeVar('Config')
 
+_FRACTION = re.compile(r'([-+]?\d{1,15})/(\d{1,15})')
+_LONGEST_SHOWN = 100  # characters of a wrong value in a message
 
-class _UniqueKeyLoader(yaml.SafeLoader):
+
+class _UniqueKeyLoader(LOADER):  # type: ignore[misc]
     """Reads plain data only, and refuses a key given twice (YAML forbids it, PyYAML doesn't)."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
@@ -25,7 +30,8 @@ class _UniqueKeyLoader(yaml.SafeLoader):
                 line = key_node.start_mark.line + 1
                 raise ConfigError(f'line {line}: key {key} is given twice')
             seen.add(key if isinstance(key, str) else id(key_node))
-        return super().construct_mapping(node, deep)
+        found: dict[Any, Any] = super().construct_mapping(node, deep)
+        return found
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
@@ -34,16 +40,13 @@ def read_yaml(path: Path) -> dict[str, Any]:
     Raises
     ------
     ConfigError
-        If it can't be read, isn't YAML, repeats a key or holds something else.
+        If it can't be read, isn't plain YAML, repeats a key or holds something else.
     """
     try:
-        # The loader derives from SafeLoader: it builds plain data only.
-        document = yaml.load(path.read_text(encoding='utf-8'), Loader=_UniqueKeyLoader)
+        document = read_plain(path, _UniqueKeyLoader)
     except OSError as error:
         reason = error.strerror or str(error)
         raise ConfigError(f'{path}: {reason}: check the path and its permissions') from None
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f'{path}: not valid YAML: {" ".join(str(error).split())}') from None
     except ConfigError as error:
         raise ConfigError(f'{path}: {error}') from None
     if not isinstance(document, dict):
@@ -140,8 +143,12 @@ def _number(where: str, value: Any) -> float:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     if isinstance(value, str):
+        fraction = _FRACTION.fullmatch(value.strip())
         try:
-            return float(Fraction(value))
+            number = int(fraction[1]) / int(fraction[2]) if fraction else float(value)
+            if math.isfinite(number):
+                return number
         except (ValueError, ZeroDivisionError):
             pass
-    raise ConfigError(f'{where} must be a number, not {value!r}')
+    shown = value if len(str(value)) < _LONGEST_SHOWN else f'{str(value)[:_LONGEST_SHOWN]}...'
+    raise ConfigError(f'{where} must be a number, not {shown!r}')

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from aerarm_ros.description.description_error import DescriptionError
 from aerarm_ros.description.resources import resource
-from aerarm_ros.description.urdf_document import UrdfDocument, UrdfJoint
+from aerarm_ros.description.urdf_document import LARGEST, UrdfDocument, UrdfJoint
 
 __all__ = ['DescriptionError', 'Robot', 'load_robot']
 
@@ -184,7 +184,8 @@ def _read(urdf: Path | str | None) -> tuple[str, Path | None]:
         return urdf.lstrip(), None
     path = resource('urdf', 'aerarm.urdf') if urdf is None else Path(urdf)
     try:
-        return path.read_text(encoding='utf-8'), path
+        with path.open('rb') as stream:
+            return stream.read(LARGEST + 1).decode(), path
     except OSError as error:
         reason = error.strerror or str(error)
         raise DescriptionError(f'{path}: {reason}: check the path and its permissions') from None

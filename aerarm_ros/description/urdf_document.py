@@ -10,7 +10,23 @@ from dataclasses import dataclass
 
 from aerarm_ros.description.description_error import DescriptionError
 
+LARGEST = 2**24
+"""Most characters of a URDF."""
+
 _DRIVEN_TYPES = ('revolute', 'continuous', 'prismatic')
+_DEEPEST = 50
+_MOST = 1000  # links, joints
+_LARGEST_NUMBER = 1e9
+# Attributes that hold so many numbers, by element.
+_VECTORS: dict[str, dict[str, int]] = {
+    'origin': {'xyz': 3, 'rpy': 3},
+    'axis': {'xyz': 3},
+    'box': {'size': 3},
+    'cylinder': {'radius': 1, 'length': 1},
+    'capsule': {'radius': 1, 'length': 1},
+    'sphere': {'radius': 1},
+    'mesh': {'scale': 3},
+}
 _KNOWN_TYPES = (*_DRIVEN_TYPES, 'fixed', 'floating', 'planar')
 
 
@@ -57,14 +73,12 @@ class UrdfDocument:
     """
 
     def __init__(self, text: str) -> None:
-        try:
-            self._root = ET.fromstring(text)
-        except ET.ParseError as error:
-            raise DescriptionError(f'not valid XML ({error})') from None
+        self._root = _parsed(text)
         if self._root.tag != 'robot':
             raise DescriptionError(f'the root element is <{self._root.tag}>, not <robot>')
         if any('xacro' in element.tag for element in self._root.iter()):
             raise DescriptionError('holds xacro macros: expand it first (xacro FILE > arm.urdf)')
+        _check_numbers(self._root)
         self.links = self._read_links()
         self.joints = self._read_joints()
         self._check_tree()
@@ -149,6 +163,54 @@ class UrdfDocument:
             damping=_number(dynamics, 'damping', f'{owner}, <dynamics>'),
             friction=_number(dynamics, 'friction', f'{owner}, <dynamics>'),
             has_limit=limit is not None,
+        )
+
+
+def _parsed(text: str) -> ET.Element:
+    """Return the root of an XML text of bounded size and depth."""
+    if len(text) > LARGEST:
+        raise DescriptionError(f'has more than {LARGEST} characters, which no URDF needs')
+    if '<!DOCTYPE' in text or '<!ENTITY' in text:
+        # By entities a small text becomes endless; the dynamics library doesn't read them.
+        raise DescriptionError(
+            'declares a document type or entities: write out what they stand for'
+        )
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as error:
+        raise DescriptionError(f'not valid XML ({error})') from None
+    level, depth = [root], 0
+    while level:
+        level, depth = [child for element in level for child in element], depth + 1
+        if depth > _DEEPEST:
+            raise DescriptionError(f'elements are nested more than {_DEEPEST} deep')
+    for tag in ('link', 'joint'):
+        if len(root.findall(tag)) > _MOST:
+            raise DescriptionError(f'has more than {_MOST} {tag}s, which no arm has')
+    return root
+
+
+def _check_numbers(root: ET.Element) -> None:
+    """Require that places, axes and shapes are finite numbers of a size that arms have."""
+    for owner in (*root.findall('link'), *root.findall('joint')):
+        for element in owner.iter():
+            for key, count in _VECTORS.get(element.tag, {}).items():
+                _check_vector(element, key, count, f'{owner.tag} {owner.get("name")}')
+
+
+def _check_vector(element: ET.Element, key: str, count: int, owner: str) -> None:
+    text = element.get(key)
+    if text is None:
+        return
+    try:
+        values = [float(part) for part in text.split()]
+    except ValueError:
+        values = []
+    # Not more than is nearly infinite: squares stay finite.
+    if len(values) != count or not all(abs(value) < _LARGEST_NUMBER for value in values):
+        raise DescriptionError(
+            f'{owner}, <{element.tag}>: {key} = {text[:100]!r} is not {count} finite '
+            f'number{"s" if count > 1 else ""}'
         )
 
 

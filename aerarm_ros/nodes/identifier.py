@@ -44,7 +44,7 @@ def _run(options: argparse.Namespace) -> int:
     # Imported here, so that --help is quick and an interrupt is answered from the start.
     import numpy as np
 
-    from aerarm_msgs_py.bags.bag_error import BagError
+    from aerarm_msgs_py.storage.bag_error import BagError
     from aerarm_ros.description.config_error import ConfigError
     from aerarm_ros.description.description_error import DescriptionError
     from aerarm_ros.identification.recording.identification_error import IdentificationError

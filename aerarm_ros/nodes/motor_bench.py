@@ -16,7 +16,7 @@ import rclpy
 from numpy.typing import NDArray
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.bags.bag_error import BagError
+from aerarm_msgs_py.storage.bag_error import BagError
 from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.planning.bench_motion import BenchMotion, bench_checker
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan

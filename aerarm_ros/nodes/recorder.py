@@ -13,8 +13,8 @@ import rclpy
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from aerarm_msgs_py.bags.bag_error import BagError
 from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS
+from aerarm_msgs_py.storage.bag_error import BagError
 from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, RECORDED_UNTIL, RECORDER_STATUS
 from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor

@@ -160,7 +160,7 @@ UNUSABLE = {
     'floating': (urdf(*TWO_LINKS, joint('a', 'b', 'floating', '')), 'b_joint is floating'),
     'an axis without direction': (
         urdf(*TWO_LINKS, joint('a', 'b')).replace('0 1 0', 'up'),
-        'not a valid URDF',
+        'is not 3 finite numbers',
     ),
 }
 

@@ -84,3 +84,39 @@ def test_a_fault_is_named(old: str, new: str, message: str) -> None:
     with pytest.raises(DescriptionError) as caught:
         UrdfDocument(text)
     assert message in str(caught.value)
+
+
+DECLARED = ''.join(f'<!ENTITY {chr(98 + k)} "{f"&{chr(97 + k)};" * 10}">' for k in range(9))
+ENTITIES = f'<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">{DECLARED}]>'
+WEAPONS = {
+    'entities': (ENTITIES + ARM.partition('?>')[2].lstrip(), 'document type or entities'),
+    'depth': (
+        ARM.replace(
+            '<link name="wrist"/>', '<link name="wrist">' + '<a>' * 5000 + '</a>' * 5000 + '</link>'
+        ),
+        'nested more than 50 deep',
+    ),
+    'links': (
+        ARM.replace('</robot>', ''.join(f'<link name="x{k}"/>' for k in range(1100)) + '</robot>'),
+        'more than 1000 links',
+    ),
+    'size': ('<robot>' + ' ' * 2**24 + '</robot>', 'has more than 16777216 characters'),
+}
+
+
+@pytest.mark.parametrize('weapon', WEAPONS)
+def test_what_could_fill_memory_or_time_is_refused(weapon: str) -> None:
+    text, message = WEAPONS[weapon]
+    with pytest.raises(DescriptionError, match=message):
+        UrdfDocument(text)
+
+
+@pytest.mark.parametrize('value', ['nan nan nan', 'inf 0 0', '1e300 0 0', '0 0', '0 0 x', ''])
+@pytest.mark.parametrize('element', ['origin', 'axis'])
+def test_places_and_axes_are_finite_numbers(element: str, value: str) -> None:
+    _, _, rest = ARM.partition(f'<{element} xyz="')
+    old = rest.partition('"')[0]
+    changed = ARM.replace(f'<{element} xyz="{old}"', f'<{element} xyz="{value}"')
+    assert changed != ARM
+    with pytest.raises(DescriptionError, match=f'<{element}>: xyz = .* is not 3 finite numbers'):
+        UrdfDocument(changed)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.description.plain_yaml import read_plain
 from aerarm_ros.description.resources import resource
 from aerarm_ros.hardware.frames.board_command import BoardCommand
 from aerarm_ros.hardware.frames.board_state import BoardState
@@ -17,7 +17,8 @@ PAYLOAD_WORDS = 15
 FRAME_BYTES = 2 * PAYLOAD_WORDS + 4
 CRC_ORDERS = ('high_first', 'low_first')
 
-_POWER_OF_TWO = re.compile(r'2\^(-?\d+)')
+_MOST_EXTENDED = 8  # one by the other
+_POWER_OF_TWO = re.compile(r'2\^(-?\d{1,3})')
 _FIELD_KEYS = frozenset(item.name for item in fields(FrameField))
 
 
@@ -127,20 +128,22 @@ def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
         )
     except ProfileError as error:
         raise ProfileError(f'frame profile {name_or_path}: {error}') from None
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise ProfileError(
             f'frame profile {name_or_path}: {error!r}: compare with config/profiles/uomodri_v3.yaml'
         ) from None
 
 
-def _read(name_or_path: str | Path) -> dict[str, Any]:
+def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
     """Return a profile's document with what it extends filled in."""
+    if depth > _MOST_EXTENDED:
+        raise ProfileError(f'frame profile {name_or_path} extends itself, or too many others')
     path = Path(name_or_path)
     try:
         if path.suffix not in ('.yaml', '.yml'):
             path = resource('config', 'profiles', f'{name_or_path}.yaml')
-        document = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        document = read_plain(path)
+    except (OSError, ConfigError) as error:
         raise ProfileError(f'cannot read frame profile {name_or_path}: {error}') from None
     if not isinstance(document, dict):
         raise ProfileError(f'frame profile {path} is no map of name, command, sensor')
@@ -149,10 +152,10 @@ def _read(name_or_path: str | Path) -> dict[str, Any]:
         return document
     if base_name == document.get('name'):
         raise ProfileError(f'frame profile {path} extends itself')
-    base = _read(base_name)
+    base = _read(str(base_name), depth + 1)
     try:
         return _extended(base, document)
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise ProfileError(f'frame profile {path}: {error!r}: check its fields') from None
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
+from aerarm_ros.description.plain_yaml import read_plain
 from aerarm_ros.identification.assessment.assessment import torque_errors
 from aerarm_ros.identification.parameters.joint_model import JointModel
 from aerarm_ros.identification.parameters.joint_term import TermKind
@@ -127,11 +127,10 @@ def load_truth(path: Path, model: JointModel) -> Truth:
         If it can't be read or lacks a parameter of the arm.
     """
     try:
-        document = yaml.safe_load(path.read_text(encoding='utf-8'))
-        return _truth(document, model)
+        return _truth(read_plain(path), model)
     except OSError as error:
         raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         reason = ' '.join(str(error).split())
         raise IdentificationError(
             f'{path}: not a file of true parameters of this arm ({reason})'

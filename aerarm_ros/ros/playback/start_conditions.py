@@ -136,5 +136,5 @@ class StartConditions:
             status = json.loads(message.data)
             recording = status['state'] == 'recording'
             self._recorded = set(status['matched']) if recording else set()
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             self._node.get_logger().warning(f'recorder_status is not understood: {error}')

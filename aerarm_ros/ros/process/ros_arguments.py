@@ -11,6 +11,9 @@ from typing import Any
 
 import yaml
 
+from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.description.plain_yaml import LOADER, read_plain
+
 _PARAMETER = ('-p', '--param')
 _REMAP = ('-r', '--remap')
 _FILE = '--params-file'
@@ -18,7 +21,7 @@ _SECTION = 'ros__parameters'
 ANY_NODE = '/**'
 
 
-class _Untagged(yaml.SafeLoader):
+class _Untagged(LOADER):  # type: ignore[misc]
     """Overlooks tags, as rcl does: ROS's launch writes tuples as `!!python/tuple`."""
 
 
@@ -145,11 +148,11 @@ def _parameter_of_rule(rule: str) -> GivenParameter:
 
 def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
     try:
-        content = yaml.load(Path(file).read_text(), _Untagged)
+        content = read_plain(Path(file), _Untagged)
     except OSError as error:
         raise UsageError(f'parameter file {file}: {error.strerror}') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise UsageError(f'parameter file {file} is not YAML: {error}') from None
+    except ConfigError as error:
+        raise UsageError(f'parameter file {file} is not YAML as it is read: {error}') from None
     if not isinstance(content, Mapping):
         raise UsageError(f'parameter file {file} holds no section NODE: {_SECTION}:')
     for node, values in _sections(content, '', file):

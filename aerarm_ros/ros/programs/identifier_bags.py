@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from aerarm_msgs_py.bags.bag_contents import BagContents, lost_messages, read_contents
-from aerarm_msgs_py.bags.bag_error import BagError, BagWarning
 from aerarm_msgs_py.bags.joint_state_series import JointStateSeries
+from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
+from aerarm_msgs_py.storage.read_limits import ReadLimits
 from aerarm_ros.identification.recording.bag_facts import BagFacts
 from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
 from aerarm_ros.identification.recording.identification_error import IdentificationError
@@ -48,6 +49,8 @@ class IdentifierBags:
         The arm's joints, from base to tool.
     mapping : JointMapping
         From the bags' joints to the arm's.
+    limits : ReadLimits, optional
+        What reading a bag may take, whatever it holds.
 
     Attributes
     ----------
@@ -60,10 +63,17 @@ class IdentifierBags:
         If the mapping names a joint that the arm doesn't have.
     """
 
-    def __init__(self, topic: str, joint_names: tuple[str, ...], mapping: JointMapping) -> None:
+    def __init__(
+        self,
+        topic: str,
+        joint_names: tuple[str, ...],
+        mapping: JointMapping,
+        limits: ReadLimits | None = None,
+    ) -> None:
         self._topic = '/' + topic.lstrip('/')
         self._joint_names = joint_names
         self._mapping = mapping
+        self._limits = limits
         unknown = [name for name in mapping.effort_gain or {} if name not in joint_names]
         if unknown:
             raise IdentificationError(
@@ -93,7 +103,8 @@ class IdentifierBags:
         others = [self._beside(topic) for topic in (_COMMAND, _MODE, _DIAGNOSTICS)]
         try:
             with _collected_warnings(told):
-                contents = read_contents(path, self._topic, [*others, f'/{_DIAGNOSTICS}'], _MOST)
+                others.append(f'/{_DIAGNOSTICS}')
+                contents = read_contents(path, self._topic, others, _MOST, self._limits)
         except BagError as error:
             raise BagError('; '.join([str(error), *told])) from None
         states = contents.joint_states[self._topic]

@@ -57,6 +57,16 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         'JointState topic (default: %(default)s)',
     ),
     (
+        '--bag-ratio',
+        {'type': float, 'default': 100.0, 'metavar': 'N'},
+        'a bag may become N times as large in memory as it is on disk (default: %(default)g)',
+    ),
+    (
+        '--bag-part',
+        {'type': float, 'default': 64.0, 'metavar': 'MB'},
+        'a chunk or message of a bag may have so many MB (default: %(default)g)',
+    ),
+    (
         '--out',
         {'type': Path, 'metavar': 'DIR'},
         'result folder (default: output/identification_...)',

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from aerarm_msgs_py.storage.read_limits import ReadLimits
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
@@ -36,6 +37,7 @@ from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags, RecordedBag
 from aerarm_ros.ros.programs.identifier_table import terminal_table
 
+_MB = 2**20  # bytes
 _FILES = ('estimate.yaml', 'identified.urdf', 'payload.yaml', 'report.html', MARKER)
 
 
@@ -49,7 +51,7 @@ class IdentifierRun:
 
     Raises
     ------
-    IdentificationError, DescriptionError, ConfigError
+    IdentificationError, DescriptionError, ConfigError, BagError
         If an argument, the URDF or the configuration is wrong.
     """
 
@@ -70,7 +72,8 @@ class IdentifierRun:
                 for joint, gain in (_pair(text, '--effort-gain') for text in options.effort_gain)
             },
         )
-        self._bags = IdentifierBags(options.topic, self._robot.joint_names, mapping)
+        limits = ReadLimits(_MB * options.bag_part, options.bag_ratio)
+        self._bags = IdentifierBags(options.topic, self._robot.joint_names, mapping, limits)
         self._read_bags: dict[str, RecordedBag] = {}
 
     def execute(self) -> str:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from difflib import get_close_matches
 from typing import Any
 
-import yaml
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
+from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.description.plain_yaml import plain_data
 from aerarm_ros.ros.executors.spinning import spin_until, this_domain
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
@@ -68,8 +69,8 @@ def _value(descriptor: ParameterDescriptor, text: str) -> Any:
     if descriptor.type == _Type.STRING.value:
         return text
     try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError:
+        value = plain_data(text)
+    except ConfigError:
         value = None
     if descriptor.type == _Type.DOUBLE.value:
         value = _number(value)
@@ -91,5 +92,5 @@ def _number(value: Any) -> Any:
         return value
     try:
         return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return value

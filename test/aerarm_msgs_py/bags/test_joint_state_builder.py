@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from aerarm_msgs_py.bags.joint_state_builder import JointStateBuilder
-from aerarm_msgs_py.bags.message_block import MessageBlock
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.codecs.payloads import Payloads
+from aerarm_msgs_py.storage.message_block import MessageBlock
 
 KIND = 'sensor_msgs/msg/JointState'
 

@@ -18,7 +18,7 @@ def test_padding_is_open_and_everything_else_is_not() -> None:
         changed[k] ^= 0x55
         assert prefix.matches(bytes(changed)) == (k in padding)
         rows = np.frombuffer(bytes(payload + changed), np.uint8).reshape(2, -1)
-        assert prefix.matches_rows(rows) == (k in padding)
+        assert prefix.matching_rows(rows).tolist() == [True, k in padding]
 
 
 def test_a_short_payload_does_not_match() -> None:

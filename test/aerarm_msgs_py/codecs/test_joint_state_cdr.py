@@ -119,8 +119,8 @@ def test_padding_and_bytes_behind_the_message_do_not_matter() -> None:
     payload[2:4] = struct.pack('<H', 7)  # encapsulation options
     sample = cdr.unpack(bytes(payload) + b'junk')
     np.testing.assert_array_equal(sample.position, [1.0, 2.0])
-    block = cdr.unpack_block(np.frombuffer(bytes(payload) * 3, np.uint8).reshape(3, -1))
-    np.testing.assert_array_equal(block[1][:, 0], [[1.0, 2.0]] * 3)
+    rows = np.frombuffer(bytes(payload) * 3, np.uint8).reshape(3, -1)
+    np.testing.assert_array_equal(cdr.unpack_rows(rows)[2][:, 0], [[1.0, 2.0]] * 3)
 
 
 @given(samples(), st.integers(1, 5))
@@ -129,17 +129,31 @@ def test_a_block_is_its_messages(sample, count: int) -> None:
     cdr = JointStateCdr(names, frame_id)
     stamps_ns = [(stamp_ns + k) % (2**31 * 10**9) for k in range(count)]
     data = b''.join(cdr.pack(stamp, *fields) for stamp in stamps_ns)
-    found_ns, values = cdr.unpack_block(np.frombuffer(data, np.uint8).reshape(count, -1))
+    mine, found_ns, values = cdr.unpack_rows(np.frombuffer(data, np.uint8).reshape(count, -1))
+    assert mine.all()
     assert found_ns.tolist() == stamps_ns
     expected = [np.full(len(names), np.nan) if x is None else x for x in fields]
     np.testing.assert_array_equal(values, [expected] * count)
 
 
-def test_a_block_with_one_stranger_is_not_decoded() -> None:
+def test_of_a_block_with_strangers_the_others_are_decoded() -> None:
     cdr, other = JointStateCdr(('a', 'b')), JointStateCdr(('a', 'c'))
-    for strange in (other.pack(1, [1.0, 2.0]), cdr.pack(1, None, [1.0, 2.0])):
-        data = cdr.pack(1, [1.0, 2.0]) + strange
-        assert cdr.unpack_block(np.frombuffer(data, np.uint8).reshape(2, -1)) is None
+    payloads = (
+        cdr.pack(1, [1.0, 2.0]),
+        other.pack(2, [3.0, 4.0]),
+        cdr.pack(3, None, [5.0, 6.0]),
+        b'\0\0' + cdr.pack(4, [7.0, 8.0])[2:],  # of the other byte order
+    )
+    size = max(map(len, payloads))
+    data = b''.join(payload.ljust(size, b'\0') for payload in payloads)
+    rows = np.frombuffer(data, np.uint8).reshape(4, -1)
+    mine, stamp_ns, values = cdr.unpack_rows(rows)
+    assert mine.tolist() == [True, False, True, False]
+    assert stamp_ns.tolist() == [1, 3]
+    np.testing.assert_array_equal(values[:, 0], [[1.0, 2.0], [np.nan, np.nan]])
+    np.testing.assert_array_equal(values[:, 1], [[np.nan, np.nan], [5.0, 6.0]])
+    mine, _, values = cdr.unpack_rows(rows[1:2])
+    assert (mine.tolist(), len(values)) == ([False], 0)
 
 
 def test_refuses_wrong_lengths_and_names() -> None:

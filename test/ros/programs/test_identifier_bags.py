@@ -8,11 +8,11 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
 
-from aerarm_msgs_py.bags.bag_error import BagError
 from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.bags.recorded_message import RecordedMessage
 from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.storage.bag_error import BagError
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.recording.recording import JointMapping
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags

@@ -2,6 +2,7 @@
 
 import struct
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -28,6 +29,24 @@ _INDEX_ENTRY = np.dtype([('log_time', '<u8'), ('offset', '<u8')])
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
 
 
+class WalkedRecords(NamedTuple):
+    """What a walk through records found.
+
+    Attributes
+    ----------
+    starts
+        (K,) where complete messages begin.
+    definitions
+        Opcode and content of the complete schema and channel records.
+    unread
+        Bytes at the end that are no complete record of a kind that may be there.
+    """
+
+    starts: NDArray[np.int64]
+    definitions: list[tuple[int, bytes]]
+    unread: int
+
+
 @dataclass
 class ChunkIndexes:
     """The index records behind one chunk.
@@ -44,13 +63,18 @@ class ChunkIndexes:
     complete: bool = True
     _offsets: list[NDArray[np.uint64]] = field(default_factory=list)
 
+    @property
+    def messages(self) -> int:
+        """How many messages the indexes list."""
+        return sum(map(len, self._offsets))
+
     def add(self, content: bytes) -> None:
         """Take the content of a MessageIndex record."""
         if len(content) < _INDEX_HEADER.size:
             self.complete = False
             return
         channel, size = _INDEX_HEADER.unpack_from(content)
-        if size % _INDEX_ENTRY.itemsize or _INDEX_HEADER.size + size > len(content):
+        if size % _INDEX_ENTRY.itemsize or _INDEX_HEADER.size + size != len(content):
             self.complete = False
             return
         entries = np.frombuffer(
@@ -68,44 +92,52 @@ class ChunkIndexes:
         (K,) offsets, or None if the index doesn't account for every byte of the chunk: it is
         damaged, or the chunk holds other records too.
         """
-        if not (self.complete and self._offsets):
+        last = len(records) - MESSAGE_HEADER.itemsize
+        if not (self.complete and self._offsets) or last < 0:
             return None
-        starts = np.sort(np.concatenate(self._offsets)).astype(np.int64)
-        if starts[0] != 0 or starts[-1] + MESSAGE_HEADER.itemsize > len(records):
+        offsets = np.sort(np.concatenate(self._offsets))
+        if offsets[0] != 0 or offsets[-1] > last:
             return None
+        starts = offsets.astype(np.int64)
         headers = elements_at(records, MESSAGE_HEADER, starts)
-        ends = starts + RECORD.size + headers['length'].astype(np.int64)
         follows = np.append(starts[1:], len(records))
-        whole = (headers['opcode'] == Opcode.MESSAGE) & (ends == follows)
+        lengths = (follows - starts - RECORD.size).astype(np.uint64)
+        whole = (headers['opcode'] == Opcode.MESSAGE) & (headers['length'] == lengths)
         return starts if whole.all() and _have_headers(headers) else None
 
+    def agree_with(self, starts: NDArray[np.int64]) -> bool:
+        """Tell whether they list the messages that begin there, or nothing at all."""
+        if not self.complete:
+            return False
+        if not self._offsets:
+            return True
+        return np.array_equal(np.sort(np.concatenate(self._offsets)), starts.astype(np.uint64))
 
-def walk(records: bytes) -> tuple[NDArray[np.int64], list[tuple[int, bytes]]]:
-    """Go through records one by one.
 
-    Returns
-    -------
-    starts
-        (K,) where complete messages begin.
-    definitions
-        Opcode and content of the complete schema and channel records.
-    """
+def walk(records: bytes) -> WalkedRecords:
+    """Go through records one by one."""
     starts: list[int] = []
     definitions: list[tuple[int, bytes]] = []
     position = 0
-    last = len(records) - RECORD.size
+    size = len(records)
+    last = size - RECORD.size
     unpack = RECORD.unpack_from
     message = int(Opcode.MESSAGE)  # comparing with the enumeration takes longer
     while position <= last:
         opcode, length = unpack(records, position)
         end = position + RECORD.size + length
+        if end > size:
+            break
         if opcode == message:
-            if position + MESSAGE_HEADER.itemsize <= end <= len(records):
-                starts.append(position)
-        elif opcode in _DEFINITIONS and end <= len(records):
+            if end < position + MESSAGE_HEADER.itemsize:
+                break
+            starts.append(position)
+        elif opcode in _DEFINITIONS:
             definitions.append((opcode, records[position + RECORD.size : end]))
+        else:
+            break
         position = end
-    return np.array(starts, np.int64), definitions
+    return WalkedRecords(np.array(starts, np.int64), definitions, size - position)
 
 
 def _have_headers(headers: NDArray[np.void]) -> bool:

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from aerarm_msgs_py.bags.mcap_messages import ChunkIndexes, walk
+from aerarm_msgs_py.storage.mcap_messages import ChunkIndexes, walk
 
 CHANNELS = (1, 2, 1, 3, 1)
 
@@ -38,9 +38,11 @@ def test_index_and_walk_agree() -> None:
     found = indexes(starts)
     assert found.channels == {1, 2, 3}
     assert found.message_starts(records).tolist() == starts
-    walked, definitions = walk(records)
+    walked, definitions, unread = walk(records)
     assert walked.tolist() == starts
-    assert definitions == []
+    assert (definitions, unread) == ([], 0)
+    assert found.messages == len(starts)
+    assert found.agree_with(walked)
 
 
 def test_an_index_that_misses_something_is_not_believed() -> None:
@@ -55,20 +57,50 @@ def test_an_index_that_misses_something_is_not_believed() -> None:
 
 
 @pytest.mark.parametrize(
-    'content', [b'', b'\1\0', struct.pack('<HI', 1, 16), b'\1\0\5\0\0\0' + bytes(5)]
+    'content',
+    [
+        b'',
+        b'\1\0',
+        struct.pack('<HI', 1, 16),
+        b'\1\0\5\0\0\0' + bytes(5),
+        struct.pack('<HIB', 1, 0, 0),
+    ],
 )
 def test_a_broken_index_record_is_incomplete(content: bytes) -> None:
     records, starts = chunk()
     found = indexes(starts)
     found.add(content)
     assert not found.complete
+    assert not found.agree_with(np.array(starts))
     assert found.message_starts(records) is None
 
 
 def test_the_walk_tells_definitions_and_leaves_out_what_is_cut() -> None:
     records, starts = chunk()
     schema = b'\3' + (4).to_bytes(8, 'little') + b'abcd'
-    walked, definitions = walk(schema + records[:-1])
+    walked, definitions, unread = walk(schema + records[:-1])
     assert definitions == [(3, b'abcd')]
     assert walked.tolist() == [start + len(schema) for start in starts[:-1]]
-    assert np.array_equal(walk(b'')[0], [])
+    assert unread == len(records) - 1 - starts[-1]
+    assert np.array_equal(walk(b'').starts, [])
+
+
+@pytest.mark.parametrize(
+    'strange',
+    [b'\6' + bytes(8), b'\5' + (21).to_bytes(8, 'little') + bytes(21), b'\5' + b'\xff' * 8],
+    ids=['no record of a chunk', 'a message without its fields', 'an endless message'],
+)
+def test_the_walk_ends_where_nothing_can_be(strange: bytes) -> None:
+    records, starts = chunk()
+    walked, _, unread = walk(records + strange + records)
+    assert walked.tolist() == starts
+    assert unread == len(strange) + len(records)
+
+
+def test_an_index_of_places_beyond_any_file_is_not_believed() -> None:
+    records, starts = chunk()
+    for place in (2**63 - 1, 2**64 - 1, len(records)):
+        found = indexes(starts)
+        found.add(struct.pack('<HIQQ', 1, 16, 0, place))
+        assert found.message_starts(records) is None
+        assert not found.agree_with(np.array(starts))

@@ -1,0 +1,282 @@
+"""Messages of one MCAP file, a chunk at a time.
+
+The mcap package walks a file message by message, 3 us each, and believes what a file says of
+its own sizes. Here numpy finds the messages in a chunk by the index behind it. An index that
+is missing or damaged is replaced by a short walk, and the summary isn't needed, so files whose
+recorder was killed read as well as complete ones. Format: https://mcap.dev/spec.
+"""
+
+import contextlib
+import os
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from aerarm_msgs_py.codecs.payloads import Payloads, elements_at
+from aerarm_msgs_py.storage.bag_error import BagError
+from aerarm_msgs_py.storage.damage_report import DamageReport
+from aerarm_msgs_py.storage.mcap_chunk import ChunkError, McapChunk
+from aerarm_msgs_py.storage.mcap_messages import MESSAGE_HEADER, RECORD, ChunkIndexes, walk
+from aerarm_msgs_py.storage.mcap_summary import MAGIC, McapSummary, read_counts, read_summary
+from aerarm_msgs_py.storage.mcap_topics import McapTopics
+from aerarm_msgs_py.storage.mcap_walk import McapRecord, McapWalk
+from aerarm_msgs_py.storage.message_block import MessageBlock
+from aerarm_msgs_py.storage.read_limits import ReadBudget
+from aerarm_msgs_py.storage.record_fields import RecordFields
+from aerarm_msgs_py.storage.repeated_messages import RepeatedMessages
+
+_LOOSE_LIMIT = 2**20  # bytes of messages outside chunks that are collected into a block
+_LOOSE = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
+
+
+@dataclass(frozen=True)
+class RecordRun:
+    """Schema, channel and message records that lie together: a chunk, or what is between."""
+
+    records: bytes
+    place: str
+    indexes: ChunkIndexes = field(default_factory=ChunkIndexes)
+
+
+class McapFile:
+    """Reader of one file that was written by rosbag2, this suite or any MCAP writer.
+
+    Parameters
+    ----------
+    path
+        The .mcap file.
+    budget
+        What reading may take; by default what the file's own size allows.
+
+    Attributes
+    ----------
+    types
+        Message type of every topic met while reading.
+    damaged
+        Whether reading met a missing end or damage.
+    counts
+        Messages of every topic by the file's own account; None if it has none, as after its
+        recorder was killed.
+    """
+
+    def __init__(self, path: Path, budget: ReadBudget | None = None) -> None:
+        self.path = path
+        self._budget = budget
+        self._begin(McapSummary())
+
+    def _begin(self, summary: McapSummary) -> None:
+        self._summary = summary
+        self._report = DamageReport(self.path)
+        self._topics = McapTopics(summary.channels, self._report)
+        self._repeated: dict[str, RepeatedMessages] = {}
+
+    @property
+    def types(self) -> dict[str, str]:
+        """See the class."""
+        return self._topics.types
+
+    @property
+    def damaged(self) -> bool:
+        """See the class."""
+        return self._report.places > 0
+
+    @property
+    def counts(self) -> dict[str, int] | None:
+        """See the class."""
+        counts = self._summary.counts
+        return None if counts is None else self._topics.by_topic(counts)
+
+    def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
+        """Yield the messages of some topics (None: of all) in the order of the file.
+
+        No more than one chunk is in memory; chunks without such messages aren't read if the
+        file has an account to compare with. Damage and a missing end are warned about, and
+        what is readable is read, each message once.
+
+        Raises
+        ------
+        BagError
+            If the file can't be opened, is empty or isn't MCAP, or would take more memory than
+            the limits allow.
+        """
+        try:
+            with self.path.open('rb') as stream:
+                size = os.fstat(stream.fileno()).st_size
+                budget = self._budget or ReadBudget(self.path, size)
+                self._check_magic(stream.read(len(MAGIC)))
+                self._begin(read_summary(stream, size, budget.part_bytes))
+                for run in self._runs(stream, size, budget, topics):
+                    yield from self._blocks_of(run, topics)
+        except OSError as error:
+            raise BagError(f'{self.path} cannot be read: {error.strerror}') from error
+        self._report.finish()
+
+    def _check_magic(self, found: bytes) -> None:
+        if not found:
+            raise BagError(
+                f'{self.path} is empty: was its recorder stopped before it wrote anything, or '
+                'the copy cut short? Record or copy it again'
+            )
+        if found != MAGIC:
+            raise BagError(f'{self.path} is not an MCAP file: check the path')
+
+    def _runs(
+        self, stream: BinaryIO, size: int, budget: ReadBudget, topics: Collection[str] | None
+    ) -> Iterator[RecordRun]:
+        loose = bytearray()
+        chunk: tuple[McapRecord, ChunkIndexes] | None = None  # the last, until its end is known
+        for record in McapWalk(stream, size, self._summary.chunks, self._report):
+            if record.opcode == Opcode.MESSAGE_INDEX:
+                indexes = chunk[1] if chunk else ChunkIndexes()
+                indexes.add(self._content(stream, record, budget))
+                if not chunk:
+                    self._tell_orphan(record, indexes)
+                continue
+            if chunk:
+                yield from self._chunk(stream, *chunk, budget, topics)
+                chunk = None
+            if record.opcode == Opcode.CHUNK:
+                yield RecordRun(bytes(loose), '')
+                loose.clear()
+                chunk = (record, ChunkIndexes())
+            elif record.opcode in _LOOSE:
+                content = self._content(stream, record, budget)
+                loose += RECORD.pack(record.opcode, len(content)) + content if content else b''
+                if len(loose) > _LOOSE_LIMIT:
+                    yield RecordRun(bytes(loose), '')
+                    loose.clear()
+            elif record.opcode == Opcode.STATISTICS:
+                self._take_counts(self._content(stream, record, budget))
+        if chunk:
+            yield from self._chunk(stream, *chunk, budget, topics)
+        yield RecordRun(bytes(loose), '')
+
+    def _take_counts(self, content: bytes) -> None:
+        """Take the account from where it lies, if the file's end doesn't lead to it."""
+        if self._summary.counts is None:
+            with contextlib.suppress(ValueError):
+                self._summary.counts = read_counts(RecordFields(content))
+
+    def _content(self, stream: BinaryIO, record: McapRecord, budget: ReadBudget) -> bytes:
+        """Return the content of a record; nothing if it is larger than a part may be."""
+        if record.length > budget.part_bytes:
+            self._report.tell(
+                f'holds a record of {record.length} bytes at byte {record.start}, more than the '
+                f'{budget.part_bytes} that one may have (limit part_bytes): it is left out',
+                record.length,
+            )
+            return b''
+        stream.seek(record.start + RECORD.size)
+        return stream.read(record.length)
+
+    def _tell_orphan(self, record: McapRecord, indexes: ChunkIndexes) -> None:
+        if indexes.messages or not indexes.complete:
+            self._report.tell(
+                f'is damaged: {indexes.messages or "some"} messages are missing, of which only '
+                f'the index at byte {record.start} is left'
+            )
+
+    def _chunk(
+        self,
+        stream: BinaryIO,
+        record: McapRecord,
+        indexes: ChunkIndexes,
+        budget: ReadBudget,
+        topics: Collection[str] | None,
+    ) -> Iterator[RecordRun]:
+        """Yield the records of a chunk that is wanted and sound."""
+        if not self._is_wanted(indexes, topics):
+            return
+        place = f'the chunk at byte {record.start}'
+        try:
+            chunk = McapChunk.read(self._content(stream, record, budget))
+            if record.whole:
+                yield RecordRun(chunk.records(budget), place, indexes)
+            else:
+                yield RecordRun(chunk.beginning(budget), '')
+        except ChunkError as error:
+            if record.whole:  # else it was said that the end is missing
+                listed = f' with {indexes.messages} messages' if indexes.messages else ''
+                self._report.tell(
+                    f'is damaged: {place}{listed}, {record.length} bytes, is left out: {error}',
+                    record.length,
+                )
+
+    def _is_wanted(self, indexes: ChunkIndexes, topics: Collection[str] | None) -> bool:
+        """Tell whether a chunk may hold messages of some topics, or say what a channel is.
+
+        The index isn't protected by a checksum: without an account that would show the loss,
+        it isn't believed.
+        """
+        if topics is None or self._summary.counts is None:
+            return True
+        if not (indexes.complete and indexes.channels):
+            return True
+        names = [self._topics.name(channel) for channel in indexes.channels]
+        return any(name is None or name in topics for name in names)
+
+    def _blocks_of(self, run: RecordRun, topics: Collection[str] | None) -> Iterator[MessageBlock]:
+        records = run.records
+        starts = run.indexes.message_starts(records)
+        if starts is None:
+            starts, definitions, unread = walk(records)
+            for opcode, content in definitions:
+                self._topics.register(opcode, content)
+            self._check_walk(run, starts.tolist(), unread)
+            if not run.indexes.agree_with(starts):
+                self._report.tell(
+                    f'is damaged: the index behind {run.place} lists {run.indexes.messages} '
+                    f'messages, and it holds {len(starts)} elsewhere; those are used'
+                )
+        headers = elements_at(records, MESSAGE_HEADER, starts)
+        for index, own in self._topics.groups(headers['channel']):
+            if index < 0:
+                self._report.tell(
+                    f'is damaged: {len(own)} messages are left out, as nothing tells their topic'
+                )
+            elif topics is None or self._topics.names[index] in topics:
+                yield from self._block(
+                    self._topics.names[index], records, headers[own], starts[own]
+                )
+
+    def _check_walk(self, run: RecordRun, starts: list[int], unread: int) -> None:
+        """Report what is neither message nor definition; the end of a cut file was reported."""
+        if unread and run.place:
+            self._report.tell(
+                f'is damaged: of {run.place} {unread} bytes behind {len(starts)} messages are '
+                'left out, as they are no messages',
+                unread,
+            )
+
+    def _block(
+        self,
+        topic: str,
+        records: bytes,
+        headers: NDArray[np.void],
+        starts: NDArray[np.int64],
+    ) -> Iterator[MessageBlock]:
+        payload_sizes = headers['length'].astype(np.int64) + RECORD.size - MESSAGE_HEADER.itemsize
+        block = MessageBlock(
+            topic,
+            self.types[topic],
+            headers['log_time'].astype(np.int64),
+            headers['sequence'].astype(np.int64),
+            Payloads(records, starts + MESSAGE_HEADER.itemsize, payload_sizes),
+        )
+        repeated = self._repeated.setdefault(topic, RepeatedMessages())
+        for part in block.parts():
+            first = repeated.first_ones(part.log_time, part.sequence, part.payloads)
+            if first is None:
+                yield part
+                continue
+            self._report.tell(
+                f'is damaged: it holds {len(first) - int(first.sum())} messages of {topic} '
+                'twice; they are read once'
+            )
+            if first.any():
+                yield part.chosen(first)

@@ -1,0 +1,139 @@
+"""Sound bags of every storage, as their files' bytes: what mutants are made of."""
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import CompressionType
+from mcap.writer import Writer as PackageWriter
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+from rosbags.typesys import Stores, get_typestore
+
+from aerarm_msgs_py.bags.bag_metadata import BagMetadata
+from aerarm_msgs_py.bags.mcap_writer import McapWriter
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage
+from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
+TOPICS = (
+    RecordedTopic('/joint_states', JOINT_STATE),
+    RecordedTopic('/motor_states', JOINT_STATE),
+)
+_START = 1_700_000_000_123_456_789
+_CHUNK = 40  # messages
+
+Files = dict[str, bytes]
+
+
+@dataclass(frozen=True)
+class OriginalBag:
+    """A sound bag.
+
+    Attributes
+    ----------
+    name
+        What it is.
+    files
+        Content of its files.
+    checked
+        Whether its messages have a checksum, so that every changed bit can be seen.
+    finished
+        Whether its recorder came to its end, and left an account.
+    """
+
+    name: str
+    files: Files
+    checked: bool
+    finished: bool = True
+
+
+def messages(count: int, seed: int = 1) -> list[RecordedMessage]:
+    """Return joint states and motor states by turns: random numbers, which compress badly."""
+    cdr = JointStateCdr(NAMES)
+    numbers = np.random.default_rng(seed).normal(size=(count, 3, len(NAMES)))
+    made = []
+    for k in range(count):
+        stamp = _START + k * 1_000_000
+        for topic, scale in ((0, 1.0), (1, 10.0)):
+            payload = cdr.pack(stamp, *(scale * numbers[k]))
+            made.append(RecordedMessage(topic, payload, stamp + 50_000 + topic, stamp, k + 1))
+    return made
+
+
+def originals(folder: Path) -> list[OriginalBag]:
+    """Return one bag of each kind; `folder` is for those that only a folder can hold."""
+    made = [
+        OriginalBag('zstd', _own('zstd', 200), True),
+        OriginalBag('lz4', _own('lz4', 200), True),
+        OriginalBag('uncompressed', _own('none', 200), True),
+        OriginalBag('killed recorder', _own('zstd', 200, finished=False), True, False),
+        OriginalBag('1 MB', _own('zstd', 2400), True),
+        OriginalBag('other writer', _package(200), True),
+        OriginalBag('without checksums', _package(200, enable_crcs=False), False),
+        OriginalBag('without chunks', _package(200, use_chunking=False), False),
+    ]
+    for name, storage, mode in (
+        ('SQLite', StoragePlugin.SQLITE3, CompressionMode.NONE),
+        ('SQLite, compressed messages', StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+        ('compressed file', StoragePlugin.MCAP, CompressionMode.FILE),
+    ):
+        files = _rosbags(folder / name.replace(' ', '_'), 200, storage, mode)
+        made.append(OriginalBag(name, files, False))
+    return made
+
+
+def _own(compression: str, count: int, *, finished: bool = True) -> Files:
+    """Return a bag of this suite; without an end if its recorder is killed."""
+    stream = io.BytesIO()
+    stream.write = _counting(stream.write)  # type: ignore[method-assign]
+    writer = McapWriter(stream, TOPICS, compression)
+    metadata = BagMetadata('bag_0.mcap', TOPICS)
+    made = messages(count)
+    known = ''
+    for first in range(0, len(made), _CHUNK):
+        if first <= len(made) // 2:
+            known = metadata.to_yaml()  # the last that a killed recorder has written
+        part = made[first : first + _CHUNK]
+        writer.add_chunk(part)
+        for message in part:
+            metadata.add(message.topic, message.log_time)
+    if finished:
+        writer.finish(metadata.serialized())
+        known = metadata.to_yaml()
+    return {'bag_0.mcap': stream.getvalue(), 'metadata.yaml': known.encode()}
+
+
+def _counting(write: Callable[[bytes], int]) -> Callable[[bytes], int]:
+    return lambda data: write(bytes(data))
+
+
+def _package(count: int, **options: object) -> Files:
+    """Return a file of the mcap package's writer, without metadata.yaml."""
+    stream = io.BytesIO()
+    writer = PackageWriter(
+        stream,
+        **{'compression': CompressionType.ZSTD, 'chunk_size': 10_000, **options},  # type: ignore[arg-type]
+    )
+    writer.start('ros2')
+    schema = writer.register_schema(JOINT_STATE, 'ros2msg', b'')
+    channels = [writer.register_channel(topic.name, 'cdr', schema) for topic in TOPICS]
+    for m in messages(count):
+        writer.add_message(channels[m.topic], m.log_time, m.payload, m.publish_time, m.sequence)
+    writer.finish()
+    return {'bag.mcap': stream.getvalue()}
+
+
+def _rosbags(folder: Path, count: int, storage: StoragePlugin, mode: CompressionMode) -> Files:
+    writer = RosbagsWriter(folder, version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with writer:
+        channels = [writer.add_connection(t.name, t.type, typestore=store) for t in TOPICS]
+        for message in messages(count):
+            writer.write(channels[message.topic], message.log_time, message.payload)
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}

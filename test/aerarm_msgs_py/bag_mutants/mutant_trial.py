@@ -1,0 +1,139 @@
+"""Reading one mutant in a process of its own: what came of it, in which time and memory."""
+
+import json
+import os
+import re
+import resource
+import signal
+import warnings
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from aerarm_msgs_py.bags.bag_contents import read_contents
+from aerarm_msgs_py.storage.bag_error import BagError
+
+RIGHT, PART, REFUSED = 'right', 'part', 'refused'
+ALTERED, FORGED, SHORTER = 'altered', 'forged', 'shorter'
+PROMISED = (RIGHT, PART, REFUSED)
+"""Outcomes that a mutant may have: all of the data; some, and a warning that says how much is
+missing; one error. ALTERED, where nothing could show it: a storage without checksums. FORGED,
+where the change itself wrote messages, with a right checksum. SHORTER, where it made the bag of
+a killed recorder that of one which began later or was killed earlier: the same bytes."""
+
+_MEMORY = 3 * 2**30  # bytes of address space, so that a failure doesn't take the machine along
+_TIME = 60  # [s]
+_FIGURE = re.compile(r'\d+ (of \d+ )?(messages|bytes)|last \d+ bytes|of the \d+ files')
+_TOPIC, _OTHER = '/joint_states', '/motor_states'
+
+
+@dataclass(frozen=True)
+class TrialResult:
+    """What reading a mutant came to.
+
+    Attributes
+    ----------
+    outcome
+        One of those above, or what went wrong.
+    time
+        Of the processor [s].
+    memory
+        Largest resident size of the process [MB].
+    """
+
+    outcome: str
+    time: float
+    memory: float
+
+
+def rows_of(path: Path) -> list[bytes]:
+    """Return each joint state of a bag, all its numbers as bytes."""
+    series = read_contents(path, _TOPIC, [_OTHER]).joint_states[_TOPIC]
+    numbers = (series.stamp, series.log_time, series.sequence.astype(float))
+    columns = [column[:, None] for column in numbers]
+    table = np.hstack([*columns, series.position, series.velocity, series.effort])
+    return [row.tobytes() for row in np.ascontiguousarray(table)]
+
+
+def tried(
+    path: Path, original: list[bytes], checked: bool, forged: bool, finished: bool
+) -> TrialResult:
+    """Read a mutant in a child of this process and judge it.
+
+    Parameters
+    ----------
+    path
+        The mutant.
+    original
+        What its sound bag holds.
+    checked
+        Whether its storage has checksums.
+    forged
+        Whether the change wrote messages itself.
+    finished
+        Whether the recorder of the sound bag came to its end.
+    """
+    read_end, write_end = os.pipe()
+    child = os.fork()
+    if not child:
+        os.close(read_end)
+        _run(path, original, checked, forged, finished, write_end)
+    os.close(write_end)
+    with os.fdopen(read_end, 'rb') as stream:
+        said = stream.read()
+    _, status, usage = os.wait4(child, 0)
+    if not said:
+        code = os.waitstatus_to_exitcode(status)
+        return TrialResult(f'ended by {code}', usage.ru_utime + usage.ru_stime, usage.ru_maxrss)
+    return TrialResult(**json.loads(said))
+
+
+def _run(
+    path: Path, original: list[bytes], checked: bool, forged: bool, finished: bool, out: int
+) -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+    signal.alarm(_TIME)
+    before = resource.getrusage(resource.RUSAGE_SELF)
+    outcome = _outcome(path, original, checked, forged, finished)
+    after = resource.getrusage(resource.RUSAGE_SELF)
+    time = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    result = TrialResult(outcome, time, after.ru_maxrss / 1024)
+    os.write(out, json.dumps(asdict(result)).encode())
+    os._exit(0)
+
+
+def _outcome(path: Path, original: list[bytes], checked: bool, forged: bool, finished: bool) -> str:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter('always')
+        try:
+            rows = rows_of(path)
+        except BagError as error:
+            return REFUSED if str(error) and '\n' not in str(error) else f'error {error!r}'
+        except BaseException as error:  # whatever it is, it is what this looks for
+            return f'{type(error).__name__}: {str(error)[:200]}'
+    if rows == original:
+        return RIGHT
+    if forged:
+        return FORGED
+    told = any(_FIGURE.search(str(warning.message)) for warning in caught)
+    if _is_part(rows, original):
+        if not told and not finished and rows and _is_run(rows, original):
+            return SHORTER
+        return PART if told else f'silent loss of {len(original) - len(rows)} messages'
+    if not checked:
+        return ALTERED if told or len(rows) >= len(original) else 'silent loss'
+    repeated = len(rows) - len(set(rows))
+    return f'{repeated} messages twice' if repeated else 'wrong data'
+
+
+def _is_part(rows: list[bytes], original: list[bytes]) -> bool:
+    """Tell whether some rows are the original's, in its order."""
+    left = iter(original)
+    return all(row in left for row in rows)
+
+
+def _is_run(rows: list[bytes], original: list[bytes]) -> bool:
+    """Tell whether some rows follow each other in the original."""
+    first = original.index(rows[0])
+    return original[first : first + len(rows)] == rows

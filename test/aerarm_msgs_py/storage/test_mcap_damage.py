@@ -1,0 +1,165 @@
+"""Damage of MCAP files that leaves the format intact, or nearly."""
+
+import struct
+import warnings
+from pathlib import Path
+
+import mcap_surgery
+import pytest
+import zstandard
+from bag_originals import TOPICS, messages
+from mcap.writer import Writer
+
+from aerarm_msgs_py.bags.bag_reader import read_joint_states
+from aerarm_msgs_py.bags.mcap_writer import McapWriter
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
+from aerarm_msgs_py.storage.mcap_file import McapFile
+from aerarm_msgs_py.storage.read_limits import ReadLimits
+
+COUNT, CHUNK = 200, 40
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """Return a file of ten chunks of 20 joint states each."""
+    path = tmp_path / 'bag.mcap'
+    with path.open('wb') as stream:
+        writer = McapWriter(stream, TOPICS, 'zstd')
+        made = messages(COUNT)
+        for first in range(0, len(made), CHUNK):
+            writer.add_chunk(made[first : first + CHUNK])
+        writer.finish('')
+    return path
+
+
+def chunks(content: bytes) -> list[mcap_surgery.Part]:
+    return [part for part in mcap_surgery.parts(content) if part.opcode == 6]
+
+
+def sequences(path: Path) -> list[int]:
+    """Return which messages are read; nobody is told of anything twice."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter('always')
+        found = read_joint_states(path).sequence.tolist()
+    texts = [str(warning.message) for warning in caught]
+    assert len(set(texts)) == len(texts)
+    return found
+
+
+@pytest.mark.parametrize('opcode', [*range(16), 100, 134, 255])
+def test_a_chunk_of_another_kind_is_missing_alone(file: Path, opcode: int) -> None:
+    content = bytearray(file.read_bytes())
+    content[chunks(content)[3].start] = opcode
+    file.write_bytes(content)
+    if opcode == 6:
+        assert len(sequences(file)) == COUNT
+        return
+    with pytest.warns(BagWarning, match=r'20 of 200 messages of /joint_states are missing'):
+        found = read_joint_states(file).sequence.tolist()
+    assert found == [*range(1, 61), *range(81, 201)]
+
+
+@pytest.mark.parametrize('length', [0, 1, 500, 10**6, 2**62, 2**64 - 1])
+def test_the_chunks_behind_a_wrong_length_are_found_again(file: Path, length: int) -> None:
+    content = bytearray(file.read_bytes())
+    struct.pack_into('<Q', content, chunks(content)[3].start + 1, length)
+    file.write_bytes(content)
+    assert sequences(file) == [*range(1, 61), *range(81, 201)]
+    file.write_bytes(content[:-8])  # without an end there is no summary that knows of chunks
+    with pytest.warns(BagWarning, match=r'is cut off|is damaged'):
+        assert read_joint_states(file).sequence.tolist()[:60] == list(range(1, 61))
+
+
+def test_a_chunk_is_never_read_twice(file: Path) -> None:
+    content = file.read_bytes()
+    (a, b), (c, _) = ((part.start, part.end) for part in chunks(content)[2:4])
+    file.write_bytes(content[:c] + content[a:b] + content[c:])
+    with pytest.warns(BagWarning, match='holds 20 messages of /joint_states twice; they are read'):
+        found = read_joint_states(file).sequence.tolist()
+    assert found == list(range(1, COUNT + 1))
+
+
+def test_chunks_in_another_order_are_read_in_that_of_time(file: Path) -> None:
+    content = file.read_bytes()
+    a, b, c = (part.start for part in chunks(content)[2:5])
+    file.write_bytes(content[:a] + content[b:c] + content[a:b] + content[c:])
+    assert sequences(file) == list(range(1, COUNT + 1))
+
+
+@pytest.mark.parametrize('channel', [2, 77])
+def test_a_lying_index_hides_nothing(file: Path, channel: int) -> None:
+    """It says that a chunk holds no joint states, so that the chunk isn't read."""
+    content = bytearray(file.read_bytes())
+    indexes = [part for part in mcap_surgery.parts(content) if part.opcode == 7]
+    struct.pack_into('<H', content, indexes[0].start + 9, channel)
+    file.write_bytes(content)
+    if channel == 77:  # of no known topic, so the chunk is looked into
+        assert sequences(file) == list(range(1, COUNT + 1))
+        return
+    with pytest.warns(BagWarning, match='20 of 200 messages of /joint_states are missing'):
+        read_joint_states(file)
+
+
+def test_a_channel_with_two_names_is_believed_neither(file: Path) -> None:
+    content = file.read_bytes().replace(b'/motor_states', b'/joint_states', 1)
+    file.write_bytes(content)
+    with pytest.warns(BagWarning, match='channel 2 is called /motor_states and /joint_states'):
+        found = read_joint_states(file)
+    assert found.sequence.tolist() == list(range(1, COUNT + 1))
+
+
+def test_a_bag_larger_than_its_limits_is_refused_or_read_in_part(file: Path) -> None:
+    with pytest.warns(BagWarning, match='limit part_bytes'), pytest.raises(BagError, match='none'):
+        read_joint_states(file, limits=ReadLimits(part_bytes=1000))
+    bomb = zstandard.compress(bytes(40_000_000))
+    record = struct.pack('<QQQII', 0, 0, 40_000_000, 0, 4) + b'zstd' + struct.pack('<Q', len(bomb))
+    chunk = struct.pack('<BQ', 6, len(record) + len(bomb)) + record + bomb
+    content = file.read_bytes()
+    start = chunks(content)[3].start
+    file.write_bytes(content[:start] + chunk + content[start:])
+    with pytest.raises(BagError, match='more than 100 times its'):
+        read_joint_states(file)
+    with pytest.warns(BagWarning, match='bytes behind 0 messages are left out'):
+        found = read_joint_states(file, limits=ReadLimits(ratio=5000.0))
+    assert len(found) == COUNT
+
+
+def test_very_many_topics_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / 'bag.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start('ros2')
+        for k in range(5000):
+            writer.register_channel(f'/{k}', 'cdr', 0)
+        writer.finish()
+    with pytest.raises(BagError, match='more than 4096 topics'):
+        list(McapFile(path).blocks())
+
+
+def test_damage_at_very_many_places_is_summed_up(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    for part in chunks(content):
+        content[part.end - 20] ^= 1
+    file.write_bytes(content)
+    with pytest.warns(BagWarning) as caught, pytest.raises(BagError, match='none of the messages'):
+        read_joint_states(file)
+    texts = [str(warning.message) for warning in caught]
+    lost = sum(part.end - part.start - 9 for part in chunks(content))
+    assert sum('is left out' in text for text in texts) == 5
+    assert any(f'damaged at 10 places in all, where {lost} bytes are left' in t for t in texts)
+
+
+def test_no_count_of_joints_takes_the_memory(tmp_path: Path) -> None:
+    path = tmp_path / 'bag.mcap'
+    made = [
+        RecordedMessage(0, JointStateCdr([f'j{k}_{i}' for i in range(100)]).pack(k), k, k, k)
+        for k in range(3)
+    ]
+    with path.open('wb') as stream:
+        writer = McapWriter(stream, TOPICS)
+        writer.add_chunk(made)
+        writer.finish('')
+    with pytest.raises(BagError, match='more than 256 joints'):
+        read_joint_states(path)

@@ -1,0 +1,116 @@
+"""Bags of rosbag2's other storages, sound and damaged."""
+
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from aerarm_msgs_py.bags.bag_reader import read_joint_states, topics
+from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
+
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+
+
+def write(directory: Path, messages, storage: StoragePlugin, mode=CompressionMode.NONE) -> Path:
+    writer = Writer(directory, version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with writer:
+        connections = [
+            writer.add_connection(name, JOINT_STATE, typestore=store)
+            for name in ('/joint_states', '/motor_states')
+        ]
+        for message in messages:
+            writer.write(connections[message.topic], message.log_time, message.payload)
+    return directory
+
+
+@pytest.mark.parametrize(
+    ('storage', 'mode'),
+    [
+        (StoragePlugin.SQLITE3, CompressionMode.NONE),
+        (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+        (StoragePlugin.MCAP, CompressionMode.NONE),
+        (StoragePlugin.MCAP, CompressionMode.FILE),
+        (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+        (StoragePlugin.MCAP, CompressionMode.STORAGE),
+    ],
+)
+def test_reads_other_storages(tmp_path: Path, recording, storage, mode) -> None:
+    directory = write(tmp_path / 'bag', recording.messages(2500), storage, mode)
+    series = read_joint_states(directory)
+    np.testing.assert_array_equal(series.position, recording.numbers(2500)[:, 0])
+    assert topics(directory)['/motor_states'].messages == 2500
+    assert topics(directory)['/motor_states'].lost is None
+
+
+def test_says_what_is_wrong(tmp_path: Path, recording) -> None:
+    directory = write(tmp_path / 'bag', recording.messages(5), StoragePlugin.SQLITE3)
+    with pytest.raises(BagError, match='no topic /imu; it has /joint_states'):
+        read_joint_states(directory, '/imu')
+    next(directory.glob('*.db3')).unlink()
+    with pytest.raises(BagError, match=r'lacks bag.db3, which its metadata.yaml names'):
+        read_joint_states(directory)
+
+
+@pytest.fixture
+def database(tmp_path: Path, recording) -> Path:
+    directory = write(tmp_path / 'bag', recording.messages(500), StoragePlugin.SQLITE3)
+    return next(directory.glob('*.db3'))
+
+
+@pytest.mark.parametrize(
+    'table',
+    [
+        'CREATE VIEW messages AS WITH RECURSIVE r(id, topic_id, timestamp, data) AS (SELECT 1, 1, '
+        "1, x'00' UNION ALL SELECT id + 1, 1, 1, data FROM r) SELECT * FROM r",
+        'CREATE TABLE other (id)',
+    ],
+    ids=['an endless view', 'no messages'],
+)
+def test_only_tables_are_read(database: Path, table: str) -> None:
+    with sqlite3.connect(database) as connection:
+        connection.execute('DROP TABLE messages')
+        connection.execute(table)
+    connection.close()
+    with pytest.raises(BagError, match='has no table messages: is it a bag'):
+        read_joint_states(database)
+
+
+def test_rows_that_are_computed_count_as_what_they_become(database: Path) -> None:
+    with sqlite3.connect(database) as connection:
+        connection.execute('DROP TABLE messages')
+        connection.execute(
+            'CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, timestamp, data AS '
+            '(zeroblob(1000000)))'
+        )
+        connection.executemany(
+            'INSERT INTO messages (topic_id, timestamp) VALUES (1, ?)', [(k,) for k in range(9999)]
+        )
+    connection.close()
+    with pytest.raises(BagError, match='more than 100 times'):
+        read_joint_states(database)
+
+
+def test_values_of_other_kinds_are_left_out_and_said(database: Path) -> None:
+    with sqlite3.connect(database) as connection:
+        connection.execute("UPDATE messages SET timestamp = 'late' WHERE id = 7")
+        connection.execute('UPDATE messages SET data = 3.5 WHERE id = 9')
+        connection.execute('UPDATE messages SET topic_id = 77 WHERE id = 11')
+    connection.close()
+    with pytest.warns(BagWarning, match='3 messages are left out, as nothing tells their topic'):
+        assert len(read_joint_states(database)) == 497
+
+
+def test_a_damaged_page_costs_what_lies_behind_it(database: Path, recording) -> None:
+    content = bytearray(database.read_bytes())
+    content[len(content) // 2 : len(content) // 2 + 4096] = bytes(4096)
+    database.write_bytes(content)
+    with pytest.warns(BagWarning, match=r'is damaged .*only its first \d+ messages are read'):
+        found = read_joint_states(database)
+    assert 0 < len(found) < 500
+    expected = recording.numbers(500)[: len(found), 0]
+    np.testing.assert_array_equal(found.position, expected)
