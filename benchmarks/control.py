@@ -10,6 +10,8 @@ import pinocchio as pin
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
 from aerarm_ros.control.base.base_reaction import BaseReaction
+from aerarm_ros.control.base.drone_in_base import carrier_parameters
+from aerarm_ros.control.base.free_base_motion import FreeBaseMotion
 from aerarm_ros.control.base.imu_sample import ImuSample
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks.joint_limits import JointLimits
@@ -27,6 +29,7 @@ from aerarm_ros.control.laws.velocity_resolution import VelocityResolution
 from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
 from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.arm_state import ArmState
@@ -67,7 +70,8 @@ def bare_calls() -> dict[str, Callable[[], Any]]:
 
 def laws() -> dict[str, Callable[[], Any]]:
     config, robot = load_arm_config(), load_robot()
-    dynamics = MovingBaseDynamics(robot, config.column('reflected_inertia'))
+    carrier = carrier_parameters(load_drone_config())
+    dynamics = MovingBaseDynamics(robot, config.column('reflected_inertia'), carrier)
     friction = FrictionCompensation(robot.viscous, robot.coulomb, load_share=0.04)
     limits, kinematics = JointLimits.from_config(config), Kinematics(robot)
     resolution = VelocityResolution(kinematics, limits, config.rest_position, DampedInverse())
@@ -75,6 +79,7 @@ def laws() -> dict[str, Callable[[], Any]]:
     joints = JointReference(Q + 0.01, DQ, DDQ)
     task = TaskReference(kinematics.position(Q) + 0.01, np.zeros(3), np.zeros(3))
     base = BaseMotion(np.array([0.0, 0.0, -9.81]), np.array([1.0, 2.0, 9.0]), DQ[:3], DDQ[:3])
+    free = FreeBaseMotion(base, np.ones(6), np.ones(6))
     gravity = GravityCompensation(dynamics, 60.0, 3.0, friction)
     torque = ComputedTorque(dynamics, 400.0, 40.0, friction=friction)
     boards = BoardComputedTorque(dynamics, friction=friction)
@@ -91,6 +96,8 @@ def laws() -> dict[str, Callable[[], Any]]:
         'gravity compensation (2.14)': lambda: gravity.update(state, joints, CYCLE),
         'computed torque (2.21)': lambda: torque.update(state, joints, CYCLE),
         'computed torque, moving base': lambda: torque.update(state, joints, CYCLE, base),
+        'gravity comp., free base': lambda: gravity.update(state, joints, CYCLE, free),
+        'computed torque, free base': lambda: torque.update(state, joints, CYCLE, free),
         'computed torque, on boards': lambda: boards.update(state, joints, CYCLE),
         'Cartesian impedance': lambda: impedance.update(state, task, CYCLE),
         'momentum observer': lambda: observer.update(state, CYCLE),
