@@ -91,8 +91,9 @@ def scaled(mass: float) -> DroneConfig:
     arm = float(load_robot().inertial_parameters[:, 0].sum())
     thrust = (mass + arm) / (drone.mass + arm)
     rotors = tuple(replace(r, thrust_max=thrust * r.thrust_max) for r in drone.rotors)
-    sized = drone.with_errors(mass / drone.mass, (mass / drone.mass) ** (5 / 3))
-    return replace(sized, rotors=rotors)
+    # Rotors first: each step must be a drone that flies.
+    strong = replace(drone, rotors=rotors)
+    return strong.with_errors(mass / drone.mass, (mass / drone.mass) ** (5 / 3))
 
 
 def write(drone: DroneConfig, path: Path) -> Path:
