@@ -67,6 +67,7 @@ test: lint
 
 attacks: setup
 	$(BIN)/python test/hardware/attack_campaign.py
+	$(BIN)/python test/hardware/held_up_host.py
 
 fuzz: setup
 	$(BIN)/python test/aerarm_msgs_py/bag_mutants/campaign.py

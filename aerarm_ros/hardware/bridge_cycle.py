@@ -184,8 +184,13 @@ class BridgeCycle:
         """Ask the boards to align and drive the motors. The arm moves: have it supported."""
         if self.gate.stop:
             return Answer(False, f'clear the fault first: {self.gate.stop}')
-        if self.mode == 'disconnected':
-            return Answer(False, 'a board does not answer: check supply, wires and SPI mode')
+        silent = [
+            f'{link.monitor.name} does not answer: {link.monitor.problem}'
+            for link in self.links
+            if link.monitor.mode is BoardMode.DISCONNECTED
+        ]
+        if silent:
+            return Answer(False, '; '.join(silent))
         if self._enabled:
             return self._hold()
         if any(link.state.system_enabled for link in self.links):
@@ -214,15 +219,14 @@ class BridgeCycle:
 
     def clear_fault(self) -> Answer:
         """Leave the fault: hold the arm if its motors are still driven, else be idle."""
-        now = self._now
-        silent = [link.monitor.name for link in self.links if link.monitor.is_silent(now)]
+        silent = [link.monitor.name for link in self.links if link.monitor.is_silent]
         if silent and self._enabled:
-            # Going on without it would switch off the boards that still damp the arm.
+            # Going on without it would switch off the boards that damp the arm.
             return Answer(False, f'{", ".join(silent)} does not answer: disable first, or mend it')
         violation = self.gate.state_violation(self.q, self.dq) if self._enabled else ''
         if violation:
             return Answer(False, f'the arm would stop again at once, {violation}')
-        reasons = [link.monitor.clear(link.state, now) for link in self.links]
+        reasons = [link.monitor.clear(link.state) for link in self.links]
         if any(reasons):
             return Answer(False, '; '.join(filter(None, reasons)))
         self.gate.release()
@@ -230,7 +234,7 @@ class BridgeCycle:
         self.intake.forget()
         self._followed = False
         # Motors that lost their alignment align only when somebody says so.
-        self._enabled = self._enabled and all(link.may_be_damped(now) for link in self.links)
+        self._enabled = self._enabled and all(link.may_be_damped for link in self.links)
         return Answer(True, 'the arm is held' if self._enabled else 'the motors are off')
 
     def home(self) -> Answer:
@@ -259,10 +263,10 @@ class BridgeCycle:
         noise = self._references.braking_noise
         running = self._choose_references(now, dt)
         for link in self.links:
-            enable = self._enabled and not (self.gate.stop and not link.may_be_damped(now))
-            link.exchange(self._references, now, enable, running)
+            enable = self._enabled and not (self.gate.stop and not link.may_be_damped)
+            link.exchange(self._references, enable, running)
         self._aligned = all(link.is_aligned for link in self.links)
-        self.state.read(self.links, self._references.zero, gains, dt, self._current_lag)
+        self.state.read(self.links, self._references.zero, gains, self._current_lag)
         self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
         self._watch(now, feed_forward, noise)
         self.mode = self._current_mode(now)
@@ -298,7 +302,7 @@ class BridgeCycle:
                 references.track(limited, self.q, dt)
                 return self._followed
         self.gate.restart()
-        references.damp(self._encoders.trusted)
+        references.damp(self._encoders.damping_speed)
         return False
 
     def _current_command(self, now: float) -> CommandBuffer | None:
@@ -313,7 +317,7 @@ class BridgeCycle:
         return None if self._followed else self._standstill
 
     def _home_on(self, homing: Homing) -> CommandBuffer:
-        homing.update(self.state.reported_position, self.state.index_toggle)
+        homing.update(self.state.reported_position, self.state.index_toggle, self.state.interval)
         if homing.is_done:
             self._homing = None
             if homing.fault:
@@ -329,8 +333,6 @@ class BridgeCycle:
         for link in self.links:
             if link.monitor.mode is BoardMode.FAULT:
                 self.gate.trip(link.monitor.fault)
-            elif link.monitor.mode is BoardMode.DISCONNECTED:
-                self._enabled = False
         if self._enabled and self._aligned:
             state = self.state
             text = self._encoders.check(
@@ -340,6 +342,7 @@ class BridgeCycle:
                 now,
                 feed_forward,
                 noise,
+                state.interval_max,
             )
             if text:
                 self.gate.trip(text)

@@ -23,15 +23,22 @@ class BridgeReport:
     def __init__(self, intake: CommandIntake, gate: SafetyGate, links: Sequence[BoardLink]) -> None:
         self._intake = intake
         self._gate = gate
+        self._links = tuple(links)
         self._monitors = [link.monitor for link in links]
 
     def faults(self, mode: str, now: float) -> list[str]:
         """Return what is wrong, the latched stop first; rejections and limits for a second."""
         intake, gate = self._intake, self._gate
         texts = [gate.stop, *(monitor.fault for monitor in self._monitors)]
-        for monitor in self._monitors:
-            if monitor.mode is BoardMode.DISCONNECTED:
-                texts.append(f'{monitor.name} does not answer: check supply, wires and SPI mode')
+        for link in self._links:
+            monitor = link.monitor
+            if link.is_damped_unheard:
+                texts.append(
+                    f'{monitor.name} is not heard, and told to damp its joints in case it hears; '
+                    f'disable switches it off: {monitor.problem}'
+                )
+            elif monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
+                texts.append(f'{monitor.name} does not answer: {monitor.problem}')
         if mode == 'damping':
             texts.append(
                 f'no good command for {intake.age(now):.2f} s, the arm is damped: is the '

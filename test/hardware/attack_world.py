@@ -48,6 +48,7 @@ class AttackWorld:
         self.cycle = 0
         self._watch = watch
         self._delays: Delays | None = None
+        self._exchanged = [(0.0, 0.0) for _ in boards.boards]  # end and duration of the last
         boards.advance(self.now)
 
     def script(self, delays: Delays | None) -> None:
@@ -84,15 +85,21 @@ class AttackWorld:
 
     def exchange(self, board: int, frame: bytes) -> bytes:
         """Pass a frame to a board and return its answer."""
+        start = self.now
         self.hold_up(f'{EXCHANGE} {board}')
         answer = self.boards.exchange(board, frame)
         self.frames.add(self.now, board, frame, answer)
         self.hold_up(f'{ANSWER} {board}')
+        self._exchanged[board] = self.now, self.now - start
         return answer
 
     def exchange_time(self, board: int) -> float:
-        """Duration that the bus claims for an exchange [s]."""
-        return self.boards.exchange_time(board)
+        """Duration of the last exchange [s]: that which the bus claims, and the host's delays."""
+        return self.boards.exchange_time(board) + self._exchanged[board][1]
+
+    def exchanged_at(self, board: int) -> float:
+        """True time at which the last exchange with a board was over [s]."""
+        return self._exchanged[board][0]
 
     def problem(self, board: int) -> str:
         """What the bus says about a board."""

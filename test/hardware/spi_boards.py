@@ -53,6 +53,10 @@ class SpiBoards:
         """Take a device away."""
         self._ask({'vanish': device})
 
+    def come_back(self, device: str) -> None:
+        """Put another device of the same name where one has vanished."""
+        self._ask({'come back': device})
+
     def inject(self, fault: str) -> None:
         """Make something go wrong with a board."""
         self._ask({'inject': fault})

@@ -1,8 +1,9 @@
 """Uses a SpidevTransport and prints what came of it, for test_spidev_bus.py.
 
-Usage: python spi_client.py CONFIG EXCHANGES
+Usage: python spi_client.py CONFIG EXCHANGES [SECONDS]
 
-Before the first and after half of the exchanges it prints a line and waits for one.
+After half of the exchanges it prints a line and waits for one. With SECONDS it does so once more at
+the end, and then exchanges frames until every board answers, for that long at most.
 """
 
 import json
@@ -35,7 +36,16 @@ def exchange(transport: SpidevTransport, boards: int, count: int) -> dict:
     return {'good': good, 'index': indices, 'problems': problems, 'slowest': slowest}
 
 
-def main(path: str, count: int) -> dict:
+def exchange_until_good(transport: SpidevTransport, boards: int, seconds: float) -> dict:
+    """Exchange frames until every board answers at once; return the last report."""
+    end = time.monotonic() + seconds
+    while True:
+        report = exchange(transport, boards, 1)
+        if report['good'] == [1] * boards or time.monotonic() > end:
+            return report
+
+
+def main(path: str, count: int, seconds: float = 0.0) -> dict:
     config = load_arm_config(path or None)
     transport = SpidevTransport(config)
     try:
@@ -49,10 +59,14 @@ def main(path: str, count: int) -> dict:
     print('half', flush=True)
     sys.stdin.readline()
     report['after'] = exchange(transport, len(config.boards), count)
+    if seconds:
+        print('end', flush=True)
+        sys.stdin.readline()
+        report['later'] = exchange_until_good(transport, len(config.boards), seconds)
     transport.close()
     transport.close()
     return report
 
 
 if __name__ == '__main__':
-    print(json.dumps(main(sys.argv[1], int(sys.argv[2]))))
+    print(json.dumps(main(sys.argv[1], int(sys.argv[2]), *map(float, sys.argv[3:]))))

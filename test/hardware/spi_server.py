@@ -6,6 +6,7 @@ Takes commands as lines of JSON on standard input and answers each with a line:
 
     {"set": {"device": PATH, ...}}   change attributes of a Device
     {"vanish": PATH}                 the device is gone
+    {"come back": PATH}              another device of that name is there
     {"inject": "NAME:BOARD..."}      a fault of an emulated board, see FaultRequest
     {}                               nothing
 
@@ -123,6 +124,8 @@ class SpiServer:
             device = self.devices[command['vanish']]
             device.missing = True
             self.hang_up(device)
+        if 'come back' in command:
+            self.devices[command['come back']].missing = False
         if 'inject' in command:
             FaultRequest.parse(command['inject'], len(self.boards.boards)).apply(self.boards)
         self.answer()
@@ -134,6 +137,7 @@ class SpiServer:
                 'mode': device.mode,
                 'speed': device.speed,
                 'enabled': board.system_enabled,
+                'told_on': board._command.enable_system,  # by the last frame that it took
                 'error': board.error,
             }
             for device, board in zip(self.devices.values(), self.boards.boards, strict=True)

@@ -40,15 +40,15 @@ def test_frames_are_decoded_as_the_codec_does(config, robot):
 
 
 def test_a_host_that_sleeps_lets_the_arm_live_on(config, robot):
-    # 30 ms are more than the boards' time-out of 20 ms.
-    rig = AttackRig(config, robot, delays=lambda cycle, at: 0.03 * (cycle == 5 and at == WAKE))
+    # 50 ms are more than the boards' time-out of 40 ms.
+    rig = AttackRig(config, robot, delays=lambda cycle, at: 0.05 * (cycle == 5 and at == WAKE))
     rig.bring_up()
     start = rig.now
-    log = rig.run(0.05, swing)
-    assert len(log.modes) == 50 - 30
-    assert len(log.time) == 50
+    log = rig.run(0.07, swing)
+    assert len(log.modes) == 70 - 50
+    assert len(log.time) == 70
     assert np.diff(log.time).max() == pytest.approx(PERIOD)
-    assert rig.now == pytest.approx(start + 0.05)
+    assert rig.now == pytest.approx(start + 0.07)
     assert {board.error for board in rig.boards.boards} == {2}
 
 

@@ -24,6 +24,8 @@ STOPPING = [
     ('over_temperature', 0, 0, None, r'board0: error 3 \(critical temperature\): let the board'),
     ('driver_error', 1, 0, None, r'board1: error 7 \(driver fault\): check the supply'),
     ('board_timeout', 1, 0, None, r'board1: error 2 \(SPI receive time-out\)'),
+    ('mute_board', 0, 0, None, 'board0: .* frames in a row were bad'),
+    ('short_answers', 1, 0, None, 'board1: .* frames in a row were bad'),
     ('slow_bus', 0, 0, None, 'board0: exchanges take 2.00 ms'),
 ]
 

@@ -113,7 +113,7 @@ def test_shutdown_survives_a_lost_frame(rig):
 
 def test_boards_switch_off_by_themselves_when_the_bridge_is_gone(rig):
     rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.5, 0.5], None))
-    for _ in range(18):
+    for _ in range(38):
         rig.now += 1e-3
         rig.boards.advance(rig.now)
     assert all(board.system_enabled for board in rig.boards.boards)
@@ -156,7 +156,7 @@ def test_boards_always_get_a_time_out_and_a_saturation(make_rig):
     rig.run(0.05)
     rig.bridge.shutdown()
     assert len(frames) > 500
-    assert all(frame[1] == 20 and frame[26] and frame[27] for frame in frames)
+    assert all(frame[1] == 40 and frame[26] and frame[27] for frame in frames)
 
 
 def test_a_fault_that_would_come_back_at_once_is_not_cleared(rig):

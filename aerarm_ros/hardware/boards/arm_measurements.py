@@ -9,6 +9,9 @@ from aerarm_ros.hardware.boards.board_link import BoardLink
 from aerarm_ros.hardware.gate.command_buffer import Array, Mask
 from aerarm_ros.model.drive_train import DriveTrain
 
+# Times over which references are held that the correction of the torque is good for [s].
+_HOLD_MIN, _HOLD_MAX = 1e-5, 5e-3
+
 
 class ArmMeasurements:
     """Measurements of n joints and their motors; the last good ones of each board.
@@ -26,6 +29,9 @@ class ArmMeasurements:
         (n,) bits that flip at an encoder's index pulse.
     fresh
         (n,) whether the motor's board answered in the last cycle.
+    interval, interval_max
+        (n,) time between the two last measurements of each motor, and the longest that it can
+        have been [s]; see `BoardLink`.
     """
 
     def __init__(self, config: ArmConfig) -> None:
@@ -38,6 +44,7 @@ class ArmMeasurements:
         self.reported_position = unknown()
         self.index_toggle: Mask = np.zeros(config.n, dtype=bool)
         self.fresh: Mask = np.zeros(config.n, dtype=bool)
+        self.interval, self.interval_max = unknown(), unknown()
         self._drive = DriveTrain(config)
         self._last_velocity = unknown()
 
@@ -46,8 +53,7 @@ class ArmMeasurements:
         links: Sequence[BoardLink],
         zero: Array,
         gains: tuple[Array, Array],
-        hold: float = 0.0,
-        lag: float = 0.0,
+        lag: float | None = None,
     ) -> None:
         """Take the boards' last states.
 
@@ -64,11 +70,9 @@ class ArmMeasurements:
             (n,) reported angles of motor zero [rad].
         gains
             Kp and Kd of the boards, (n,) each, motor side [A/rad], [A s/rad].
-        hold
-            Time since the last call, for which the references were held [s]; 0 for a second
-            look at the same states.
         lag
-            Time constant of the boards' current loop [s].
+            Time constant of the boards' current loop [s]; None for a second look at the same
+            states.
         """
         self._last_velocity[:] = self.motor_velocity
         for link in links:
@@ -81,20 +85,21 @@ class ArmMeasurements:
                     self.motor_current[joint] = state.current[channel]
                     self.motor_voltage[joint] = state.quadrature_voltage[channel]
                     self.index_toggle[joint] = state.index_toggle[channel]
+                    self.interval[joint] = link.interval
+                    self.interval_max[joint] = link.interval_max
         np.subtract(self.reported_position, zero, out=self.motor_position)
         self.q[:] = self._drive.motor_to_joint_position(self.motor_position)
         self.dq[:] = self._drive.motor_to_joint_velocity(self.motor_velocity)
-        self.tau[:] = self._drive.current_to_effort(
-            self.motor_current + self._droop(gains, hold, lag)
-        )
+        self.tau[:] = self._drive.current_to_effort(self.motor_current + self._droop(gains, lag))
 
-    def _droop(self, gains: tuple[Array, Array], hold: float, lag: float) -> Array | float:
+    def _droop(self, gains: tuple[Array, Array], lag: float | None) -> Array | float:
         """Return by how much the sampled currents lie below the cycle's mean [A]."""
+        if lag is None:
+            return 0.0
         # In the middle of the hold the current equals its mean; the current loop's lag has
         # already made up for a part of the way from there to the sample.
-        share = 0.5 * hold - lag
-        if share <= 0.0:
-            return 0.0
+        hold = np.clip(self.interval, _HOLD_MIN, _HOLD_MAX)
+        share = np.maximum(0.5 * hold - lag, 0.0)
         kp, kd = gains
         change = self.motor_velocity - self._last_velocity
         change[np.isnan(change)] = 0.0  # of a first frame

@@ -1,16 +1,20 @@
 """One board as the bridge drives it: frames out, frames in, state followed."""
 
 from collections.abc import Sequence
+from math import inf
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.boards.board_monitor import BoardMonitor
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.board_command import BoardCommand
-from aerarm_ros.hardware.frames.board_state import BoardState
+from aerarm_ros.hardware.frames.board_state import TIMESTAMP_PERIOD, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec, FrameError
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.transports.transport import Transport
+
+_BOARD_INTERVAL_MAX = 1.0  # [s]
+_SATURATION_MIN = 0.5  # [A]
 
 
 class BoardLink:
@@ -40,6 +44,11 @@ class BoardLink:
         The last good state.
     fresh
         Whether `state` is of the last exchange.
+    interval
+        Time from the last good answer but one to the last [s]; inf before the second.
+    interval_max
+        The longest that this time can have been, wherever between reading a clock and
+        exchanging a frame the host was held up [s].
     """
 
     def __init__(
@@ -56,14 +65,20 @@ class BoardLink:
         self.monitor = BoardMonitor(name, profile, [channel for _, channel in joints], settings)
         self.state = BoardState()
         self.fresh = False
+        self.interval = self.interval_max = inf
+        self._earliest = self._latest = -inf  # between which the last good answer was made [s]
+        self._sent = -inf  # when a frame last left for the board [s]
+        self._lapsed = False
         self._number = number
         self._transport = transport
         self._codec = FrameCodec(profile)
         used = {channel for _, channel in joints}
         self._used = [channel in used for channel in (0, 1)]
         # A channel without a motor is never enabled; its saturation only may not be 0.
-        saturation = [value or 1.0 for value in current_saturation]
-        self._command = BoardCommand(timeout=settings.board_timeout, current_saturation=saturation)
+        self._saturation = [value or 1.0 for value in current_saturation]
+        self._command = BoardCommand(
+            timeout=settings.board_timeout, current_saturation=self._saturation.copy()
+        )
         # What no frame can hold shows now, not when the board is to be switched off.
         try:
             self._codec.encode(self._switched_off())
@@ -75,25 +90,47 @@ class BoardLink:
         """Whether every motor in use was driven and aligned when the board last answered."""
         return self.monitor.is_aligned(self.state)
 
-    def may_be_damped(self, now: float) -> bool:
-        """Whether the board, after a fault of its own or of others, can still damp the arm.
+    @property
+    def may_be_damped(self) -> bool:
+        """Whether the board, after a fault of its own or of others, may still damp the arm.
 
-        If not it is told to switch off: a board that restarted must not align by itself.
+        If not it is told to switch off: a board that restarted must not align by itself. One that
+        is not heard may hear all the same, on half a wire; switching off would drop its joints,
+        and its own time-out is there for one that does not. But once no frame has left for it for
+        as long as that, it has switched off.
         """
-        return self.is_aligned and not self.state.error and not self.monitor.is_silent(now)
+        return self.is_aligned and not self.state.error and not self._lapsed
 
-    def exchange(
-        self, references: MotorReferences, now: float, enable: bool, running: bool
-    ) -> None:
+    @property
+    def is_damped_unheard(self) -> bool:
+        """Whether the board is told to drive its motors and gives no answer."""
+        return self._command.enable_system and self.monitor.is_silent
+
+    def exchange(self, references: MotorReferences, enable: bool, running: bool) -> None:
         """Send the references of the board's motors and take what it reports.
 
         With `enable` False the board is told to switch off. References that no frame can
-        hold are a fault; the board is then told to switch off as well.
+        hold are a fault; the board's motors then get no current in this cycle.
         """
         command = self._command
         command.index = (command.index + 1) & 0xFFFF
         command.enable_system = enable
         command.enable_motor = self._used if enable else [False, False]
+        self._write(references)
+        try:
+            frame = self._codec.encode(command)
+        except FrameError as error:
+            self.monitor.fail(str(error))
+            for joint, _ in self.joints:
+                references.motors[joint].release()
+            self._write(references)
+            frame = self._codec.encode(command)
+        answer = self._transport.exchange(self._number, frame)
+        self._receive(answer, enable, running)
+        self.monitor.sent(command.index)
+
+    def _write(self, references: MotorReferences) -> None:
+        command = self._command
         for joint, channel in self.joints:
             motor = references.motors[joint]
             command.position[channel] = motor.position
@@ -102,27 +139,41 @@ class BoardLink:
             command.kp[channel] = motor.kp
             command.kd[channel] = motor.kd
             command.integral_gain[channel] = motor.integral_gain
-        try:
-            frame = self._codec.encode(command)
-        except FrameError as error:
-            self.monitor.fail(str(error))
-            frame = self._codec.encode(self._switched_off())
-        answer = self._transport.exchange(self._number, frame)
-        self._receive(answer, now, enable, running)
-        self.monitor.sent(command.index)
+            # Never so little that the frame would round it to 0, which means no limit.
+            least = max(motor.current_max, _SATURATION_MIN)
+            command.current_saturation[channel] = min(self._saturation[channel], least)
 
     def switch_off(self) -> None:
         """Send zero current and system disabled, once."""
         self._command.index = (self._command.index + 1) & 0xFFFF
         self._transport.exchange(self._number, self._codec.encode(self._switched_off()))
 
-    def _receive(self, answer: bytes, now: float, enable: bool, running: bool) -> None:
-        self.monitor.slow(self._transport.exchange_time(self._number))
+    def _receive(self, answer: bytes, enable: bool, running: bool) -> None:
+        duration = self._transport.exchange_time(self._number)
+        ended = self._transport.exchanged_at(self._number)
+        problem = self._transport.problem(self._number)
+        self.monitor.slow(duration)
+        timestamp = self.state.timestamp
         self.fresh = self._codec.decode(answer, self.state) is not None
+        if not problem:
+            self._sent = ended
         if self.fresh:
-            self.monitor.received(self.state, now, enable, running)
+            self._lapsed = False
+            self._time(ended - duration, ended, self.state.timestamp - timestamp)
+            self.monitor.received(self.state, ended, enable, running)
         else:
-            self.monitor.missed(now, self._transport.problem(self._number))
+            self._lapsed = self._lapsed or ended - self._sent > self._command.timeout
+            self.monitor.missed(enable, problem)
+
+    def _time(self, earliest: float, latest: float, board_interval: float) -> None:
+        """Take the times [s] between which an answer was made, and the board's own since then."""
+        self.interval = latest - self._latest
+        # The board's clock is a second witness: it counts what its data are old besides.
+        by_board = board_interval % TIMESTAMP_PERIOD
+        if by_board > _BOARD_INTERVAL_MAX:  # it has restarted, or its clock went back by a tick
+            by_board = 0.0
+        self.interval_max = max(latest - self._earliest, by_board)
+        self._earliest, self._latest = earliest, latest
 
     def _switched_off(self) -> BoardCommand:
         return BoardCommand(

@@ -8,14 +8,19 @@ from aerarm_ros.hardware.frames.board_state import BoardState
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 
+_ADVICE = 'check supply, wires and SPI mode'
+
 
 class BoardMonitor:
     """State machine of one board, driven by its frames; a fault is latched.
 
     disconnected -> idle once it answers well; idle -> aligning -> ready when the system is
     enabled and until every motor in use is aligned; ready <-> running while a command is
-    followed. Back to idle when it is disabled. An error code, too many bad frames, silence,
-    frozen data, a slow bus or motors that are no longer ready lead to fault.
+    followed. Back to idle when it is disabled. An error code, too many bad frames, frozen data, a
+    slow bus or motors that are no longer ready lead to fault.
+
+    Silence is counted in exchanges that failed. Time in which the host was held up and asked
+    nothing says nothing about a board.
 
     Parameters
     ----------
@@ -34,6 +39,8 @@ class BoardMonitor:
         The state.
     fault
         What happened and what to check; '' unless the mode is fault.
+    problem
+        What the bus says about the last bad frame, or what to check.
     good_frames, bad_frames, lost_commands, slow_exchanges
         Counts since start. A command is lost if the board does not echo its index.
     """
@@ -44,12 +51,14 @@ class BoardMonitor:
         self.name = name
         self.mode = BoardMode.DISCONNECTED
         self.fault = ''
+        self.problem = _ADVICE
         self.good_frames = self.bad_frames = self.lost_commands = self.slow_exchanges = 0
         self._profile = profile
         self._channels = tuple(channels)
         self._settings = settings
         self._good_in_row = self._bad_in_row = self._slow_in_row = 0
-        self._good_time = self._fresh_time = -inf
+        self._frozen_in_row = 0
+        self._fresh_time = -inf
         self._timestamp = -1.0
         self._index: int | None = None
         self._enabled_since: float | None = None
@@ -72,20 +81,26 @@ class BoardMonitor:
                 'polling_limit_us of the SPI driver'
             )
 
-    def missed(self, now: float, problem: str = '') -> None:
-        """Take note of a bad frame or of none; `problem` is what the bus says about it."""
+    def missed(self, enable: bool = False, problem: str = '') -> None:
+        """Take note of a bad frame or of none.
+
+        Parameters
+        ----------
+        enable
+            Whether the commands sent enable the board.
+        problem
+            What the bus says about it.
+        """
         self.bad_frames += 1
         self._bad_in_row += 1
         self._good_in_row = 0
-        silence = now - self._good_time
-        if self._bad_in_row < self._settings.bad_frames_max and silence < (
-            self._settings.state_age_max
-        ):
+        self.problem = problem or _ADVICE
+        if not self.is_silent:
             return
-        if self.mode in (BoardMode.DISCONNECTED, BoardMode.IDLE):
+        if self.mode in (BoardMode.DISCONNECTED, BoardMode.IDLE) and not enable:
             self.mode = BoardMode.DISCONNECTED
         else:
-            why = problem or 'no frame with a correct check: check supply, wires and SPI mode'
+            why = problem or f'no frame with a correct check: {self.problem}'
             self.fail(f'{self._bad_in_row} frames in a row were bad, {why}')
 
     def received(self, state: BoardState, now: float, enable: bool, running: bool) -> None:
@@ -96,7 +111,7 @@ class BoardMonitor:
         state
             What the board reports.
         now
-            Time [s].
+            Time of the exchange [s].
         enable
             Whether the commands sent enable the board.
         running
@@ -105,18 +120,19 @@ class BoardMonitor:
         self.good_frames += 1
         self._good_in_row += 1
         self._bad_in_row = 0
-        self._good_time = now
         if self._index is not None and state.index != self._index:
             self.lost_commands += 1
+        self._frozen_in_row += 1
         if state.timestamp != self._timestamp:
             self._timestamp, self._fresh_time = state.timestamp, now
+            self._frozen_in_row = 0
         if self.mode is BoardMode.DISCONNECTED:
             if self._good_in_row < self._settings.connect_frames:
                 return
             self.mode = BoardMode.IDLE
         if state.error:
             self.fail(self._profile.error_text(state.error))
-        elif now - self._fresh_time > self._settings.state_age_max:
+        elif self._is_frozen(now):
             self.fail('its frames are correct but their data is frozen: power-cycle it')
         if self.mode is not BoardMode.FAULT:
             self._follow(state, now, enable, running)
@@ -136,11 +152,11 @@ class BoardMonitor:
             'slow exchanges': self.slow_exchanges,
         }
 
-    def clear(self, state: BoardState, now: float) -> str:
+    def clear(self, state: BoardState) -> str:
         """Leave the fault state; return why it cannot be left, or ''."""
         if self.mode is not BoardMode.FAULT:
             return ''
-        silent = self.is_silent(now)
+        silent = self.is_silent
         if not silent and state.error:
             return f'{self.name}: {self._profile.error_text(state.error)}'
         if self._slow_in_row >= self._settings.slow_exchanges_max:
@@ -150,15 +166,21 @@ class BoardMonitor:
         self.mode = BoardMode.DISCONNECTED if silent else BoardMode.IDLE
         return ''
 
-    def is_silent(self, now: float) -> bool:
-        """Whether the board has not answered for the largest age of a state."""
-        return now - self._good_time > self._settings.state_age_max
+    @property
+    def is_silent(self) -> bool:
+        """Whether too many exchanges in a row have failed, or no answer was ever good."""
+        return self._bad_in_row >= self._settings.bad_frames_max or self.good_frames == 0
 
     def is_aligned(self, state: BoardState) -> bool:
         """Whether every motor in use is driven and aligned."""
         return state.system_enabled and all(
             state.motor_enabled[i] and state.motor_ready[i] for i in self._channels
         )
+
+    def _is_frozen(self, now: float) -> bool:
+        """Whether one answer after the other brought the same data, for too long."""
+        looks = self._frozen_in_row >= self._settings.bad_frames_max
+        return looks and now - self._fresh_time > self._settings.state_age_max
 
     def _follow(self, state: BoardState, now: float, enable: bool, running: bool) -> None:
         if not enable:

@@ -1,6 +1,6 @@
 """Tells when an encoder cannot be believed."""
 
-from math import nan
+from math import inf, nan
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,10 @@ _FRICTION_FACTOR = 4.0
 _LOAD_SHARE = 0.1  # a gear's friction grows with the torque that it transmits
 # What a joint at rest carries, over gravity's largest share: base and other joints accelerate.
 _LOAD_FACTOR = 1.5
-_PAUSE = 3e-3  # [s] between two looks: what happened meanwhile proves nothing
+# Over the speed before a jump: a joint may brake harder, and a count more or less is a speed too.
+_SPEED_FACTOR = 1.5
+_SPEED_ALLOWANCE = 5.0  # [rad/s]
+_PAUSE = 3e-3  # [s] between two looks: what the current did meanwhile, nobody saw
 
 
 class EncoderMonitor:
@@ -33,6 +36,12 @@ class EncoderMonitor:
     reference and angle differ. Nor does it matter which of the two carries a load that was
     carried before. A joint that the bridge itself brakes is believed to carry what its model says.
 
+    One look stops the arm. But a joint that is no longer damped by its encoder's speed is let go,
+    so a second look comes before that: is the angle still where no motion could have brought it,
+    is it still standing? If not, the joint goes on being damped. Between the two looks at a jump
+    it is damped as far as the speed before the jump asks for: what the board makes of a jump is
+    a speed that would drive it.
+
     Parameters
     ----------
     config
@@ -46,11 +55,15 @@ class EncoderMonitor:
     Attributes
     ----------
     trusted
-        (n,) False for the motors whose encoder failed, until `clear`.
+        (n,) False for the motors whose encoder is doubted, until `clear`.
+    damping_speed
+        (n,) speeds [rad/s, motor side] up to which damping may believe the encoders: inf for
+        any, 0 for none.
     """
 
     def __init__(self, config: ArmConfig, stall_time: float, load_max: ArrayLike = 0.0) -> None:
         self.trusted: Mask = np.ones(config.n, dtype=bool)
+        self.damping_speed: Array = np.full(config.n, inf)
         self._stall_time = stall_time
         fastest = _JUMP_VELOCITY_FACTOR * config.column('velocity_max')
         friction = _FRICTION_FACTOR * config.column('coulomb')
@@ -67,8 +80,9 @@ class EncoderMonitor:
     def clear(self) -> None:
         """Trust every encoder again, wherever it is now."""
         self.trusted[:] = True
+        self.damping_speed[:] = inf
         for encoder in self._encoders:
-            encoder.position = nan
+            encoder.clear()
 
     def check(
         self,
@@ -78,6 +92,7 @@ class EncoderMonitor:
         now: float,
         feed_forward: Array | None = None,
         braking_noise: Array | None = None,
+        interval_max: Array | None = None,
     ) -> str:
         """Return what is wrong with an encoder, or ''.
 
@@ -95,10 +110,17 @@ class EncoderMonitor:
         braking_noise
             (n,) for joints that the bridge brakes itself, the current that counts of the encoder
             make of its torque [A]; 0 for the others, none are braked if not given.
+        interval_max
+            (n,) longest time that the angles can have taken to change since the last look [s];
+            the difference of `now` if not given, which a host held up makes too small.
         """
         first = ''
         given = [0.0] * len(self._encoders) if feed_forward is None else feed_forward.tolist()
         noise = [0.0] * len(given) if braking_noise is None else braking_noise.tolist()
+        if interval_max is None:
+            intervals = [now - encoder.seen for encoder in self._encoders]
+        else:
+            intervals = interval_max.tolist()
         rows = zip(
             self._encoders,
             position.tolist(),
@@ -106,16 +128,20 @@ class EncoderMonitor:
             given,
             noise,
             fresh.tolist(),
+            intervals,
             strict=True,
         )
-        for i, (encoder, angle, amperes, commanded, noisy, is_fresh) in enumerate(rows):
+        for i, (encoder, angle, amperes, commanded, noisy, is_fresh, interval) in enumerate(rows):
             if not is_fresh:
-                encoder.plausible = now
                 continue
-            fault = encoder.update(angle, amperes, commanded, noisy, now, self._stall_time)
+            jump = encoder.look(angle, now, interval)
+            stand = encoder.feel(amperes, commanded, noisy, self._stall_time)
+            fault = jump or stand
             if fault:
                 self.trusted[i] = False
                 first = first or fault
+            if not self.trusted[i]:
+                self.damping_speed[i] = encoder.damping_speed
         return first
 
 
@@ -123,16 +149,25 @@ class _Encoder:
     """What the monitor knows about one motor's encoder; motor side."""
 
     __slots__ = (
+        'anchor',
+        'change',
+        'doubted_for',
+        'elapsed',
         'fastest',
         'held',
+        'is_confirmed',
+        'is_pause',
+        'is_settling',
         'load',
         'moving_current',
         'moving_feedback',
         'moving_noise',
         'name',
-        'plausible',
         'position',
         'seen',
+        'since_anchor',
+        'speed',
+        'standing',
     )
 
     def __init__(self, name: str, fastest: float, held: float, load: float) -> None:
@@ -140,45 +175,93 @@ class _Encoder:
         self.fastest = fastest  # [rad/s]
         self.held = held  # [A] that dry friction may hold
         self.load = load  # [A] that a load may ask for
-        self.position = nan  # [rad] NaN compares as no change, so no jump, after clear
         self.seen = 0.0
-        self.moving_current = 0.0  # [A] when the angle last changed
+        self.change = self.elapsed = 0.0  # [rad], [s] since the look before
+        self.is_pause = False
+        self.moving_current = 0.0  # [A] when the angle last changed, or just after
         self.moving_feedback = 0.0  # [A] part of it that was not commanded as effort
         self.moving_noise = 0.0  # [A] of it, if the joint was braked
-        self.plausible = 0.0
+        self.clear()
 
-    def update(
-        self,
-        position: float,
-        current: float,
-        commanded: float,
-        noise: float,
-        now: float,
-        stall_time: float,
-    ) -> str:
-        """Take an angle [rad] and currents [A]; return what is wrong, or ''."""
-        change = abs(position - self.position)
-        elapsed = now - self.seen
-        jumped = change > self.fastest * elapsed + _JUMP_ALLOWANCE
+    def clear(self) -> None:
+        """Trust it, wherever it is now."""
+        self.position = nan  # [rad] NaN compares as no change, so no jump
+        self.anchor = nan  # [rad] before a jump that awaits its second look
+        self.since_anchor = 0.0  # [s]
+        self.is_settling = False  # the last look saw it move
+        self.standing = 0.0  # [s] against reason
+        self.doubted_for = nan  # [s] of a standstill that awaits its second look
+        self.is_confirmed = False
+        self.speed = 0.0  # [rad/s] without sign, of the last look that was no jump
+
+    @property
+    def damping_speed(self) -> float:
+        """Speed up to which damping may believe the encoder [rad/s]."""
+        if self.is_confirmed:
+            return 0.0
+        if self.anchor == self.anchor:
+            return _SPEED_FACTOR * self.speed + _SPEED_ALLOWANCE
+        return inf
+
+    def look(self, position: float, now: float, interval: float) -> str:
+        """Take an angle [rad] at a time, and the longest it can have changed for [s]."""
+        jump = self._jump(position, interval)
+        self.change = position - self.position
+        self.elapsed, self.is_pause = min(now - self.seen, interval), interval > _PAUSE
         self.position, self.seen = position, now
-        if jumped:
-            return (
-                f'the encoder of {self.name} jumped by {change:.2f} rad (motor side): '
-                'check its cable and mounting, then home the arm'
-            )
+        return jump
+
+    def _jump(self, position: float, interval: float) -> str:
+        doubted = self.anchor == self.anchor
+        # The second look compares with the angle before the jump, wherever that led.
+        before = self.anchor if doubted else self.position
+        time = self.since_anchor + interval if doubted else interval
+        change = abs(position - before)
+        self.anchor = nan
+        if not change > self.fastest * time + _JUMP_ALLOWANCE:
+            is_known = change == change and time > 0.0  # not the first look
+            self.speed = change / time if is_known else 0.0
+            return ''
+        if doubted:
+            self.is_confirmed = True
+        else:
+            self.anchor, self.since_anchor = before, interval
+        return (
+            f'the encoder of {self.name} jumped by {change:.2f} rad (motor side): '
+            'check its cable and mounting, then home the arm'
+        )
+
+    def feel(self, current: float, commanded: float, noise: float, stall_time: float) -> str:
+        """Take the currents [A] at the last look; return why it may not stand still, or ''."""
         feedback = current - commanded
-        if change != 0.0:
+        if self.change != 0.0:
             self.moving_current, self.moving_feedback = current, feedback
             self.moving_noise = noise
+            self.standing, self.doubted_for = 0.0, nan
+            self.is_settling = True
+        elif self.is_pause:
+            return ''
+        elif self.is_settling:
+            # The last look may have seen the current that braked it, which is gone at rest.
+            self.is_settling = False
+            if abs(current) < abs(self.moving_current):
+                self.moving_current, self.moving_feedback = current, feedback
+        self.doubted_for += self.elapsed
+        if self.doubted_for > stall_time:
+            self.is_confirmed = True
         held = self.held + _LOAD_SHARE * abs(current) + max(noise, self.moving_noise)
         unexplained = abs(current - self.moving_current)
         if noise or abs(current) <= self.load:
             unexplained = min(unexplained, abs(feedback - self.moving_feedback))
-        if unexplained <= held or elapsed > _PAUSE:
-            self.plausible = now
-        elif now - self.plausible > stall_time:
-            return (
-                f'{self.name} does not move although its current changed to '
-                f'{current:.1f} A: check for a stuck encoder or a blocked joint'
-            )
-        return ''
+        if unexplained <= held:
+            self.standing = 0.0
+            return ''
+        self.standing += self.elapsed
+        if self.standing <= stall_time:
+            return ''
+        if self.doubted_for != self.doubted_for:
+            self.doubted_for = 0.0
+        return (
+            f'{self.name} does not move although its current changed to '
+            f'{current:.1f} A: check for a stuck encoder or a blocked joint'
+        )

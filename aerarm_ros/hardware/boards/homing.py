@@ -9,6 +9,8 @@ from aerarm_ros.model.drive_train import DriveTrain
 _SPEED = 0.15  # [rad/s] at the joint
 _REACH = 0.6  # of a motor turn, to either side
 _TURN = 2.0 * np.pi
+_BLURRED = 2.5  # times the usual interval, in which a pulse's place is not known well enough
+_REPEATS_MAX = 20
 
 
 class Homing:
@@ -22,7 +24,9 @@ class Homing:
 
     The boards' own index offset compensation is not used: it makes the position jump under
     the control law, so that the motor jerks. Here the master notes the position at the
-    pulse, to within the 1 ms between two frames, and corrects it afterwards.
+    pulse, to within the 1 ms between two frames, and corrects it afterwards. A pulse that was met
+    while the host was held up lies somewhere in what the motor turned meanwhile: it is searched
+    once more, the other way.
 
     Parameters
     ----------
@@ -53,6 +57,8 @@ class Homing:
         self._direction = np.ones(config.n)
         self._found = np.zeros(config.n, dtype=bool)
         self._zero = np.zeros(config.n)
+        self._usual_interval = np.inf
+        self._repeats = 0
 
     @property
     def is_done(self) -> bool:
@@ -64,9 +70,24 @@ class Homing:
         """(n,) angles [rad] that the boards report where the motors' angle is zero."""
         return self._zero.copy()
 
-    def update(self, position: Array, toggles: Mask) -> None:
-        """Take (n,) reported motor angles [rad] and index bits, and set the next command."""
+    def update(self, position: Array, toggles: Mask, interval: Array | float = 0.0) -> None:
+        """Set the next command.
+
+        Parameters
+        ----------
+        position
+            (n,) reported motor angles [rad].
+        toggles
+            (n,) index bits.
+        interval
+            (n,) or one for all: time since the last measurement [s].
+        """
+        self._usual_interval = min(self._usual_interval, float(np.min(interval)))
         met = (toggles != self._toggles) & ~self._found
+        blurred = met & (interval > _BLURRED * self._usual_interval)
+        if blurred.any():
+            self._search_again(blurred, toggles)
+            met &= ~blurred
         for i in np.flatnonzero(met):
             angle = position[i] - self._start[i] + self._expected[i]
             self._zero[i] = position[i] - _TURN * round(angle / _TURN)
@@ -82,3 +103,13 @@ class Homing:
             )
         speed = np.where(self._found, 0.0, _SPEED * self._direction)
         self.command.dq[:] = self._sign * speed
+
+    def _search_again(self, blurred: Mask, toggles: Mask) -> None:
+        self._direction[blurred] *= -1.0
+        self._toggles[blurred] = toggles[blurred]
+        self._repeats += 1
+        if self._repeats > _REPEATS_MAX:
+            self.fault = (
+                f'homing was held up at {self._repeats} index pulses, so their place is not known: '
+                'check what else the host does'
+            )

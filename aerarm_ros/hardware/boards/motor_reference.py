@@ -1,6 +1,6 @@
 """What one motor's board is asked to do."""
 
-from math import nan
+from math import inf, nan
 
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 
@@ -33,6 +33,8 @@ class MotorReference:
     noise
         Current that the encoder's counts make of the torque of a braked joint [A]; 0 if it is not
         braked.
+    current_max
+        Largest current that it may take besides the board's own limit [A].
     zero
         Angle [rad] that the board reports where the motor's angle is zero.
     joint_position
@@ -54,6 +56,7 @@ class MotorReference:
         '_slope',
         'believed',
         'current',
+        'current_max',
         'integral_gain',
         'joint_position',
         'kd',
@@ -100,13 +103,16 @@ class MotorReference:
         """Ask for nothing: no current, no gains."""
         self.position = self.velocity = self.current = 0.0
         self.kp = self.kd = self.integral_gain = self.believed = self.noise = 0.0
+        self.current_max = inf
         self.joint_position = nan
         self._integrates = False
 
-    def damp(self) -> None:
-        """Ask for no current but what brakes the joint to rest."""
+    def damp(self, speed_max: float = inf) -> None:
+        """Ask for no current but what brakes the joint to rest, from a motor speed [rad/s]."""
         self.release()
         self.kd = self._board_kd
+        if speed_max < inf:
+            self.current_max = self.kd * speed_max
 
     def torque(self, q: float, dq: float) -> float:
         """Return the joint torque [Nm] of the board's law for a joint at q [rad], dq [rad/s]."""
@@ -119,6 +125,7 @@ class MotorReference:
         """Follow a limited reference; arguments as in `MotorReferences.track`, for one joint."""
         stiff = position == position or velocity == velocity
         speed = velocity if velocity == velocity else 0.0
+        self.current_max = inf
         if position == position:
             reference = position
         elif stiff:

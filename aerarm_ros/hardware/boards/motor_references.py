@@ -161,11 +161,14 @@ class MotorReferences:
         braked = [motor.keep_within(barrier) for motor, barrier, known in rows if known]
         return True in braked
 
-    def damp(self, trusted: Mask) -> None:
-        """Damp the joints to rest; those whose encoder is not trusted get no current."""
-        for motor, is_trusted in zip(self.motors, trusted.tolist(), strict=True):
-            if is_trusted:
-                motor.damp()
+    def damp(self, speed_max: Array) -> None:
+        """Damp the joints to rest, with no more current than (n,) motor speeds ask for [rad/s].
+
+        A joint whose speed is 0, for its encoder tells none, gets no current.
+        """
+        for motor, speed in zip(self.motors, speed_max.tolist(), strict=True):
+            if speed > 0.0:
+                motor.damp(speed)
             else:
                 motor.release()
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES
+
 
 @dataclass(slots=True)
 class BoardFaults:
@@ -17,6 +19,10 @@ class BoardFaults:
         No supply: the line stays low and the motors are free.
     deaf
         The board sends but receives nothing, so its time-out strikes.
+    mute
+        The board receives but is not heard: the line to the host stays low.
+    answer_bytes
+        Bytes of an answer that reach the host.
     exchange_time
         Duration of an exchange [s].
     """
@@ -25,4 +31,6 @@ class BoardFaults:
     lost_frame_rate: float = 0.0
     dead: bool = False
     deaf: bool = False
+    mute: bool = False
+    answer_bytes: int = FRAME_BYTES
     exchange_time: float = 40e-6

@@ -9,7 +9,7 @@ from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
 from aerarm_ros.hardware.emulation.board_faults import BoardFaults
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedMotor
 from aerarm_ros.hardware.frames.board_command import BoardCommand
-from aerarm_ros.hardware.frames.board_state import BoardState
+from aerarm_ros.hardware.frames.board_state import TIMESTAMP_PERIOD, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES, FrameProfile
 
@@ -96,7 +96,9 @@ class EmulatedBoard:
         self._prepared = None
         if not faults.deaf:
             self._receive(self._with_bit_errors(frame))
-        return self._with_bit_errors(answer)
+        if faults.mute:
+            return _LINE_LOW
+        return self._with_bit_errors(answer)[: faults.answer_bytes]
 
     def prepare(self) -> None:
         """Make the frame of the next exchange, as the firmware does after its last loop."""
@@ -181,7 +183,7 @@ class EmulatedBoard:
         state = self._state
         state.system_enabled = self.system_enabled
         state.error = self.error
-        state.timestamp = self._clock % 65.536
+        state.timestamp = self._clock % TIMESTAMP_PERIOD
         for i, motor in enumerate(self.motors):
             encoder = motor.encoder
             state.motor_enabled[i] = motor.enabled

@@ -66,6 +66,10 @@ class EmulatedTransport:
         """Duration that the emulated bus claims for an exchange [s]."""
         return self.boards[board].faults.exchange_time
 
+    def exchanged_at(self, board: int) -> float:
+        """When the last exchange with a board was [s]: the time to which the boards have run."""
+        return self._now or 0.0
+
     def problem(self, board: int) -> str:
         """Emulated wires never break: the boards' faults are seen in the frames."""
         return ''

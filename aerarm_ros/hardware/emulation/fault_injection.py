@@ -118,6 +118,14 @@ def _board_timeout(board: EmulatedBoard, _motor: int, _value: float) -> None:
     board.faults.deaf = True
 
 
+def _mute_board(board: EmulatedBoard, _motor: int, _value: float) -> None:
+    board.faults.mute = True
+
+
+def _short_answers(board: EmulatedBoard, _motor: int, value: float) -> None:
+    board.faults.answer_bytes = int(value)
+
+
 def _slow_bus(board: EmulatedBoard, _motor: int, value: float) -> None:
     board.faults.exchange_time = value
 
@@ -142,6 +150,8 @@ FAULTS: dict[str, Fault] = {
     'over_temperature': Fault('the board reports a critical temperature', _over_temperature),
     'driver_error': Fault('the gate driver reports a fault', _driver_error),
     'board_timeout': Fault('the board no longer receives', _board_timeout),
+    'mute_board': Fault('the board receives and is no longer heard', _mute_board),
+    'short_answers': Fault("bytes of the board's answers that arrive", _short_answers, 20, 0, 34),
     'slow_bus': Fault('duration of an exchange [s]', _slow_bus, 2e-3, 0.0, 1.0),
     'power_cycle': Fault('no fault: supply off and on', _power_cycle),
 }

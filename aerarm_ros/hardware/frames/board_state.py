@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+TIMESTAMP_PERIOD = 65.536  # [s] after which a board's clock begins anew
+
 
 def _pair() -> list[float]:
     return [0.0, 0.0]

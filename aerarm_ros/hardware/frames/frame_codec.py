@@ -26,8 +26,8 @@ class FrameCodec:
     """Encodes and decodes the frames of one profile, on the master's and on the board's side.
 
     Encoding saturates a value that its field cannot hold, unless that is dangerous: a
-    position out of range, a value that is not finite, a zero time-out or a zero current
-    saturation raises FrameError. Decoding never raises, whatever is on the wire.
+    position out of range, a value that is not finite, a time-out or a current saturation of
+    zero or less raises FrameError. Decoding never raises, whatever is on the wire.
     """
 
     def __init__(self, profile: FrameProfile) -> None:
@@ -110,7 +110,7 @@ class _LayoutCodec:
                 count = round(value * counts_per_si)
             except (ValueError, OverflowError):
                 raise FrameError(f'{entry.label} is {value}: a frame needs numbers') from None
-            if not lowest <= count <= highest or (count == 0 and entry.nonzero):
+            if not lowest <= count <= highest or (count <= 0 and entry.nonzero):
                 count = _limited(count, value, entry)
             items[slot] |= count << shift
         payload = self._struct.pack(*items)
@@ -167,10 +167,10 @@ def _scale(entry: FrameField) -> float:
 def _limited(count: int, value: float, entry: FrameField) -> int:
     """Return the count held at the end of the field's range, or raise FrameError."""
     lowest, highest = entry.count_range
-    if entry.nonzero and count == 0:
+    if entry.nonzero and count <= 0:
         raise FrameError(
-            f'{entry.label} is {value:g}, which the frame rounds to 0 and the board takes for '
-            f'no limit: ask for {entry.si_per_count:g} or more'
+            f'{entry.label} is {value:g}, which the frame can only say as 0 and the board takes '
+            f'for no limit: ask for {entry.si_per_count:g} or more'
         )
     if entry.overflow == 'refuse':
         raise FrameError(

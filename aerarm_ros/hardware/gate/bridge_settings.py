@@ -21,7 +21,7 @@ class BridgeSettings:
     bad_frames_max
         Consecutive bad frames of a board that are a fault.
     state_age_max
-        Age of a board's last good or last changed state that is a fault [s].
+        Age of a board's last changed state, in one good frame after the other, that is a fault [s].
     exchange_time_max, slow_exchanges_max
         Duration of an exchange that counts as slow [s]; consecutive ones that are a fault.
     connect_frames
@@ -73,7 +73,7 @@ class BridgeSettings:
 
     command_timeout: float = 0.05
     stamp_age_max: float = 0.05
-    board_timeout: float = 0.02
+    board_timeout: float = 0.04
     bad_frames_max: int = 10
     state_age_max: float = 0.02
     exchange_time_max: float = 0.5e-3

@@ -80,7 +80,8 @@ class CommandIntake:
 
     def is_fresh(self, now: float) -> bool:
         """Whether the last accepted command may still be followed."""
-        return self.age(now) <= self._settings.command_timeout
+        # An age below 0 is a clock that went back: how old the command is, nobody knows.
+        return 0.0 <= self.age(now) <= self._settings.command_timeout
 
     def forget(self) -> None:
         """Drop the last command and its publisher's claim."""

@@ -30,6 +30,14 @@ class Transport(Protocol):
         """Duration of the last exchange with a board [s]."""
         ...
 
+    def exchanged_at(self, board: int) -> float:
+        """When the last exchange with a board ended [s], on the clock of `advance`.
+
+        A board's answer was made after the exchange began, which is `exchange_time` earlier, or
+        less than a period of the board's loop before.
+        """
+        ...
+
     def problem(self, board: int) -> str:
         """Why the last exchange with a board failed, '' if it didn't."""
         ...

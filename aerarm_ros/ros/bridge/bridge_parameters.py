@@ -28,7 +28,7 @@ _SETTINGS = {
         'time without a valid frame after which a board switches its motors off',
     ),
     'bad_frames_max': ('', 'consecutive bad frames of a board that are a fault'),
-    'state_age_max': ('s', "age of a board's last good state that is a fault"),
+    'state_age_max': ('s', "time for which a board's data may stay the same, frame after frame"),
     'exchange_time_max': ('s', 'duration of an exchange that counts as slow'),
     'slow_exchanges_max': ('', 'consecutive slow exchanges that are a fault'),
     'connect_frames': ('', 'consecutive good frames after which a board counts as connected'),

@@ -251,7 +251,7 @@ class HardwareBridge(LifecycleNode):
 
     def run(self) -> None:
         """Run until a stop signal or `stop`; raises OSError if it can't start by itself."""
-        with StopSignals(self.stop), BackgroundExecutor(self, self._slack.wait):
+        with StopSignals(self.stop, stays_awake=True), BackgroundExecutor(self, self._slack.wait):
             if self.values.autostart and not self._start():
                 raise OSError(self._problem)
             prepare_thread(self.values, self.get_logger())

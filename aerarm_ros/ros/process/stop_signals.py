@@ -1,9 +1,12 @@
-"""SIGINT, SIGTERM and SIGHUP as a request instead of an exception.
+"""Signals that would end the process as a request to stop, not as an exception or on the spot.
 
 A node that drives motors must finish its cycle and leave the boards safe. With rclpy's own
 handlers the context dies first and publishing fails; with Python's, KeyboardInterrupt comes
 out of the middle of an exchange; and SIGHUP, which comes when the terminal is closed or ssh
-loses its connection, would end the process on the spot.
+loses its connection, would end the process on the spot, as would SIGQUIT, SIGXCPU (the limit of a
+real-time process) and a dozen more. What cannot be caught is SIGKILL, and what the processor says
+of an instruction (SIGSEGV, SIGBUS, SIGFPE, SIGILL): Python's handlers run after that instruction,
+which is never over. Nor can abort() be kept from ending the process.
 """
 
 from __future__ import annotations
@@ -16,7 +19,29 @@ from types import FrameType
 from typing import ClassVar
 
 # Asked for by a person or a supervisor: when they ask again, they mean it.
-_ASKED = (signal.SIGINT, signal.SIGTERM)
+_ASKED = (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT)
+# What else ends a process, where nobody has a use for it.
+_ENDING = tuple(
+    signal.Signals[name]
+    for name in (
+        'SIGHUP',
+        'SIGABRT',
+        'SIGALRM',
+        'SIGVTALRM',
+        'SIGPROF',
+        'SIGUSR1',
+        'SIGUSR2',
+        'SIGXCPU',
+        'SIGIO',
+        'SIGPWR',
+        'SIGSTKFLT',
+        'SIGSYS',
+        'SIGTRAP',
+    )
+    if name in signal.Signals.__members__  # others than Linux have not all of them
+)
+# What holds a process up until somebody lets it go on: Ctrl-Z, and a terminal of another's.
+_FREEZING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 # A terminal and a supervisor may both pass on the same Ctrl-C [s]: what comes so soon is no second
 # thought, and the boards are being told to switch off.
 _SAME = 1.0
@@ -27,15 +52,15 @@ class _Request:
     """What was asked so far, for all contexts that lie within each other."""
 
     is_made: bool = False
-    asked: float | None = None  # when first by SIGINT or SIGTERM [s, monotonic]
+    asked: float | None = None  # when first by one of _ASKED [s, monotonic]
 
 
 class StopSignals:
     """Context in which the stop signals call a function.
 
-    A second SIGINT or SIGTERM, a second or more after the first, ends the process. SIGHUP never
-    does: a closing terminal sends it more than once. Where it is ignored already, as under
-    nohup, it stays so.
+    A second SIGINT, SIGTERM or SIGQUIT, a second or more after the first, ends the process. SIGHUP
+    never does: a closing terminal sends it more than once. Where it is ignored already, as under
+    nohup, it stays so; so are the other signals left alone where they have a use.
 
     A context may lie within another. What the inner one was asked counts as asked of the outer:
     while a process ends, the same signal again calls nothing.
@@ -45,12 +70,15 @@ class StopSignals:
     on_stop
         Called once, in the main thread, between two of its instructions: it should set a
         flag and return. Called at once if the outer context was asked already.
+    stays_awake
+        True for a process that Ctrl-Z shall not stop: its boards would let the arm fall.
     """
 
     _innermost: ClassVar[StopSignals | None] = None
 
-    def __init__(self, on_stop: Callable[[], None]) -> None:
+    def __init__(self, on_stop: Callable[[], None], stays_awake: bool = False) -> None:
         self._on_stop = on_stop
+        self._stays_awake = stays_awake
         self._is_told = False
         self._request = _Request()
         self._outer: StopSignals | None = None
@@ -61,9 +89,12 @@ class StopSignals:
         StopSignals._innermost = self
         if self._outer is not None:
             self._request = self._outer._request
-        is_kept = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-        numbers = _ASKED if is_kept else (*_ASKED, signal.SIGHUP)
-        self._previous = {number: signal.signal(number, self._handle) for number in numbers}
+        unused = [number for number in _ENDING if self._may_take(number)]
+        self._previous = {
+            number: signal.signal(number, self._handle) for number in (*_ASKED, *unused)
+        }
+        if self._stays_awake:
+            self._previous |= {n: signal.signal(n, signal.SIG_IGN) for n in _FREEZING}
         if self._request.is_made and not self._is_told:
             self._tell()
         return self
@@ -80,8 +111,16 @@ class StopSignals:
         It would give its own handlers up on the way, and a late signal end the process as if that
         had failed.
         """
-        for number in (*_ASKED, signal.SIGHUP):
+        for number in (*_ASKED, *_ENDING):
             signal.signal(number, signal.SIG_IGN)
+
+    def _may_take(self, number: signal.Signals) -> bool:
+        """Whether a signal means nothing but an end, here or in the outer context."""
+        handler = signal.getsignal(number)
+        if number is signal.SIGHUP:
+            return handler is not signal.SIG_IGN
+        outer = self._outer
+        return handler is signal.SIG_DFL or (outer is not None and number in outer._previous)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         request = self._request

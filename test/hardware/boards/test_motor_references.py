@@ -102,7 +102,7 @@ def test_integration_starts_anew_after_torque_control_or_damping(references):
     references.track(command(dq=0.0), Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q)
     references.track(command(dq=1.0), Q, DT)
-    references.damp(np.ones(4, dtype=bool))
+    references.damp(np.full(4, np.inf))
     references.track(command(dq=0.0), Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q)
 
@@ -172,7 +172,7 @@ def test_the_integral_of_a_velocity_does_not_wind_up_at_a_barrier(references, co
 
 def test_damping_has_no_stiffness_and_spares_untrusted_encoders(references, config):
     references.track(command(q=Q, tau=1.0), Q, DT)
-    references.damp(np.array([True, False, True, True]))
+    references.damp(np.array([np.inf, 0.0, np.inf, np.inf]))
     kd = config.column('board_kd')
     assert get(references, 'kd').tolist() == [kd[0], 0.0, kd[2], kd[3]]
     assert not get(references, 'kp').any()
@@ -222,7 +222,7 @@ def test_integral_gain_where_the_frame_carries_it(config):
     references.set_gains(1.0, 0.1, 0.5)
     references.track(command(dq=0.0), Q, DT)
     assert get(references, 'integral_gain').tolist() == [0.5] * 4
-    references.damp(np.ones(4, dtype=bool))
+    references.damp(np.full(4, np.inf))
     assert not get(references, 'integral_gain').any()
 
 

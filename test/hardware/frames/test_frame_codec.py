@@ -205,8 +205,12 @@ def test_what_is_harmless_saturates_and_never_wraps():
         ({'current': [math.nan, 0.0]}, 'current of motor 1'),
         ({'timeout': 0.0}, 'timeout is 0'),
         ({'timeout': 0.0004}, 'timeout'),
+        ({'timeout': -0.02}, 'timeout is -0.02'),
+        ({'timeout': -math.inf}, 'timeout is -inf'),
         ({'current_saturation': [0.0, 1.0]}, 'current_saturation of motor 1'),
         ({'current_saturation': [1.0, 0.05]}, 'current_saturation of motor 2'),
+        ({'current_saturation': [-5.0, 1.0]}, 'current_saturation of motor 1 is -5'),
+        ({'current_saturation': [1.0, -1e9]}, 'current_saturation of motor 2 is -1e'),
         ({'current_saturation': [1.0, math.nan]}, 'current_saturation of motor 2'),
     ],
 )

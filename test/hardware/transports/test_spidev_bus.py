@@ -25,9 +25,19 @@ def boards() -> Iterator[SpiBoards]:
         yield boards
 
 
-def use(boards: SpiBoards, in_between: Callable[[], None] | None = None, config: str = '') -> dict:
-    """Let a process exchange frames, do something, let it exchange as many; return its report."""
+def use(
+    boards: SpiBoards,
+    in_between: Callable[[], None] | None = None,
+    config: str = '',
+    at_end: Callable[[], None] | None = None,
+) -> dict:
+    """Let a process exchange frames, do something, let it exchange as many; return its report.
+
+    With something to do at the end, it goes on until every board answers.
+    """
     command = [sys.executable, spi_boards.HERE / 'spi_client.py', config, str(COUNT)]
+    if at_end:
+        command.append('20')
     with subprocess.Popen(
         command,
         env={**os.environ, **boards.environment},
@@ -40,6 +50,10 @@ def use(boards: SpiBoards, in_between: Callable[[], None] | None = None, config:
             return json.loads(line)
         if in_between:
             in_between()
+        if at_end:
+            print(file=process.stdin, flush=True)
+            assert process.stdout.readline().strip() == 'end'
+            at_end()
         return json.loads(process.communicate('\n')[0])
 
 
@@ -105,6 +119,25 @@ def test_a_vanished_device_is_reported_and_cannot_be_opened_again(boards):
     assert max(report['after']['slowest']) < 1.0
     error = use(boards)['error']
     assert error.startswith('cannot open /dev/spidev0.0 for board0: No such file or directory')
+
+
+def test_a_device_that_comes_back_is_opened_again_with_its_mode_and_clock(boards, tmp_path):
+    text = resource('config', 'aerarm.yaml').read_text()
+    path = tmp_path / 'arm.yaml'
+    path.write_text(text.replace('mode: 0', 'mode: 1').replace('8000000', '4000000'))
+    boards.set(DEVICES[0], working_mode=1)
+    boards.set(DEVICES[1], working_mode=1)
+    report = use(
+        boards,
+        lambda: boards.vanish(DEVICES[0]),
+        str(path),
+        lambda: boards.come_back(DEVICES[0]),
+    )
+    assert report['after']['good'] == [0, COUNT]
+    assert 'opened again once it does' in report['after']['problems'][0]
+    assert report['later']['good'] == [1, 1]
+    assert report['later']['problems'] == ['', '']
+    assert [(b['mode'], b['speed']) for b in boards.report()] == [(1, 4_000_000)] * 2
 
 
 def test_the_shim_leaves_other_files_alone(boards):

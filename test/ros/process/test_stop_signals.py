@@ -72,13 +72,15 @@ def end(stopped: Stopped) -> None:
     stopped.process.communicate()
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    'number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGABRT]
+)
 def test_each_of_them_asks_to_stop(stopped: Stopped, number: signal.Signals) -> None:
     stopped.send(number)
     assert stopped.calls() == 1
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT])
 def test_the_second_ends_the_process(stopped: Stopped, number: signal.Signals) -> None:
     stopped.send(number)
     assert stopped.calls() == 1
@@ -88,6 +90,48 @@ def test_the_second_ends_the_process(stopped: Stopped, number: signal.Signals) -
         time.sleep(0.1)
     assert stopped.process.returncode == -signal.SIGTERM
     assert time.monotonic() > begin + 0.5
+
+
+ENDING = """
+    SIGALRM SIGVTALRM SIGPROF SIGUSR1 SIGUSR2 SIGXCPU SIGIO SIGPWR SIGSTKFLT SIGSYS SIGTRAP
+"""
+
+
+def test_whatever_else_would_end_it_asks_once(stopped: Stopped) -> None:
+    for name in ENDING.split():
+        stopped.send(signal.Signals[name])
+        assert stopped.calls() == 1, name
+
+
+def test_a_signal_that_somebody_uses_is_left_alone() -> None:
+    use = 'import signal\nsignal.signal(signal.SIGUSR1, lambda *_: None)\n'
+    stopped = Stopped(script=use + SCRIPT)
+    stopped.send(signal.SIGUSR1)
+    assert stopped.calls() == 0
+    end(stopped)
+
+
+def test_one_that_stays_awake_is_not_stopped_by_ctrl_z() -> None:
+    script = SCRIPT.replace('calls.append(1))', 'calls.append(1), stays_awake=True)')
+    stopped = Stopped(script=script)
+    for number in (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU):
+        stopped.send(number)
+        assert stopped.calls() == 0
+    stopped.send(signal.SIGTERM)
+    assert stopped.calls() == 1
+    end(stopped)
+
+
+def test_a_crash_ends_it_all_the_same() -> None:
+    # A handler would be called after the instruction that crashed, which is never over.
+    for crash, number in (
+        ('ctypes.string_at(0)', signal.SIGSEGV),
+        ('os.abort()', signal.SIGABRT),
+    ):
+        script = SCRIPT.replace('for line', f'import ctypes, os; {crash}\n    for line')
+        stopped = Stopped(script=script)
+        assert stopped.process.wait(20.0) == -number
+        end(stopped)
 
 
 def test_the_same_ctrl_c_from_two_sides_asks_once(stopped: Stopped) -> None:

@@ -1,0 +1,286 @@
+"""Motions of a healthy arm whose host is held up at random, in every mode of the bridge.
+
+Whatever the bridge says of a fault is false here, and whoever is told to switch off is dropped.
+As a program it is a part of `make attacks`: it runs a number of trials, prints a row for each kind,
+and ends with status 1 if there was a false fault or a drop.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from attack_rig import AttackRig, Offer, Source
+from attack_world import ANSWER, EXCHANGE, READ, WAKE
+
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.dynamics import Dynamics
+
+POINTS = (WAKE, READ, f'{EXCHANGE} 0', f'{ANSWER} 0', f'{EXCHANGE} 1', f'{ANSWER} 1')
+_MARGIN = 0.35  # [rad] that the motions leave to the position limits
+_PACE = np.array([8.0, 2.2, 8.0, 8.0])  # [rad/s] of the fastest swings
+# A position without its speed lags by kd/kp times the speed: joint 2 by 0.1 s.
+_POSITION_SPEED = np.array([4.0, 1.5, 4.0, 4.0])  # [rad/s]
+# Beyond it joint 2 lacks the torque to turn round a stretched arm within its limits.
+_TRACKED_SPEED = np.array([5.0, 3.0, 5.0, 5.0])  # [rad/s]
+_EFFORT_GAINS = np.array([6.0, 12.0, 1.0, 1.0]), np.array([1.5, 3.0, 0.15, 0.15])
+_EFFORT_SPEED = 2.0  # [rad/s]
+
+
+class RandomDelays:
+    """A host's script: hold-ups of random length, at random cycles and points.
+
+    Parameters
+    ----------
+    random
+        Draws them.
+    every
+        Cycles between two hold-ups, on average.
+    shortest, longest
+        Their length [s].
+    points
+        Where they happen, see `attack_world`.
+
+    Attributes
+    ----------
+    count
+        Hold-ups so far.
+    """
+
+    def __init__(
+        self,
+        random: np.random.Generator,
+        every: float = 25.0,
+        shortest: float = 1e-3,
+        longest: float = 15e-3,
+        points: tuple[str, ...] = POINTS,
+    ) -> None:
+        self.count = 0
+        self._random = random
+        self._every = every
+        self._bounds = shortest, longest
+        self._points = points
+        self._next = (0, points[0])
+        self._draw(0)
+
+    def __call__(self, cycle: int, point: str) -> float:
+        """Return how long the host is held up here [s]."""
+        due, where = self._next
+        if cycle < due or point != where:
+            return 0.0
+        self.count += 1
+        self._draw(cycle)
+        return float(self._random.uniform(*self._bounds))
+
+    def _draw(self, cycle: int) -> None:
+        # Several in one cycle too, at one point or another.
+        gap = int(self._random.exponential(self._every))
+        self._next = cycle + gap, str(self._random.choice(self._points))
+
+
+class WideSwing:
+    """Every joint swings as far as its limits allow, at a speed of its own up to the given."""
+
+    def __init__(self, random: np.random.Generator, speed_max: np.ndarray | float) -> None:
+        config = load_arm_config()
+        low = config.column('position_min') + _MARGIN
+        high = config.column('position_max') - _MARGIN
+        # Some joints rest, and some go at the very limit.
+        speed = speed_max * np.clip(random.uniform(-0.2, 1.1, 4), 0.0, 1.0)
+        self._pace = np.maximum(_PACE * random.uniform(0.7, 1.0, 4), 2.01 * speed / (high - low))
+        self._reach = speed / self._pace
+        self._way = random.choice([-1.0, 1.0], 4)
+        ahead = 2.0 * self._reach * self._way
+        self.start = random.uniform(low - np.minimum(ahead, 0.0), high - np.maximum(ahead, 0.0))
+        self._begin = inf
+
+    def at(self, rig: AttackRig) -> tuple[np.ndarray, np.ndarray]:
+        """Return positions [rad] and velocities [rad/s] now; it begins with the first call."""
+        self._begin = min(self._begin, rig.now)
+        phase = self._pace * (rig.now - self._begin)
+        q = self.start + self._way * self._reach * (1.0 - np.cos(phase))
+        return q, self._way * self._reach * self._pace * np.sin(phase)
+
+
+Motion = tuple[np.ndarray, Source | None]
+
+
+def velocity(random: np.random.Generator) -> Motion:
+    """Velocities up to the limit."""
+    swing = WideSwing(random, 5.0)
+    return swing.start, lambda rig: Offer(velocity=swing.at(rig)[1])
+
+
+def position(random: np.random.Generator) -> Motion:
+    """Positions alone."""
+    swing = WideSwing(random, _POSITION_SPEED)
+    return swing.start, lambda rig: Offer(position=swing.at(rig)[0])
+
+
+def full_law(random: np.random.Generator) -> Motion:
+    """Positions with their velocities, and gravity as effort."""
+    swing, dynamics = WideSwing(random, _TRACKED_SPEED), Dynamics(load_robot())
+    return swing.start, lambda rig: Offer(*swing.at(rig), dynamics.gravity(rig.bridge.q))
+
+
+def effort(random: np.random.Generator) -> Motion:
+    """A controller's efforts."""
+    swing, dynamics = WideSwing(random, _EFFORT_SPEED), Dynamics(load_robot())
+    kp, kd = _EFFORT_GAINS
+
+    def source(rig: AttackRig) -> Offer:
+        q, dq = swing.at(rig)
+        feedback = kp * (q - rig.bridge.q) + kd * (dq - rig.bridge.dq)
+        return Offer(effort=dynamics.gravity(rig.bridge.q) + feedback)
+
+    return swing.start, source
+
+
+def start_and_stop(random: np.random.Generator) -> Motion:
+    """Velocities that step to and fro, with rests between."""
+    swing, way = WideSwing(random, 0.0), random.choice([-1.0, 1.0], 4)
+    speed = random.uniform(0.5, 4.0, 4) * [1.0, 0.5, 1.0, 1.0]
+
+    def source(rig: AttackRig) -> Offer:
+        step = int(rig.now / 0.12) % 4
+        return Offer(velocity=(0.0, 1.0, 0.0, -1.0)[step] * way * speed)
+
+    return np.clip(swing.start, -1.4, 2.0), source
+
+
+def stopping_controller(random: np.random.Generator) -> Motion:
+    """A controller that stops at speed and comes back: followed, damped, followed."""
+    start, source = velocity(random)
+    return start, lambda rig: source(rig) if rig.now % 0.3 < 0.15 else None
+
+
+def holding(random: np.random.Generator) -> Motion:
+    """Nobody commands: the arm is held where it is."""
+    return WideSwing(random, 0.0).start, None
+
+
+def stopped(random: np.random.Generator) -> Motion:
+    """An emergency stop at speed; the arm sinks, damped."""
+    start, source = velocity(random)
+
+    def until_stop(rig: AttackRig) -> Offer:
+        if rig.cycles == 150:
+            rig.bridge.e_stop('of the test')
+        return source(rig)
+
+    return start, until_stop
+
+
+MOTIONS: dict[str, Callable[[np.random.Generator], Motion]] = {
+    motion.__name__: motion
+    for motion in (
+        velocity,
+        position,
+        full_law,
+        effort,
+        start_and_stop,
+        stopping_controller,
+        holding,
+        stopped,
+    )
+}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of it.
+
+    Attributes
+    ----------
+    motion, number
+        What it was.
+    delays
+        How often the host was held up.
+    faults
+        What the bridge said, besides an emergency stop; all of it false.
+    drops
+        Frames that told a board to switch off.
+    errors
+        Error codes of the boards.
+    speed
+        Highest true speed of a joint, as a share of its limit.
+    """
+
+    motion: str
+    number: int
+    delays: int
+    faults: tuple[str, ...]
+    drops: int
+    errors: tuple[int, ...]
+    speed: float
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether nobody was taken for faulty, nor dropped."""
+        return not (self.faults or self.drops or any(self.errors))
+
+
+def run(motion: str, number: int, seconds: float = 1.0, **delays: object) -> Trial:
+    """Hold up the host of an arm that the number draws; `delays` as of `RandomDelays`."""
+    config, robot = load_arm_config(), load_robot()
+    random = np.random.default_rng([number, *motion.encode()])
+    posture, source = MOTIONS[motion](random)
+    script = RandomDelays(random, **delays)  # type: ignore[arg-type]
+    rig = AttackRig(
+        config,
+        robot,
+        posture=posture,
+        payload=float(random.choice([0.0, 0.1, 0.3])),
+        seed=None if number % 3 == 0 else int(random.integers(1, 1000)),
+        delays=script,
+    ).bring_up()
+    before = len(rig.frames.times(0))
+    log = rig.run(seconds, source)
+    told = np.stack([rig.frames.commands(board)['enable_system'][before:] for board in (0, 1)])
+    return Trial(
+        motion,
+        number,
+        script.count,
+        tuple(fault for fault in log.faults if 'emergency' not in fault),
+        int((~told).sum()),
+        tuple(board.error for board in rig.boards.boards),
+        float(log.speed_ratio(config).max()),
+    )
+
+
+def main() -> int:
+    """Run trials of each motion."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--runs', type=int, default=10, help='of each motion')
+    parser.add_argument('--first', type=int, default=0, help='number of the first')
+    parser.add_argument('--only', nargs='*', default=list(MOTIONS))
+    parser.add_argument('--longest', type=float, default=15e-3, help='hold-up [s]')
+    parser.add_argument('--every', type=float, default=25.0, help='cycles')
+    parser.add_argument('--processes', type=int, default=None)
+    options = parser.parse_args()
+    unclean = 0
+    with ProcessPoolExecutor(options.processes) as pool:
+        numbers = range(options.first, options.first + options.runs)
+        delays = {'longest': options.longest, 'every': options.every}
+        futures = {
+            motion: [pool.submit(run, motion, number, **delays) for number in numbers]
+            for motion in options.only
+        }
+        for motion, waiting in futures.items():
+            trials = [future.result() for future in waiting]
+            bad = [trial for trial in trials if not trial.is_clean]
+            unclean += len(bad)
+            count, speed = sum(t.delays for t in trials), max(t.speed for t in trials)
+            print(f'{motion:20}{count:6} hold-ups{speed:7.2f} of the speed limit', flush=True)
+            for trial in bad:
+                print(f'  {trial}', flush=True)
+    print(f'{unclean} trials with a false fault or a drop')
+    return 1 if unclean else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,129 @@
+"""How often a device that is gone is looked for; the transfers themselves: test_spidev_bus.py."""
+
+import errno
+import sys
+
+import pytest
+
+from aerarm_ros.hardware.transports.spidev_device import SpidevDevice
+from aerarm_ros.hardware.transports.transport import TransportError
+
+FRAME = bytes(34)
+
+
+class Driver:
+    """Stands in for the module spidev, which opens what the kernel has: here what a test says."""
+
+    def __init__(self) -> None:
+        self.error = 0  # of every transfer
+        self.is_there = True
+        self.opened: list[float] = []
+        self.attempts: list[float] = []
+        self.closed = 0
+        self.now = 0.0
+
+    def SpiDev(self) -> 'Driver.File':  # noqa: N802 (the module's own name)
+        return self.File(self)
+
+    class File:
+        def __init__(self, driver: 'Driver') -> None:
+            self.driver = driver
+            self.is_open = False
+
+        def open_path(self, path: str) -> None:
+            self.driver.attempts.append(self.driver.now)
+            if not self.driver.is_there:
+                raise FileNotFoundError(errno.ENOENT, 'No such file or directory', path)
+            self.is_open = True
+            self.driver.opened.append(self.driver.now)
+
+        def xfer2(self, frame: bytes) -> list[int]:
+            assert self.is_open
+            if self.driver.error:
+                raise OSError(self.driver.error, 'the reason')
+            return list(frame)
+
+        def close(self) -> None:
+            self.driver.closed += self.is_open
+            self.is_open = False
+
+
+@pytest.fixture
+def driver(monkeypatch):
+    driver = Driver()
+    monkeypatch.setitem(sys.modules, 'spidev', driver)
+    return driver
+
+
+@pytest.fixture
+def device(config, driver):
+    device = SpidevDevice(config.boards[0], lambda: driver.now)
+    device.open()
+    return device
+
+
+def run(device, driver, seconds):
+    """Transfer a frame each millisecond; return how many came back."""
+    good = 0
+    for _ in range(round(seconds * 1000)):
+        driver.now += 1e-3
+        good += device.transfer(FRAME) == FRAME
+    return good
+
+
+def test_one_error_does_not_close_the_file(device, driver):
+    driver.error = errno.EIO
+    assert run(device, driver, 0.1) == 0
+    assert 'reports: the reason' in device.problem
+    driver.error = 0
+    assert run(device, driver, 0.1) == 100
+    assert device.problem == ''
+    assert len(driver.opened) == 1
+
+
+@pytest.mark.parametrize('error', [errno.ESHUTDOWN, errno.ENODEV, errno.EIO])
+def test_a_device_that_is_gone_is_looked_for_with_growing_waits(device, driver, error):
+    driver.error, driver.is_there = error, False
+    assert run(device, driver, 30.0) == 0
+    assert driver.closed == 1
+    waits = [b - a for a, b in zip(driver.attempts[1:], driver.attempts[2:], strict=False)]
+    assert waits[:5] == pytest.approx([0.4, 0.8, 1.6, 3.2, 5.0], abs=0.002)
+    assert waits[5:] == pytest.approx([5.0] * len(waits[5:]), abs=0.002)
+    assert 'tried every 5 s' in device.problem
+    driver.error, driver.is_there = 0, True
+    assert run(device, driver, 5.1) > 0
+    assert device.problem == ''
+    # The next loss is looked after as soon as the first was.
+    driver.error = errno.ESHUTDOWN
+    run(device, driver, 0.001)
+    driver.error = 0
+    assert run(device, driver, 0.25) > 40
+
+
+def test_a_device_that_is_there_and_gives_errors_is_not_opened_all_the_time(device, driver):
+    driver.error = errno.ESHUTDOWN
+    run(device, driver, 30.0)
+    assert len(driver.opened) < 12
+    assert driver.closed >= len(driver.opened) - 1  # no file is left open
+
+
+def test_closed_it_stays_closed(device, driver):
+    device.close()
+    assert run(device, driver, 10.0) == 0
+    assert len(driver.opened) == 1
+    assert 'not open' in device.problem
+    with pytest.raises(OSError, match='not open'):
+        device.set_mode(1)
+
+
+def test_it_says_when_a_transfer_was_and_how_long_it_took(device, driver):
+    ticks = iter([1.0, 1.25])
+    device._clock = lambda: next(ticks)
+    device.transfer(FRAME)
+    assert (device.duration, device.ended) == (0.25, 1.25)
+
+
+def test_what_cannot_be_opened_says_what_to_check(config, driver):
+    driver.is_there = False
+    with pytest.raises(TransportError, match='cannot open /dev/spidev0.0 for board0: No such file'):
+        SpidevDevice(config.boards[0]).open()
