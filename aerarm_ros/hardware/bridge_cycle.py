@@ -22,6 +22,7 @@ from aerarm_ros.hardware.gate.joint_loads import JointLoads
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 from aerarm_ros.hardware.transports.transport import Transport
+from aerarm_ros.hardware.way_out import StoppedArm, way_out
 from aerarm_ros.model.gravity_load import largest_gravity_load
 
 MODES = (
@@ -137,6 +138,7 @@ class BridgeCycle:
         self._report = BridgeReport(self.intake, self.gate, self.links)
         self._standstill = CommandBuffer.standstill(config.n)
         self._homing: Homing | None = None
+        self._until_power_cycle = profile.errors_until_power_cycle
         self._enabled = False
         self._aligned = False  # every motor in use, when its board last answered
         self._followed = False  # a command was followed since the arm became ready
@@ -157,6 +159,28 @@ class BridgeCycle:
     def faults(self) -> list[str]:
         """What is wrong, the latched stop first; rejections and limits for a second."""
         return self._report.faults(self.mode, self._now)
+
+    def way_out(self, emulated: bool) -> str:
+        """Return what ends the latched stop as things are now, '' without one; see `way_out`."""
+        if not self.gate.stop:
+            return ''
+        doubted = {
+            joint.board
+            for joint, trusted in zip(self._config.joints, self._encoders.trusted, strict=True)
+            if not trusted
+        }
+        boards = [
+            (number, link.monitor.name)
+            for number, link in enumerate(self.links)
+            if link.monitor.mode is BoardMode.FAULT or number in doubted
+        ]
+        stopped = StoppedArm(
+            boards,
+            bool(self.gate.state_violation(self.q, self.dq)),
+            self._enabled and self._aligned,
+            self._until_power_cycle,
+        )
+        return way_out(stopped, emulated)
 
     def command(self, offered: OfferedCommand, now: float) -> bool:
         """Offer a joint command, received at `now` [s, monotonic], the clock of `update`.

@@ -110,13 +110,15 @@ class HardwareBridge(LifecycleNode):
 
     # What a derived bridge changes.
 
+    emulated = False  # whether its boards are mended by commands
+
     def make_transport(self, config: ArmConfig, robot: Robot, profile: FrameProfile) -> Transport:
         """Return the way to the boards; raises ValueError or OSError with what to check."""
         return SpidevTransport(config)
 
     def actions(self) -> Mapping[str, Action]:
         """Return what the node's services do."""
-        return ACTIONS
+        return {**ACTIONS, 'clear_fault': self._clear_fault}
 
     def make_loop(self) -> PeriodicLoop:
         """Return what runs the cycles."""
@@ -243,6 +245,13 @@ class HardwareBridge(LifecycleNode):
     def _gains(self, changes: Mapping[str, Any] | None = None) -> tuple[ArrayLike, ...]:
         return board_gains({**vars(self.values), **(changes or {})}, self._config)
 
+    def _clear_fault(self, cycle: BridgeCycle) -> Answer:
+        answer = cycle.clear_fault()
+        if answer.accepted:
+            return answer
+        # Things may have changed since the fault: a damped arm sinks.
+        return Answer(False, f'{answer.message}. To recover: {cycle.way_out(self.emulated)}')
+
     def _set_gains(self, cycle: BridgeCycle) -> Answer:
         cycle.set_gains(*self._gains())
         return Answer(True, 'the gains are set')
@@ -341,5 +350,7 @@ class HardwareBridge(LifecycleNode):
     def _publish_mode(self, mode: str) -> None:
         self._mode = mode
         self._mode_publisher.publish(String(data=mode))
-        self._mode_log.note(mode, self._cycle.faults if self._cycle else ())
+        cycle = self._cycle
+        reasons, way_out = (cycle.faults, cycle.way_out(self.emulated)) if cycle else ((), '')
+        self._mode_log.note(mode, reasons, way_out)
         self._diagnostics.publish_soon()

@@ -16,7 +16,6 @@ _TO_AND_FRO = ('running', 'damping')
 # Modes that say nothing without their reason. Why commands are rejected has a log of its own.
 _WITH_REASON = ('disconnected', 'damping', 'fault')
 _SINKS = '. The arm sinks until a good command comes'
-_RECOVERY = "mend the cause, then 'arm clear_fault', and 'arm enable' if the motors are off"
 
 
 class ModeLog:
@@ -33,20 +32,20 @@ class ModeLog:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._noted: deque[tuple[str, Sequence[str]]] = deque()
+        self._noted: deque[tuple[str, Sequence[str], str]] = deque()
         self._news = node.create_guard_condition(self._write)
-        self._mode = self._text = ''
+        self._mode = self._text = self._way_out = ''
         self._told: dict[str, float] = {}
         self._patience = node.create_timer(_PATIENCE, self._write_patiently, autostart=False)
 
-    def note(self, mode: str, reasons: Sequence[str] = ()) -> None:
-        """Note a new mode and why the arm is in it; called from the cycle's thread."""
-        self._noted.append((mode, reasons))
+    def note(self, mode: str, reasons: Sequence[str] = (), way_out: str = '') -> None:
+        """Note a new mode, why the arm is in it, the way out; called from the cycle's thread."""
+        self._noted.append((mode, reasons, way_out))
         self._news.trigger()
 
     def _write(self) -> None:
         while self._noted:
-            self._mode, reasons = self._noted.popleft()
+            self._mode, reasons, self._way_out = self._noted.popleft()
             has_reason = self._mode in _WITH_REASON and reasons
             self._text = f'{self._mode}: {"; ".join(reasons)}' if has_reason else self._mode
             self._patience.cancel()
@@ -68,7 +67,7 @@ class ModeLog:
         log = self._node.get_logger()
         # rclpy ties a severity to the line that logs.
         if self._mode == 'fault':
-            log.error(f'{self._text}. To recover: {_RECOVERY}')
+            log.error(f'{self._text}. To recover: {self._way_out}')
         elif self._mode in _WITH_REASON:
             log.warning(f'{self._text}{_SINKS if self._mode == "damping" else ""}')
         else:

@@ -59,6 +59,8 @@ class FakeHardware(HardwareBridge):
     up where it is, or back to where it started if it fell beyond its limits.
     """
 
+    emulated = True
+
     def __init__(self) -> None:
         self._boards: EmulatedTransport | None = None
         self._drone: EmulatedDrone | None = None

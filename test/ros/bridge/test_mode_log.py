@@ -21,7 +21,7 @@ def test_modes_and_faults_are_logged_with_the_way_out(
     client.wait_for(lambda: 'ERROR' in bridge.tail(50))
     log = bridge.tail(50)
     assert modes(log) == ['INFO idle', 'INFO aligning', 'INFO ready', 'ERROR fault']
-    assert "fault: emergency stop: service e_stop. To recover: mend the cause, then 'arm" in log
+    assert "fault: emergency stop: service e_stop. To recover: 'arm clear_fault'" in log
     assert client.call('clear_fault').success
     client.wait_for(lambda: modes(bridge.tail(50))[-1] == 'INFO ready')
 

@@ -1,0 +1,165 @@
+"""The way out that is named, followed from every fault, on emulated boards of both kinds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from aerarm_ros.hardware.emulation.emulated_board import BoardFaults
+from aerarm_ros.hardware.gate.answer import Answer
+from aerarm_ros.hardware.way_out import StoppedArm, way_out
+
+MOVING = [0.8, 0.0, 0.8, 0.8]
+# What is found in motion, or where a current flows.
+NOT_AT_REST = ('stuck_encoder', 'board_timeout')
+KINDS = pytest.mark.parametrize('emulated', [True, False], ids=['emulated', 'real'])
+
+
+def injected(fault: str, board: int = 0, motor: int = 0, value: float | None = None):
+    def break_it(rig) -> None:
+        moving = (lambda now: (None, MOVING, None)) if fault in NOT_AT_REST else None
+        rig.run(0.2, moving)
+        rig.inject(fault, board, motor, value)
+        rig.run(0.3, moving)
+
+    return break_it
+
+
+def stopped_by_hand(rig) -> None:
+    rig.bridge.e_stop('test')
+    rig.run(0.2)
+
+
+def stopped_and_sunk(rig) -> None:
+    """The arm sank while nobody looked: it would stop again at once."""
+    rig.bridge.e_stop('test')
+    rig.run(0.02)
+    beyond = rig.config.joints[1].position_max + 0.3
+    start = rig.plant.position.copy()
+    for share in np.linspace(0.0, 1.0, 1000):
+        rig.plant.reset([start[0], start[1] + share * (beyond - start[1]), *start[2:]])
+        rig.cycle()
+
+
+def asked_too_far(rig) -> None:
+    rig.run(0.05, lambda now: (None, None, [1e3, 0.0, 0.0, 0.0]))
+
+
+def power_cycled_while_driven(rig) -> None:
+    rig.inject('power_cycle', 1)
+    rig.run(0.2)
+
+
+def lost_at_homing(rig) -> None:
+    rig.bridge.gate.trip('no index pulse was met')
+    rig.run(0.1)
+
+
+def told_by_a_board(rig) -> None:
+    """What emulated boards do not do: data that is frozen, motors that never align."""
+    rig.bridge.links[0].monitor.fail('its frames are correct but their data is frozen')
+    rig.run(0.1)
+
+
+FAULTS: dict[str, Callable] = {
+    'e_stop': stopped_by_hand,
+    'beyond a limit': stopped_and_sunk,
+    'command far beyond a limit': asked_too_far,
+    'homing': lost_at_homing,
+    'frozen data': told_by_a_board,
+    'restarted board': power_cycled_while_driven,
+    'dead board 0': injected('dead_board', 0),
+    'dead board 1': injected('dead_board', 1),
+    'bit errors': injected('bit_errors', 1, 0, 1.0),
+    'lost frames': injected('lost_frames', 0, 0, 1.0),
+    'encoder jump': injected('encoder_jump', 0, 0, None),
+    'small encoder jump': injected('encoder_jump', 1, 1, -2.0),
+    'stuck encoder': injected('stuck_encoder', 1, 1),
+    'over-temperature': injected('over_temperature', 0),
+    'driver error': injected('driver_error', 1),
+    'time-out of a board': injected('board_timeout', 1),
+    'slow bus': injected('slow_bus', 0),
+}
+
+
+def command(rig, words: str, emulated: bool) -> Answer:
+    """Do what a bridge does for `arm WORDS`."""
+    bridge, boards = rig.bridge, rig.boards
+    if words.startswith('fault power_cycle:'):
+        assert emulated
+        rig.inject('power_cycle', int(words.partition(':')[2]))
+        return Answer(True, '')
+    if words == 'enable' and bridge.mode == 'idle':
+        if bridge.gate.is_inside(bridge.q):
+            boards.carry()  # by the emulation, or by a person
+        elif emulated:
+            boards.put_back()
+            rig.run(0.002)
+    return getattr(bridge, words)()
+
+
+def by_hand(rig, step: str) -> None:
+    """Do what a person is told to do."""
+    if step == 'support the arm':
+        rig.boards.carry()
+    elif step == 'mend the cause':
+        for board in rig.boards.boards:
+            dead = board.faults.dead
+            board.faults = BoardFaults()
+            if dead:
+                board.power_cycle()
+            for motor in board.motors:
+                motor.encoder.stuck = False
+    elif switched := re.fullmatch(r'switch the supply of board(\d) off and on', step):
+        rig.inject('power_cycle', int(switched[1]))
+    else:
+        assert step == 'move the arm inside its limits by hand'
+        rig.boards.put_back()
+
+
+def follow(rig, steps: str, emulated: bool) -> None:
+    for step in steps.split(', '):
+        quoted = re.match("'arm ([^']*)'", step)
+        if quoted is None:
+            assert not emulated
+            by_hand(rig, step)
+            rig.run(0.05)
+            continue
+        answer = command(rig, quoted[1], emulated)
+        assert answer.accepted, (steps, step, answer.message)
+        rig.run(0.05)
+    rig.run(1.2)
+
+
+@KINDS
+@pytest.mark.parametrize('fault', FAULTS)
+def test_the_way_out_that_is_named_works(make_rig, fault: str, emulated: bool) -> None:
+    rig = make_rig(seed=3).bring_up()
+    assert rig.bridge.way_out(emulated) == ''
+    FAULTS[fault](rig)
+    assert rig.bridge.mode == 'fault', fault
+    steps = rig.bridge.way_out(emulated)
+    follow(rig, steps, emulated)
+    assert rig.bridge.mode == 'ready', (steps, rig.bridge.faults)
+    assert rig.bridge.way_out(emulated) == ''
+    # The arm can be commanded.
+    rig.run(0.3, lambda now: (None, [0.2, 0.0, 0.0, 0.0], None))
+    assert rig.bridge.mode == 'running', (steps, rig.bridge.faults)
+
+
+def test_an_arm_that_needs_nothing_else_is_held_where_it_is(rig) -> None:
+    stopped_by_hand(rig)
+    assert rig.bridge.way_out(False) == rig.bridge.way_out(True) == "'arm clear_fault'"
+
+
+def test_boards_that_forget_an_error_by_themselves_need_no_switch() -> None:
+    arm = StoppedArm([(1, 'board1')], until_power_cycle=False)
+    assert 'switch' not in way_out(arm, emulated=False)
+    assert 'switch the supply of board1' in way_out(StoppedArm([(1, 'board1')]), emulated=False)
+
+
+def test_motors_that_are_off_are_enabled() -> None:
+    assert way_out(StoppedArm(driven=False), emulated=False) == "'arm clear_fault', 'arm enable'"
