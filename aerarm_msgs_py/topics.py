@@ -1,7 +1,8 @@
 """Topic names and quality of service, in one place.
 
 `TOPICS` is the table of the architecture; a node asks for `JOINT_STATES` instead of
-writing a name, a type and a profile again.
+writing a name, a type and a profile again. The profiles are those of the suite's
+subscriptions; its publishers use `Topic.offered`, so that everybody can listen.
 """
 
 from types import MappingProxyType

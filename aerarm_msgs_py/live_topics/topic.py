@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 
 @dataclass(frozen=True)
@@ -18,12 +18,27 @@ class Topic:
     type
         Message class.
     qos
-        Profile that publisher and subscriber both use.
+        Profile of the suite's subscriptions.
     """
 
     name: str
     type: Any
     qos: QoSProfile
+
+    @property
+    def offered(self) -> QoSProfile:
+        """Profile of the suite's publishers: that of its subscriptions, but always reliable.
+
+        A reliable publisher reaches subscriptions of either kind, a best-effort one only its own.
+        With a last history it never waits for a slow subscriber: what that has not taken is
+        replaced. A best-effort subscription is served as before, and costs no more.
+        """
+        return QoSProfile(
+            history=self.qos.history,
+            depth=self.qos.depth,
+            reliability=ReliabilityPolicy.RELIABLE,
+            durability=self.qos.durability,
+        )
 
     @property
     def type_name(self) -> str:

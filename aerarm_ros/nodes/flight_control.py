@@ -105,7 +105,7 @@ class FlightControlNode:
         self._stopping = False
         self._stream = FlightStream(self.node, self._reject)
         topic = topics.ROTOR_COMMAND
-        self._publisher = self.node.create_publisher(topic.type, topic.name, topic.qos)
+        self._publisher = self.node.create_publisher(topic.type, topic.name, topic.offered)
         topic = topics.FLIGHT_SET_POINT
         self.node.create_subscription(topic.type, topic.name, self._on_set_point, topic.qos)
         self._diagnostics = DiagnosticsPublisher(self.node, config.name)

@@ -61,7 +61,7 @@ class Px4Imu:
         self._samples = self._attitudes = 0
         self._reported = (0, 0)
         self._is_stopping = False
-        self._imu = self._node.create_publisher(Imu, topics.IMU.name, topics.IMU.qos)
+        self._imu = self._node.create_publisher(Imu, topics.IMU.name, topics.IMU.offered)
         for kind, topic, act in (
             (SensorCombined, values.sensor_topic, self._on_sensor),
             (VehicleAttitude, values.attitude_topic, self._on_attitude),

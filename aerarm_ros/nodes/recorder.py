@@ -83,11 +83,11 @@ class Recorder:
         subscribed = [for_recording(topic, values.depth) for topic in topics]
         self._feed = BagFeed(self._node, topics, subscribed, self._directory, values.compression)
         until = RECORDED_UNTIL
-        self._until = self._node.create_publisher(until.type, until.name, until.qos)
+        self._until = self._node.create_publisher(until.type, until.name, until.offered)
         self._check = PublisherCheck(self._node, subscribed)
         self._sources = SolePublisher(self._node, JOINT_STATES)
         self._status_publisher = self._node.create_publisher(
-            String, RECORDER_STATUS.name, RECORDER_STATUS.qos
+            String, RECORDER_STATUS.name, RECORDER_STATUS.offered
         )
         self._diagnostics = DiagnosticsPublisher(self._node)
         self._own = self._node.resolve_topic_name(DIAGNOSTICS.name)

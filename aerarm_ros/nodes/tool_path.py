@@ -63,7 +63,7 @@ class ToolPath:
         self._distance = values.distance
         self._points: deque[NDArray[np.float64]] = deque(maxlen=values.length)
         self._publisher = self._node.create_publisher(
-            topics.TOOL_PATH.type, topics.TOOL_PATH.name, topics.TOOL_PATH.qos
+            topics.TOOL_PATH.type, topics.TOOL_PATH.name, topics.TOOL_PATH.offered
         )
         self._states = StateSampler(self._node, robot.joint_names)
         self._loop = PeriodicLoop(1.0 / values.rate)

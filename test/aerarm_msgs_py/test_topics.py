@@ -1,12 +1,23 @@
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
 
 from aerarm_msgs_py import topics
 
 
-def test_streams_are_best_effort_of_depth_one() -> None:
+def test_streams_are_taken_best_effort_of_depth_one() -> None:
     for topic in (topics.JOINT_STATES, topics.MOTOR_STATES, topics.JOINT_COMMAND):
         assert topic.type_name == 'sensor_msgs/msg/JointState'
         assert (topic.qos.depth, topic.qos.reliability) == (1, ReliabilityPolicy.BEST_EFFORT)
+
+
+def test_everybody_can_listen_to_what_the_suite_publishes() -> None:
+    for topic in topics.TOPICS.values():
+        assert topic.offered.reliability == ReliabilityPolicy.RELIABLE
+        # A slow subscriber would hold up a publisher that keeps all.
+        assert topic.offered.history == HistoryPolicy.KEEP_LAST
+        assert (topic.offered.depth, topic.offered.durability) == (
+            topic.qos.depth,
+            topic.qos.durability,
+        )
 
 
 def test_the_mode_is_latched() -> None:

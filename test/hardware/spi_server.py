@@ -82,6 +82,8 @@ class SpiServer:
         self.selector.register(connection, selectors.EVENT_READ, lambda: self.serve(device))
 
     def serve(self, device: Device) -> None:
+        if device.connection is None:  # it vanished in the same round
+            return
         try:
             self.transfer(device)
         except ConnectionError:  # its process was killed

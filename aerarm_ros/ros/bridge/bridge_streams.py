@@ -42,7 +42,7 @@ class BridgeStreams:
         self._power_cdr = Float64ArrayCdr(len(self._names))
         self._node = node
         self._joint_states, self._motor_states, self._motor_power = (
-            node.create_publisher(topic.type, topic.name, topic.qos)
+            node.create_publisher(topic.type, topic.name, topic.offered)
             for topic in (topics.JOINT_STATES, topics.MOTOR_STATES, topics.MOTOR_POWER)
         )
         self.commands = RawReader(node, topics.JOINT_COMMAND)

@@ -91,7 +91,7 @@ class HardwareBridge(LifecycleNode):
         self.requests = CycleRequests()
         self.values = parameters.declare(self, self.on_parameter, self.check_parameters)
         self._mode_publisher = self.create_publisher(
-            String, topics.ARM_MODE.name, topics.ARM_MODE.qos
+            String, topics.ARM_MODE.name, topics.ARM_MODE.offered
         )
         self._mode_log = ModeLog(self)
         self._rejection_log = RejectionLog(self, lambda: self._command_publishers.warning)

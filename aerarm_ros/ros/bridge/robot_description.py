@@ -22,7 +22,7 @@ class RobotDescription:
     def __init__(self, node: Node, urdf_text: str) -> None:
         self._node = node
         topic = topics.ROBOT_DESCRIPTION
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._publisher.publish(String(data=urdf_text))
 
     def destroy(self) -> None:

@@ -140,7 +140,7 @@ class StateNode:
 
     def advertise(self, topic: Topic) -> Any:
         """Return a publisher of the topic."""
-        return self.node.create_publisher(topic.type, topic.name, topic.qos)
+        return self.node.create_publisher(topic.type, topic.name, topic.offered)
 
     def count_answer(self) -> None:
         """Count that the newest state has been answered now."""

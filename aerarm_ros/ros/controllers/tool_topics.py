@@ -34,7 +34,7 @@ class ToolTopics:
         # An instance of its own: it works in the executor's thread.
         self._kinematics = Kinematics(controller.arm.robot, frame)
         pose = topics.TOOL_POSE
-        self._poses = controller.node.create_publisher(pose.type, pose.name, pose.qos)
+        self._poses = controller.node.create_publisher(pose.type, pose.name, pose.offered)
         controller.take_references(topics.TOOL_TRAJECTORY, self._on_target)
         controller.node.create_timer(_POSE_PERIOD, self._publish_pose)
 

@@ -40,7 +40,7 @@ class DiagnosticsPublisher:
         self._now_ns = now_ns
         self._node = node
         self._publisher = node.create_publisher(
-            DiagnosticArray, topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.qos
+            DiagnosticArray, topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.offered
         )
 
     def status(

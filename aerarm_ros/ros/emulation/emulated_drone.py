@@ -43,7 +43,7 @@ class EmulatedDrone:
         self._node = node
         self._plant = plant
         self._imu = imu
-        self._publisher = node.create_publisher(Imu, topics.IMU.name, topics.IMU.qos)
+        self._publisher = node.create_publisher(Imu, topics.IMU.name, topics.IMU.offered)
         self._message = Imu()
         self._message.header.frame_id = imu_frame
         self._is_moving = False

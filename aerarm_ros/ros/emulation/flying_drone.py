@@ -55,7 +55,7 @@ class FlyingDrone(EmulatedDrone):
         self._flight = plant
         self._odometry = odometry
         topic = topics.ODOMETRY
-        self._odometry_publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+        self._odometry_publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._told = Odometry()
         self._told.header.frame_id, self._told.child_frame_id = WORLD_FRAME, BODY_FRAME
         self._told_ns = 0

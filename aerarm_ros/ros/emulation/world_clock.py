@@ -31,7 +31,7 @@ class WorldClock:
     def __init__(self, node: Node) -> None:
         topic = topics.CLOCK
         self._node = node
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._due = 0
         self._told = b''
         self._rivals = RivalWatch(node, topic, _ADVICE)

@@ -70,7 +70,7 @@ class MotionPlayback:
         self._logger = node.get_logger()
         self._codec = JointStateCdr(joint_names)
         command = topics.JOINT_COMMAND
-        self._commands = node.create_publisher(command.type, command.name, command.qos)
+        self._commands = node.create_publisher(command.type, command.name, command.offered)
         self.damping = DampingAccount()
         self._conditions = StartConditions(
             node, self._commands, subscribers, recorder, self.damping.note

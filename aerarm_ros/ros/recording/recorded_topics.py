@@ -43,13 +43,13 @@ def for_recording(topic: Topic, depth: int) -> Topic:
 
 
 def as_recorded(topic: Topic, full_name: str) -> RecordedTopic:
-    """Return how the bag describes a topic."""
+    """Return how the bag describes a topic: as it is offered, and as a player should offer it."""
     return RecordedTopic(
         full_name,
         topic.type_name,
-        topic.qos.depth,
-        reliable=topic.qos.reliability == ReliabilityPolicy.RELIABLE,
-        latched=topic.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+        topic.offered.depth,
+        reliable=topic.offered.reliability == ReliabilityPolicy.RELIABLE,
+        latched=topic.offered.durability == DurabilityPolicy.TRANSIENT_LOCAL,
     )
 
 

@@ -39,7 +39,7 @@ class SetPointRequest:
         self._mode = ''
         self._rejections: dict[str, tuple[int, str]] = {}
         topic = topics.SET_POINT
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._listen(topics.JOINT_STATES, self._on_state)
         self._listen(topics.ARM_MODE, self._on_mode)
         self._listen(topics.DIAGNOSTICS, self._on_diagnostics)

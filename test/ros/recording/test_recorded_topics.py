@@ -51,5 +51,5 @@ def test_a_recorder_has_a_deep_history_and_the_topic_s_own_reliability() -> None
 def test_the_bag_describes_what_publishers_offer() -> None:
     recorded = as_recorded(topics.JOINT_STATES, '/arm/joint_states')
     assert (recorded.name, recorded.type) == ('/arm/joint_states', 'sensor_msgs/msg/JointState')
-    assert (recorded.depth, recorded.reliable, recorded.latched) == (1, False, False)
+    assert (recorded.depth, recorded.reliable, recorded.latched) == (1, True, False)
     assert as_recorded(topics.ARM_MODE, '/arm_mode').latched

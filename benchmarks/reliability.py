@@ -1,0 +1,137 @@
+"""What a reliable joint_states costs its publisher, beside a best-effort one in the same loop.
+
+At 1 kHz a process publishes the same states on two topics, first the one, then the other: best
+effort, and reliable with depth 1. Both have a subscriber of the suite (best effort). The reliable
+one may have another: one more of the suite, or a reliable one with depth 10, as tutorials have it,
+that reads all, that reads once a second, or that is stopped (SIGSTOP) as by a debugger.
+"""
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.ros.process.node_process import ros_environment
+
+PERIOD = 1e-3
+NAMES = ['joint1', 'joint2', 'joint3', 'joint4']
+BEST_EFFORT = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE
+)
+RELIABLE = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE
+)
+TUTORIAL = QoSProfile(depth=10)
+READERS = ('none', 'best effort', 'reads all', 'reads once a second', 'is stopped')
+
+
+def subscribe(name: str, how: str) -> None:
+    """Be a subscriber until the input ends."""
+    rclpy.init(args=[])
+    node = Node('subscriber')
+    qos = BEST_EFFORT if how in ('suite', 'best effort') else TUTORIAL
+    node.create_subscription(JointState, name, lambda _: None, qos, raw=True)
+    while rclpy.ok():
+        rclpy.spin_once(node, timeout_sec=1.0)
+        if how == 'reads once a second':
+            time.sleep(1.0)
+
+
+class Clocked:
+    """A publisher that notes how long each message takes it, in time and in processor time."""
+
+    def __init__(self, node: Node, name: str, qos: QoSProfile) -> None:
+        self.publisher: Publisher = node.create_publisher(JointState, name, qos)
+        self.took: list[tuple[int, int]] = []
+
+    def publish(self, payload: bytes) -> None:
+        """Publish, and note what it took."""
+        begin, begin_cpu = time.perf_counter_ns(), time.thread_time_ns()
+        self.publisher.publish(payload)
+        end_cpu, end = time.thread_time_ns(), time.perf_counter_ns()
+        self.took.append((end - begin, end_cpu - begin_cpu))
+
+    def line(self) -> str:
+        """Return quantiles [us]."""
+        wall, cpu = np.array(self.took).T * 1e-3
+        p50, p99, p999 = np.percentile(wall, [50.0, 99.0, 99.9])
+        return f'{p50:6.1f}{p99:8.1f}{p999:8.1f}{wall.max():9.1f}{np.median(cpu):9.1f}'
+
+
+def run(how: str, cycles: int) -> None:
+    """Publish beside one kind of reader, and print a line for each topic."""
+    command = [sys.executable, __file__, '--subscribe']
+    others = [('best_effort', 'suite'), ('reliable', 'suite')]
+    if how != 'none':
+        others.append(('reliable', how))
+    processes = [subprocess.Popen([*command, *other], env=ros_environment()) for other in others]
+    node = Node('publisher')
+    both = [Clocked(node, 'best_effort', BEST_EFFORT), Clocked(node, 'reliable', RELIABLE)]
+    try:
+        wait_until(lambda: sum(p.publisher.get_subscription_count() for p in both) == len(others))
+        if how == 'is stopped':
+            processes[-1].send_signal(signal.SIGSTOP)
+        publish(both, cycles)
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+        node.destroy_node()
+    for topic, kind in zip(both, ('best effort', 'reliable'), strict=True):
+        print(f'{how:22s}{kind:13s}{topic.line()}', flush=True)
+
+
+def publish(both: list[Clocked], cycles: int) -> None:
+    """Publish on both topics, in turns as the first."""
+    cdr, state, loop = JointStateCdr(NAMES), np.full(4, 0.1), PeriodicLoop(PERIOD)
+
+    def cycle(now_ns: int, index: int) -> None:
+        payload = bytes(cdr.pack(time.time_ns(), state, state, state))
+        for topic in both if index % 2 else reversed(both):
+            topic.publish(payload)
+        if loop.cycles >= cycles:
+            loop.stop()
+
+    loop.run(cycle)
+
+
+def wait_until(condition: Callable[[], bool], timeout: float = 60.0) -> None:
+    """Wait for a condition; raises TimeoutError."""
+    deadline = time.monotonic() + timeout
+    while not condition():
+        if time.monotonic() > deadline:
+            raise TimeoutError
+        time.sleep(0.02)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--cycles', type=int, default=10_000)
+    parser.add_argument('--subscribe', nargs=2, metavar=('TOPIC', 'HOW'), help='be a subscriber')
+    options, _ = parser.parse_known_args()
+    os.environ.update(ros_environment())
+    if options.subscribe:
+        subscribe(*options.subscribe)
+        return 0
+    rclpy.init(args=[])
+    print('time in publish() [us]              p50     p99   p99.9      max  CPU p50')
+    for how in READERS:
+        run(how, options.cycles)
+    rclpy.shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
