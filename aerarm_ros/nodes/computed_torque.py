@@ -20,6 +20,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     one_or_each,
 )
 from aerarm_ros.ros.controllers.state_node import state_node_parameters
+from aerarm_ros.ros.controllers.trajectory_action import serve_trajectories
 from aerarm_ros.ros.controllers.trajectory_input import follow_trajectory, go_to_set_point
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
@@ -71,13 +72,14 @@ class ComputedTorqueNode(ControllerNode):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Listen to trajectories and set points."""
+        """Take trajectories, by topic and action, and set points."""
         self.take_references(
             topics.JOINT_TRAJECTORY, lambda m, now: follow_trajectory(self.follower, m, now)
         )
         self.take_references(
             topics.SET_POINT, lambda m, now: go_to_set_point(self.follower, m, now)
         )
+        serve_trajectories(self, self.follower)
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Change gains."""

@@ -22,6 +22,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     one_or_each,
 )
 from aerarm_ros.ros.controllers.state_node import state_node_parameters
+from aerarm_ros.ros.controllers.trajectory_action import serve_trajectories
 from aerarm_ros.ros.controllers.trajectory_input import follow_trajectory, go_to_set_point
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
@@ -62,9 +63,10 @@ class GravityCompensationNode(ControllerNode):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Listen to set points and trajectories."""
+        """Take set points, and trajectories by topic and action."""
         self.take_references(topics.SET_POINT, self._unless_guided(go_to_set_point))
         self.take_references(topics.JOINT_TRAJECTORY, self._unless_guided(follow_trajectory))
+        serve_trajectories(self, self.follower, self._guidance_problem)
 
     def before_update(self, state: ArmState, now: float) -> None:
         """Let the reference follow the arm while a person moves it."""
@@ -96,12 +98,16 @@ class GravityCompensationNode(ControllerNode):
         motion = {'motion': mode, 'last motion': self.follower.outcome}
         return {**super().describe(), **motion}
 
+    def _guidance_problem(self) -> str:
+        return 'hand_guiding is on: switch it off first' if self.law.hand_guiding else ''
+
     def _unless_guided(self, act: Callable[..., None]) -> Callable[[Any, float], None]:
         """Return what takes a message for the follower, except while a person moves the arm."""
 
         def take(message: Any, now: float) -> None:
-            if self.law.hand_guiding:
-                raise RejectedInputError('hand_guiding is on: switch it off first')
+            problem = self._guidance_problem()
+            if problem:
+                raise RejectedInputError(problem)
             act(self.follower, message, now)
 
         return take

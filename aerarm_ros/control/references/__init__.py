@@ -11,10 +11,13 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'blend': ['Blend'],
         'follower_tolerances': ['FollowerTolerances'],
+        'goal_tolerances': ['goal_tolerances'],
         'joint_trajectory': ['JointTrajectory'],
+        'motion_end': ['MotionEnd'],
         'reference_source': ['ReferenceSource'],
         'streamed_point': ['StreamedPoint'],
         'target_follower': ['TargetFollower'],
         'trajectory_follower': ['TrajectoryFollower'],
+        'trajectory_goals': ['GoalResult', 'ResultCode', 'TrajectoryGoals'],
     },
 )

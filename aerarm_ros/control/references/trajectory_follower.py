@@ -10,6 +10,7 @@ from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.references.blend import Blend
 from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
+from aerarm_ros.control.references.motion_end import MotionEnd
 from aerarm_ros.control.references.streamed_point import StreamedPoint
 from aerarm_ros.motion.joint_reference import JointReference
 from aerarm_ros.motion.polynomial_path import PolynomialPath
@@ -45,6 +46,10 @@ class TrajectoryFollower:
         'holding', 'moving' or 'streaming'.
     outcome : str
         How the last motion ended, for people.
+    motion : int
+        Number of the motion under way; another one, or a hold, has another number.
+    end : MotionEnd
+        How the last motion ended.
     reference : JointReference
         The one returned last.
     """
@@ -61,6 +66,9 @@ class TrajectoryFollower:
         self._limits = limits
         self._tolerances = tolerances
         self.outcome = 'no motion yet'
+        self.end = MotionEnd.STOPPED
+        self.status = 'holding'
+        self.motion = 0
         self.take_over(np.zeros(limits.n))
 
     @property
@@ -68,14 +76,32 @@ class TrajectoryFollower:
         """Limits every reference is checked against."""
         return self._limits
 
+    @property
+    def tolerances(self) -> FollowerTolerances:
+        """Tolerances of motions that bring none of their own."""
+        return self._tolerances
+
+    @property
+    def elapsed(self) -> float:
+        """Time of the motion under way at the last update [s]."""
+        return self._elapsed
+
     def take_over(self, q: npt.ArrayLike) -> None:
         """Hold the present posture `q` (n,) [rad] from now on."""
+        if self.status != 'holding':
+            self.outcome, self.end = 'stopped: control began anew', MotionEnd.STOPPED
         self.reference = JointReference.at_rest(q)
         self._blend: Blend | None = None
         self._replaced = 0.0
         self._begin(StreamedPoint(self.reference, np.inf), 0.0, 'holding')
 
-    def follow(self, trajectory: JointTrajectory, now: float, start: float | None = None) -> None:
+    def follow(
+        self,
+        trajectory: JointTrajectory,
+        now: float,
+        start: float | None = None,
+        tolerances: FollowerTolerances | None = None,
+    ) -> None:
         """Start a trajectory, or take a streamed point.
 
         Parameters
@@ -85,6 +111,8 @@ class TrajectoryFollower:
             [s]
         start : float, optional
             When its time zero is [s], if that isn't now. What lies in the past is skipped.
+        tolerances : FollowerTolerances, optional
+            Path, goal and goal time of this motion, if they aren't those of the follower.
 
         Raises
         ------
@@ -102,6 +130,7 @@ class TrajectoryFollower:
         self._check_start(motion.evaluate(now - begin).q)
         status = 'streaming' if trajectory.is_single_point else 'moving'
         self._replace(motion, now, status, begin)
+        self._used = tolerances or self._tolerances
 
     def go_to(self, q: Array, now: float) -> None:
         """Go to rest at `q` (n,) [rad] on a quintic that uses half of what limits allow.
@@ -127,7 +156,7 @@ class TrajectoryFollower:
             q = self.reference.q + 2.0 * dq * np.abs(dq) / self._limits.acceleration_max
         q = np.clip(q, self._limits.position_min, self._limits.position_max)
         self._replace(StreamedPoint(JointReference.at_rest(q), np.inf), now, 'holding')
-        self.outcome = reason
+        self.outcome, self.end = reason, MotionEnd.STOPPED
 
     def update(self, q: Array, now: float, dt: float = 0.0) -> JointReference:
         """Return the reference at `now`, with the arm measured at `q` (n,) [rad].
@@ -135,8 +164,9 @@ class TrajectoryFollower:
         `dt` isn't used: the reference is a function of time.
         """
         self.reference = self._evaluate(now)
+        self._elapsed = now - self._start
         if self.status != 'holding':
-            self._watch(q, now, now - self._start)
+            self._watch(q, now, self._elapsed)
         return self.reference
 
     def _evaluate(self, now: float) -> JointReference:
@@ -169,28 +199,34 @@ class TrajectoryFollower:
         deviation = JointReference(old.q - new.q, old.dq - new.dq, old.ddq - new.ddq)
         self._blend = Blend(deviation, self._limits)
         self._replaced = now
+        self.end = MotionEnd.REPLACED
         self._begin(motion, begin, status)
 
     def _begin(self, motion: _Motion, start: float, status: str) -> None:
         self._motion = motion
         self._start = start
+        self._elapsed = 0.0
         self.status = status
+        self.motion += 1
+        self._used = self._tolerances
 
     def _watch(self, q: Array, now: float, elapsed: float) -> None:
         """End the motion at its goal, when its stream falls silent, or when the arm lags."""
-        error = np.abs(self.reference.q - q)
-        if np.any(error > self._tolerances.path):
-            joint = int(np.argmax(error / self._tolerances.path))
+        error, used = np.abs(self.reference.q - q), self._used
+        if np.any(error > used.path):
+            joint = int(np.argmax(error / used.path))
             # Where the arm is, so that whatever blocks it isn't pushed on.
             reason = f'stopped: {self._limits.names[joint]} {error[joint]:.3g} rad off path'
             self.stop(now, reason, q)
+            self.end = MotionEnd.OFF_PATH
         elif elapsed < self._motion.duration:
             return
         elif self.status == 'streaming':
             self.stop(now, 'stopped: no streamed point in time')
-        elif np.all(error <= self._tolerances.goal):
-            self.status, self.outcome = 'holding', f'reached, error {error.max():.2g} rad'
-        elif elapsed > self._motion.duration + self._tolerances.goal_time:
-            joint = int(np.argmax(error / self._tolerances.goal))
-            self.status = 'holding'
+        elif np.all(error <= used.goal):
+            self.status, self.end = 'holding', MotionEnd.REACHED
+            self.outcome = f'reached, error {error.max():.2g} rad'
+        elif elapsed > self._motion.duration + used.goal_time:
+            joint = int(np.argmax(error / used.goal))
+            self.status, self.end = 'holding', MotionEnd.OFF_GOAL
             self.outcome = f'missed: {self._limits.names[joint]} {error[joint]:.3g} rad off goal'

@@ -14,6 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'state_node': ['StateNode', 'state_node_parameters'],
         'target_parameters': ['TARGET_PARAMETERS', 'make_target_follower'],
         'tool_topics': ['ToolTopics'],
+        'trajectory_action': ['TrajectoryAction', 'serve_trajectories'],
         'trajectory_input': ['follow_trajectory', 'go_to_set_point'],
     },
 )

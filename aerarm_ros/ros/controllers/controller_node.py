@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 from std_msgs.msg import String
 
@@ -17,6 +17,19 @@ from aerarm_ros.ros.controllers.state_node import StateNode
 from aerarm_ros.ros.states.arm_modes import COMMANDABLE
 
 _DISTURBANCE_PERIOD = 10  # answered states
+
+
+class Attendant(Protocol):
+    """Something that follows what a controller's loop does."""
+
+    def update(self) -> None:
+        """Act after a command is sent, in the loop's thread."""
+
+    def give_up(self, reason: str) -> None:
+        """Act while the arm is not controlled, in the loop's thread, at every state."""
+
+    def destroy(self) -> None:
+        """Destroy what belongs to the node; called once, at its end."""
 
 
 class ControllerNode(StateNode):
@@ -49,15 +62,24 @@ class ControllerNode(StateNode):
 
     # For derived controllers.
 
+    def attend(self, attendant: Attendant) -> None:
+        """Tell something of each update of the loop, and of the arm's release."""
+        self._attendants.append(attendant)
+
+    def commandable_problem(self, what: str) -> str:
+        """Return why something cannot move the arm now, '' if it can."""
+        if self._mode in COMMANDABLE:
+            return ''
+        mode = self._mode or 'unknown'
+        return f"{what}: the arm is '{mode}': enable it, or clear its fault, first"
+
     def take_references(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
         """Listen to a topic that moves the arm; rejected while the arm can't be commanded."""
 
         def take(message: Any, now: float) -> None:
-            if self._mode not in COMMANDABLE:
-                mode = self._mode or 'unknown'
-                raise RejectedInputError(
-                    f"{topic.name}: the arm is '{mode}': enable it, or clear its fault, first"
-                )
+            problem = self.commandable_problem(topic.name)
+            if problem:
+                raise RejectedInputError(problem)
             act(message, now)
 
         self.listen(topic, take)
@@ -69,7 +91,8 @@ class ControllerNode(StateNode):
         self.loop = self.make_loop()
         self._codec = JointStateCdr(self.arm.config.joint_names)
         self._mode = ''
-        self._answered = 0
+        self._answered = self._told = 0
+        self._attendants: list[Attendant] = []
         self._answered_ns: int | None = None
         self._command = b''
 
@@ -85,6 +108,8 @@ class ControllerNode(StateNode):
         if self._mode not in COMMANDABLE:
             self.loop.release()
             self._answered_ns = None
+            for attendant in self._attendants:
+                attendant.give_up(f"the arm is '{self._mode}'")
             return
         if stamp_ns == self._answered_ns:
             # An emulated arm in lockstep tells its state again: it did not hear the answer.
@@ -99,10 +124,19 @@ class ControllerNode(StateNode):
         self._answered_ns = stamp_ns
         self._commands.publish(self._command)
         self.count_answer()
+        self._tell_take_over(state)
         self.loop.observe()
+        for attendant in self._attendants:
+            attendant.update()
         self._answered += 1
         if self.loop.disturbance is not None and self._answered % _DISTURBANCE_PERIOD == 0:
             self._disturbance.publish(self._codec.pack(stamp_ns, effort=self.loop.disturbance))
+
+    def close(self) -> None:
+        """Destroy the node, and before it what attends its loop."""
+        for attendant in self._attendants:
+            attendant.destroy()
+        super().close()
 
     def warning(self) -> str:
         """Return what diagnostics should warn of."""
@@ -122,6 +156,17 @@ class ControllerNode(StateNode):
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
         return values
+
+    def _tell_take_over(self, state: ArmState) -> None:
+        """Log once that control has begun, and where."""
+        if self.loop.take_overs == self._told:
+            return
+        self._told = self.loop.take_overs
+        where = ', '.join(
+            f'{name} {angle:.2f}'
+            for name, angle in zip(self.arm.config.joint_names, state.q.tolist(), strict=True)
+        )
+        self.node.get_logger().info(f'in charge, from {where} rad', throttle_duration_sec=1.0)
 
     def _on_mode(self, message: String, _: float) -> None:
         self._mode = message.data

@@ -138,6 +138,10 @@ class StateNode:
 
         self.node.create_subscription(topic.type, topic.name, store, topic.qos)
 
+    def act(self, action: Callable[[float], None]) -> None:
+        """Do something in the loop's thread, before the next answer; it may reject its input."""
+        self._requests.append(action)
+
     def advertise(self, topic: Topic) -> Any:
         """Return a publisher of the topic."""
         return self.node.create_publisher(topic.type, topic.name, topic.offered)

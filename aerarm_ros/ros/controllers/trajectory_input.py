@@ -20,12 +20,23 @@ def follow_trajectory(follower: TrajectoryFollower, message: TrajectoryMessage, 
 
     A trajectory without points stops the arm. Raises RejectedInputError.
     """
-    points = message.points
-    if not points:
+    if not message.points:
         follower.stop(now, 'stopped: empty trajectory')
         return
+    trajectory, start = read_trajectory(follower.limits, message, now)
+    follower.follow(trajectory, now, start)
+
+
+def read_trajectory(
+    limits: JointLimits, message: TrajectoryMessage, now: float
+) -> tuple[JointTrajectory, float | None]:
+    """Return a message's trajectory, and when it starts [s], None for now.
+
+    Raises RejectedInputError.
+    """
+    points = message.points
     trajectory = JointTrajectory(
-        follower.limits,
+        limits,
         list(message.joint_names),
         [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points],
         [list(p.positions) for p in points],
@@ -38,7 +49,7 @@ def follow_trajectory(follower: TrajectoryFollower, message: TrajectoryMessage, 
             f'trajectory: it is stamped {stamp - now:+.1f} s from now (allowed: {-_LATEST:+g} to '
             f'{_EARLIEST:+g}): use a zero stamp for now, and check the clocks'
         )
-    follower.follow(trajectory, now, stamp or None)
+    return trajectory, stamp or None
 
 
 def go_to_set_point(follower: TrajectoryFollower, message: JointState, now: float) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from typing import Any
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
@@ -12,6 +13,7 @@ from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerGuardCondition
+from rclpy.task import Task
 from rclpy.waitable import NumberOfEntities
 
 from aerarm_ros.ros.executors.waited_entity import WaitedEntity, WaitedWaitable, waited_entities
@@ -33,7 +35,7 @@ class LeanExecutor:
     task: a request for a parameter costs 0.5 to 1 ms of the interpreter's time, here a third
     of it. Callbacks run one after the other, whatever their group; entities of a group that
     lets nothing run, as those of a RawReader, are left alone. Callbacks must not be
-    coroutines.
+    coroutines; what an action server executes may be one.
 
     Parameters
     ----------
@@ -53,6 +55,7 @@ class LeanExecutor:
         )
         self._entities: list[WaitedEntity | WaitedWaitable] = []
         self._ready: deque[WaitedEntity | WaitedWaitable] = deque()
+        self._tasks: list[Task] = []
         self._held = ExitStack()
         self._changed = True
         self._context.on_shutdown(self.wake)
@@ -74,6 +77,15 @@ class LeanExecutor:
 
     def remove_node(self, node: Node) -> None:
         """Take note that the node has left."""
+
+    def create_task(self, callback: Callable[..., Any], *args: Any) -> Task:
+        """Begin a function or coroutine after the present callback; to be called from one.
+
+        A coroutine goes on after each wait, so that what it waits for should come from a callback.
+        """
+        task = Task(callback, args, executor=None)
+        self._tasks.append(task)
+        return task
 
     def wake(self) -> None:
         """End a wait, because entities have changed or something else has."""
@@ -99,6 +111,14 @@ class LeanExecutor:
             if self._before_work is not None:
                 self._before_work()
             entity.run()
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Let tasks do what they can, in the order in which they came."""
+        for task in self._tasks:
+            task()
+        if self._tasks:
+            self._tasks = [task for task in self._tasks if not task.done()]
 
     def shutdown(self) -> None:
         """Leave the node; call it once, from no callback."""

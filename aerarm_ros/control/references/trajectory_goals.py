@@ -1,0 +1,118 @@
+"""Goals that a trajectory follower works on, one at a time, each to its end."""
+
+from collections.abc import Hashable
+from enum import IntEnum
+from typing import NamedTuple
+
+from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.joint_trajectory import JointTrajectory
+from aerarm_ros.control.references.motion_end import MotionEnd
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+
+SUCCEEDED, ABORTED, CANCELED = 'succeeded', 'aborted', 'canceled'
+
+
+class ResultCode(IntEnum):
+    """Of control_msgs/action/FollowJointTrajectory, as joint_trajectory_controller uses them."""
+
+    SUCCESSFUL = 0
+    INVALID_GOAL = -1
+    INVALID_JOINTS = -2
+    OLD_HEADER_TIMESTAMP = -3
+    PATH_TOLERANCE_VIOLATED = -4
+    GOAL_TOLERANCE_VIOLATED = -5
+
+
+class GoalResult(NamedTuple):
+    """How a goal has ended: SUCCEEDED, ABORTED or CANCELED, why, and in words."""
+
+    state: str
+    code: ResultCode
+    text: str
+
+
+_RESULTS = {
+    MotionEnd.REACHED: (SUCCEEDED, ResultCode.SUCCESSFUL),
+    MotionEnd.OFF_PATH: (ABORTED, ResultCode.PATH_TOLERANCE_VIOLATED),
+    MotionEnd.OFF_GOAL: (ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED),
+    MotionEnd.REPLACED: (ABORTED, ResultCode.INVALID_GOAL),
+    MotionEnd.STOPPED: (ABORTED, ResultCode.INVALID_GOAL),
+}
+
+
+class TrajectoryGoals:
+    """Starts and cancels goals, and says how each one ended.
+
+    A new goal takes the place of the one under way, and so does any other motion of the follower,
+    as one that came on a topic. A goal that cannot start leaves that one alone.
+
+    Parameters
+    ----------
+    follower : TrajectoryFollower
+        What moves; it is updated by others.
+
+    Attributes
+    ----------
+    active : Hashable or None
+        The goal under way.
+    """
+
+    def __init__(self, follower: TrajectoryFollower) -> None:
+        self.active: Hashable | None = None
+        self._follower = follower
+        self._motion = 0
+
+    def start(
+        self,
+        goal: Hashable,
+        trajectory: JointTrajectory,
+        now: float,
+        start: float | None = None,
+        tolerances: FollowerTolerances | None = None,
+    ) -> list[tuple[Hashable, GoalResult]]:
+        """Begin a goal; return the one whose place it has taken, with its result.
+
+        Parameters
+        ----------
+        goal : Hashable
+            Stands for the goal here.
+        trajectory, now, start, tolerances
+            As of `TrajectoryFollower.follow`.
+
+        Raises
+        ------
+        RejectedInputError
+            If it cannot start; nothing has changed then.
+        """
+        self._follower.follow(trajectory, now, start, tolerances)
+        text = 'another goal has taken its place'
+        before = self._end(GoalResult(ABORTED, ResultCode.INVALID_GOAL, text))
+        self.active, self._motion = goal, self._follower.motion
+        return before
+
+    def cancel(self, goal: Hashable, now: float) -> list[tuple[Hashable, GoalResult]]:
+        """Brake and hold, if this goal is under way; return it with its result."""
+        if goal != self.active:
+            return []
+        self._follower.stop(now, 'stopped: its goal was canceled')
+        return self._end(GoalResult(CANCELED, ResultCode.SUCCESSFUL, 'canceled'))
+
+    def give_up(self, reason: str) -> list[tuple[Hashable, GoalResult]]:
+        """End the goal under way because the arm isn't controlled any more; return it."""
+        return self._end(GoalResult(ABORTED, ResultCode.INVALID_GOAL, reason))
+
+    def update(self) -> list[tuple[Hashable, GoalResult]]:
+        """Return the goal that has ended by the follower's last update, with its result."""
+        follower = self._follower
+        is_same = follower.motion == self._motion
+        if self.active is None or (is_same and follower.status != 'holding'):
+            return []
+        state, code = _RESULTS[follower.end]
+        text = follower.end.value if follower.end is MotionEnd.REPLACED else follower.outcome
+        return self._end(GoalResult(state, code, text))
+
+    def _end(self, result: GoalResult) -> list[tuple[Hashable, GoalResult]]:
+        if self.active is None:
+            return []
+        ended, self.active = self.active, None
+        return [(ended, result)]

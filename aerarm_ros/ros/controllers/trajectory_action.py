@@ -1,0 +1,213 @@
+"""The action FollowJointTrajectory, as MoveIt and others send it, on a trajectory follower."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from builtin_interfaces.msg import Duration, Time
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.task import Future
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.goal_tolerances import goal_tolerances
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.references.trajectory_goals import (
+    ABORTED,
+    CANCELED,
+    SUCCEEDED,
+    GoalResult,
+    ResultCode,
+    TrajectoryGoals,
+)
+from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.controllers.trajectory_input import read_trajectory
+
+NAME = 'follow_joint_trajectory'
+_FEEDBACK_PERIOD = 0.05  # [s]
+_BILLION = 1_000_000_000
+
+
+def serve_trajectories(
+    controller: ControllerNode,
+    follower: TrajectoryFollower,
+    problem: Callable[[], str] = lambda: '',
+) -> None:
+    """Serve the action `~/follow_joint_trajectory`, unless control_msgs is missing.
+
+    Parameters
+    ----------
+    controller, follower
+        What runs the follower.
+    problem
+        Returns why the controller takes no goal now, '' if it does.
+    """
+    if find_spec('control_msgs') is None:
+        controller.node.get_logger().info(
+            f'control_msgs is not installed: no action ~/{NAME}, trajectories come on the topic'
+        )
+        return
+    action_type = import_module('control_msgs.action').FollowJointTrajectory
+    controller.attend(TrajectoryAction(controller, follower, action_type, problem))
+
+
+class TrajectoryAction:
+    """Serves goals; what they mean is decided by `TrajectoryGoals` in the loop's thread.
+
+    Parameters
+    ----------
+    controller, follower
+        What runs the follower, and is attended.
+    action_type
+        control_msgs/action/FollowJointTrajectory.
+    problem
+        Returns why the controller takes no goal now, '' if it does.
+    """
+
+    def __init__(
+        self,
+        controller: ControllerNode,
+        follower: TrajectoryFollower,
+        action_type: Any,
+        problem: Callable[[], str],
+    ) -> None:
+        self._controller = controller
+        self._follower = follower
+        self._type = action_type
+        self._problem = problem
+        self._goals = TrajectoryGoals(follower)
+        self._own = follower.tolerances
+        # Goals that wait for their result, by their handles.
+        self._waiting: dict[Any, Future] = {}
+        self._ended: list[tuple[Any, GoalResult]] = []
+        node = controller.node
+        self._news = node.create_guard_condition(self._hand_over)
+        self._timer = node.create_timer(_FEEDBACK_PERIOD, self._publish_feedback, autostart=False)
+        self._server = ActionServer(
+            node,
+            action_type,
+            f'~/{NAME}',
+            self._execute,
+            goal_callback=self._judge,
+            cancel_callback=self._cancel,
+        )
+
+    # In the loop's thread.
+
+    def update(self) -> None:
+        """Notice a goal that has ended by the last update of the follower."""
+        self._end(self._goals.update())
+
+    def give_up(self, reason: str) -> None:
+        """End the goal under way: the arm is not controlled any more."""
+        self._end(self._goals.give_up(reason))
+
+    def destroy(self) -> None:
+        """Destroy the server; the loop has ended."""
+        self._server.destroy()
+
+    def _start(self, handle: Any, now: float) -> None:
+        try:
+            problem = self._controller.commandable_problem(NAME) or self._problem()
+            if problem:
+                raise RejectedInputError(problem)
+            trajectory, start = read_trajectory(
+                self._follower.limits, handle.request.trajectory, now
+            )
+            ended = self._goals.start(handle, trajectory, now, start, self._tolerances(handle))
+        except RejectedInputError as error:
+            self._end([(handle, GoalResult(ABORTED, ResultCode.INVALID_GOAL, str(error)))])
+            raise
+        self._end(ended)
+
+    def _tolerances(self, handle: Any) -> FollowerTolerances:
+        request, time = handle.request, handle.request.goal_time_tolerance
+        try:
+            return goal_tolerances(
+                self._own,
+                self._follower.limits.names,
+                [(tolerance.name, tolerance.position) for tolerance in request.path_tolerance],
+                [(tolerance.name, tolerance.position) for tolerance in request.goal_tolerance],
+                time.sec + time.nanosec / _BILLION,
+            )
+        except RejectedInputError as error:
+            # As joint_trajectory_controller does.
+            self._controller.reject(f'{error}; the defaults are used')
+            return self._own
+
+    def _end(self, ended: list[tuple[Any, GoalResult]]) -> None:
+        if ended:
+            self._ended += ended
+            self._news.trigger()
+
+    # In the executor's thread.
+
+    def _judge(self, request: Any) -> GoalResponse:
+        try:
+            problem = self._controller.commandable_problem(NAME) or self._problem()
+            if problem:
+                raise RejectedInputError(problem)
+            if not request.trajectory.points:
+                raise RejectedInputError(f'{NAME}: the trajectory has no points')
+            if request.multi_dof_trajectory.points:
+                raise RejectedInputError(f'{NAME}: the arm has no joints of several degrees')
+            now = self._controller.stamp_ns / _BILLION
+            read_trajectory(self._follower.limits, request.trajectory, now)
+        except RejectedInputError as error:
+            self._controller.reject(str(error))
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _cancel(self, handle: Any) -> CancelResponse:
+        self._controller.act(lambda now: self._end(self._goals.cancel(handle, now)))
+        return CancelResponse.ACCEPT
+
+    async def _execute(self, handle: Any) -> Any:
+        result = self._waiting[handle] = Future()
+        self._controller.act(lambda now: self._start(handle, now))
+        self._timer.reset()
+        ended: GoalResult = await result
+        end = {SUCCEEDED: handle.succeed, ABORTED: handle.abort, CANCELED: handle.canceled}
+        end[ended.state]()
+        self._controller.node.get_logger().info(f'{NAME}: {ended.state}: {ended.text}')
+        return self._type.Result(error_code=int(ended.code), error_string=ended.text)
+
+    def _hand_over(self) -> None:
+        while self._ended:
+            handle, result = self._ended.pop(0)
+            future = self._waiting.pop(handle, None)
+            if future is not None:
+                future.set_result(result)
+        if not self._waiting:
+            self._timer.cancel()
+
+    def _publish_feedback(self) -> None:
+        handle: Any = self._goals.active
+        state = self._controller.state
+        if handle not in self._waiting or state is None:
+            return
+        reference, stamp_ns = self._follower.reference, self._controller.stamp_ns
+        stamp = Time(sec=stamp_ns // _BILLION, nanosec=stamp_ns % _BILLION)
+        feedback = self._type.Feedback(
+            header=Header(stamp=stamp),
+            joint_names=list(self._follower.limits.names),
+            desired=_point(reference.q, reference.dq, reference.ddq, self._follower.elapsed),
+            actual=_point(state.q, state.dq),
+            error=_point(reference.q - state.q, reference.dq - state.dq),
+        )
+        handle.publish_feedback(feedback)
+
+
+def _point(q: Any, dq: Any, ddq: Any = (), elapsed: float = 0.0) -> JointTrajectoryPoint:
+    elapsed_ns = max(0, round(elapsed * _BILLION))
+    return JointTrajectoryPoint(
+        positions=list(q),
+        velocities=list(dq),
+        accelerations=list(ddq),
+        time_from_start=Duration(sec=elapsed_ns // _BILLION, nanosec=elapsed_ns % _BILLION),
+    )

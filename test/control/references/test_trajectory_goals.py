@@ -1,0 +1,193 @@
+"""Goals on a follower whose arm lags as told; time is what the test says."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.joint_trajectory import JointTrajectory
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.references.trajectory_goals import (
+    ABORTED,
+    CANCELED,
+    SUCCEEDED,
+    ResultCode,
+    TrajectoryGoals,
+)
+
+NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
+HOME = np.array([0.0, 1.5, 0.0, 0.0])
+AWAY = np.array([0.3, 1.2, -0.2, 0.3])
+CYCLE = 1e-2
+TOLERANCES = FollowerTolerances.uniform(4, path=0.2, goal=0.01, goal_time=0.5)
+
+
+class Arm:
+    """A follower with its goals, and an arm that is off its reference by `lag` [rad]."""
+
+    def __init__(self, limits: JointLimits) -> None:
+        self.follower = TrajectoryFollower(limits, TOLERANCES)
+        self.follower.take_over(HOME)
+        self.goals = TrajectoryGoals(self.follower)
+        self.limits = limits
+        self.now = 100.0
+        self.lag = np.zeros(4)
+        self.ended: list = []
+
+    def start(self, goal: str, q: np.ndarray = AWAY, seconds: float = 1.0, **options) -> None:
+        trajectory = JointTrajectory(self.limits, NAMES, [seconds], [q])
+        self.ended += self.goals.start(goal, trajectory, self.now, **options)
+
+    def run(self, seconds: float, until: Callable[[], object] = lambda: False) -> None:
+        for _ in range(round(seconds / CYCLE)):
+            if until():
+                return
+            self.now += CYCLE
+            self.follower.update(self.follower.reference.q + self.lag, self.now, CYCLE)
+            self.ended += self.goals.update()
+
+
+@pytest.fixture
+def arm(limits: JointLimits) -> Arm:
+    return Arm(limits)
+
+
+def only(arm: Arm) -> tuple:
+    ((goal, result),) = arm.ended
+    return goal, result.state, result.code
+
+
+def test_a_goal_that_is_reached_succeeds_at_the_end_of_its_trajectory(arm: Arm) -> None:
+    arm.start('a')
+    arm.run(0.9)
+    assert (arm.ended, arm.goals.active) == ([], 'a')
+    arm.run(0.2)
+    assert only(arm) == ('a', SUCCEEDED, ResultCode.SUCCESSFUL)
+    assert arm.goals.active is None
+    np.testing.assert_allclose(arm.follower.reference.q, AWAY, atol=1e-9)
+    arm.run(2.0)
+    assert len(arm.ended) == 1
+
+
+def test_an_arm_that_leaves_the_path_aborts_the_goal_and_holds_where_it_is(arm: Arm) -> None:
+    arm.start('a')
+    arm.run(0.5)
+    arm.lag = np.array([0.0, 0.0, 0.25, 0.0])
+    arm.run(CYCLE)
+    assert only(arm) == ('a', ABORTED, ResultCode.PATH_TOLERANCE_VIOLATED)
+    assert 'stopped: joint3 0.25' in arm.ended[0][1].text
+    assert arm.follower.status == 'holding'
+
+
+def test_an_arm_that_does_not_reach_the_goal_in_time_aborts_it(arm: Arm) -> None:
+    arm.lag = np.array([0.05, 0.0, 0.0, 0.0])
+    arm.start('a')
+    arm.run(1.45)
+    assert arm.ended == []
+    arm.run(0.1)
+    assert only(arm) == ('a', ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED)
+    assert 'joint1 0.05 rad off goal' in arm.ended[0][1].text
+
+
+def test_an_arm_that_comes_within_the_goal_time_succeeds(arm: Arm) -> None:
+    arm.lag = np.array([0.05, 0.0, 0.0, 0.0])
+    arm.start('a')
+    arm.run(1.3)
+    arm.lag[:] = 0.005
+    arm.run(CYCLE)
+    assert only(arm) == ('a', SUCCEEDED, ResultCode.SUCCESSFUL)
+
+
+def test_tolerances_of_a_goal_are_of_that_goal_alone(arm: Arm) -> None:
+    tight = FollowerTolerances.uniform(4, path=0.02, goal=0.001, goal_time=0.5)
+    arm.lag[:] = 0.03
+    arm.start('tight', tolerances=tight)
+    arm.run(CYCLE)
+    assert only(arm) == ('tight', ABORTED, ResultCode.PATH_TOLERANCE_VIOLATED)
+    arm.ended.clear()
+    arm.run(1.0)
+    arm.lag[:] = 0.005
+    arm.start('own', HOME)
+    arm.run(1.1)
+    assert only(arm) == ('own', SUCCEEDED, ResultCode.SUCCESSFUL)
+
+
+def test_without_a_goal_time_it_waits(arm: Arm) -> None:
+    patient = FollowerTolerances(
+        TOLERANCES.start, TOLERANCES.path, TOLERANCES.goal, np.inf, TOLERANCES.stream_timeout
+    )
+    arm.lag[:] = 0.05
+    arm.start('a', tolerances=patient)
+    arm.run(60.0)
+    assert arm.ended == []
+    arm.lag[:] = 0.0
+    arm.run(CYCLE)
+    assert only(arm) == ('a', SUCCEEDED, ResultCode.SUCCESSFUL)
+
+
+def test_cancelling_brakes_and_holds(arm: Arm) -> None:
+    arm.start('a')
+    arm.run(0.5)
+    assert arm.goals.cancel('another', arm.now) == []
+    arm.ended += arm.goals.cancel('a', arm.now)
+    assert only(arm) == ('a', CANCELED, ResultCode.SUCCESSFUL)
+    arm.run(1.0)
+    assert np.abs(arm.follower.reference.dq).max() < 1e-9
+    assert np.abs(arm.follower.reference.q - AWAY).max() > 0.02
+    assert arm.goals.cancel('a', arm.now) == []
+    assert len(arm.ended) == 1
+
+
+def test_a_new_goal_takes_the_place_of_the_old_one_without_a_step(arm: Arm) -> None:
+    arm.start('a')
+    arm.run(0.5)
+    before = arm.follower.reference
+    arm.start('b', before.q, 1.0)
+    assert only(arm) == ('a', ABORTED, ResultCode.INVALID_GOAL)
+    arm.run(CYCLE)
+    assert np.abs(arm.follower.reference.q - before.q).max() < 2.0 * CYCLE
+    arm.run(1.2)
+    assert arm.ended[1][0] == 'b'
+    assert arm.ended[1][1].state == SUCCEEDED
+
+
+def test_a_goal_that_cannot_start_leaves_the_one_under_way_alone(arm: Arm) -> None:
+    arm.start('a')
+    arm.run(0.5)
+    with pytest.raises(RejectedInputError):
+        arm.start('wild', AWAY + 0.5, 0.02)
+    assert (arm.ended, arm.goals.active) == ([], 'a')
+    arm.run(0.6)
+    assert only(arm) == ('a', SUCCEEDED, ResultCode.SUCCESSFUL)
+
+
+@pytest.mark.parametrize(
+    'other',
+    [
+        lambda arm: arm.follower.go_to(HOME, arm.now),
+        lambda arm: arm.follower.stop(arm.now, 'stopped: empty trajectory'),
+        lambda arm: arm.follower.take_over(HOME),
+    ],
+    ids=['a set point', 'a stop', 'control begins anew'],
+)
+def test_whatever_else_moves_the_arm_aborts_the_goal(
+    arm: Arm, other: Callable[[Arm], None]
+) -> None:
+    arm.start('a')
+    arm.run(0.5)
+    other(arm)
+    arm.run(CYCLE)
+    assert only(arm) == ('a', ABORTED, ResultCode.INVALID_GOAL)
+    arm.run(2.0)
+    assert len(arm.ended) == 1
+
+
+def test_an_arm_that_is_not_controlled_any_more_aborts_the_goal_with_the_reason(arm: Arm) -> None:
+    arm.start('a')
+    arm.ended += arm.goals.give_up("the arm is 'fault'")
+    assert only(arm) == ('a', ABORTED, ResultCode.INVALID_GOAL)
+    assert arm.ended[0][1].text == "the arm is 'fault'"
+    assert arm.goals.give_up("the arm is 'fault'") == []
