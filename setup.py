@@ -86,6 +86,7 @@ setup(
         (share('config'), glob('config/*.*')),
         (share('config', 'drones'), glob('config/drones/*.*')),
         (share('config', 'profiles'), glob('config/profiles/*.*')),
+        (share('config', 'moveit'), glob('config/moveit/*.*')),
         (share('urdf'), glob('urdf/*.urdf')),
         (share('launch'), glob('launch/*.launch.py')),
         (share('rviz'), glob('rviz/*.*')),

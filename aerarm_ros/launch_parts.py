@@ -22,6 +22,7 @@ from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.events.process import ProcessExited
 from launch.substitutions import (
+    EqualsSubstitution,
     LaunchConfiguration,
     PathJoinSubstitution,
     PythonExpression,
@@ -36,6 +37,7 @@ from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 SHARE = FindPackageShare('aerarm_ros')
 CONTROLLERS = ('gravity_compensation', 'computed_torque', 'impedance_control', 'kinematic_control')
 WAIT_FOR_A_PERSON = 600.0  # [s]
+ON_SPI = EqualsSubstitution(LaunchConfiguration('hardware'), 'spi')
 IMU_REMAPPING = ('imu', LaunchConfiguration('imu_topic'))
 
 
@@ -114,14 +116,19 @@ MOTION_ARGUMENTS = (
 )
 
 
-def check_first() -> OpaqueFunction:
+def check_first(*packages: str) -> OpaqueFunction:
     """Return what comes before all processes: nothing starts unless everything can.
 
     What is started then ends when launch is gone, however that ends.
+
+    Parameters
+    ----------
+    packages
+        Of ROS, that the launch file needs whatever its arguments.
     """
 
     def check(context: LaunchContext) -> list[Action]:
-        problems = missing(context.launch_configurations)
+        problems = missing(context.launch_configurations, packages)
         if problems:
             raise RuntimeError('; '.join(problems))
         return [SetEnvironmentVariable(LAUNCH_PID, str(os.getpid()))]

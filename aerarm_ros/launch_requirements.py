@@ -8,7 +8,7 @@ at as a whole, first. This module knows nothing of ROS's launch.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
@@ -40,18 +40,27 @@ _HOW = {
 }
 
 
-def missing(arguments: Mapping[str, str]) -> list[str]:
+def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[str]:
     """Return what a launch file's arguments need and is not there, with what to do.
 
     Parameters
     ----------
     arguments
         Values of the launch file's arguments, as text.
+    packages
+        Of ROS, that it needs whatever its arguments.
     """
+    needed = [('', package) for package in packages]
+    needed += [
+        (f'{name}:={value}: ', package)
+        for (name, value), of_value in _PACKAGES.items()
+        for package in of_value
+        if arguments.get(name) == value
+    ]
     return [
         *_missing_drone(arguments),
         *_missing_files(arguments),
-        *_missing_packages(arguments),
+        *_missing_packages(needed),
         *_missing_modules(arguments),
     ]
 
@@ -73,14 +82,13 @@ def _missing_files(arguments: Mapping[str, str]) -> Iterator[str]:
             yield f'{name}: {path} may not be read'
 
 
-def _missing_packages(arguments: Mapping[str, str]) -> Iterator[str]:
-    for (name, value), packages in _PACKAGES.items():
-        for package in packages if arguments.get(name) == value else ():
-            try:
-                get_package_prefix(package)
-            except (PackageNotFoundError, OSError):  # OSError: no environment is sourced
-                apt = f'ros-jazzy-{package.replace("_", "-")}'
-                yield f'{name}:={value}: {package} is not installed: sudo apt install {apt}'
+def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:
+    for what_for, package in needed:
+        try:
+            get_package_prefix(package)
+        except (PackageNotFoundError, OSError):  # OSError: no environment is sourced
+            apt = f'ros-jazzy-{package.replace("_", "-")}'
+            yield f'{what_for}{package} is not installed: sudo apt install {apt}'
 
 
 def _missing_modules(arguments: Mapping[str, str]) -> Iterator[str]:

@@ -29,6 +29,7 @@ from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.launch_parts import (
     IMU_REMAPPING,
+    ON_SPI,
     SHARE,
     after,
     arguments_as_parameters,
@@ -84,7 +85,6 @@ ARGUMENTS = (
 )
 
 ENDS_WITH_CONTROLLER = EqualsSubstitution(LaunchConfiguration('if_controller_fails'), 'end')
-ON_SPI = EqualsSubstitution(LaunchConfiguration('hardware'), 'spi')
 # The arm that moves. An identified model is one of it, and must not become what is emulated.
 # The bridge publishes this URDF as robot_description, the frames come from it, so RViz draws it.
 MOVING_ARM = IfElseSubstitution(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
@@ -82,9 +83,9 @@ class TrajectoryAction:
         self._problem = problem
         self._goals = TrajectoryGoals(follower)
         self._own = follower.tolerances
-        # Goals that wait for their result, by their handles.
-        self._waiting: dict[Any, Future] = {}
-        self._ended: list[tuple[Any, GoalResult]] = []
+        # Goals that wait for their result, by their ids, and those that have one.
+        self._waiting: dict[Any, tuple[Any, Future]] = {}
+        self._ended: deque[tuple[Any, GoalResult]] = deque()
         node = controller.node
         self._news = node.create_guard_condition(self._hand_over)
         self._timer = node.create_timer(_FEEDBACK_PERIOD, self._publish_feedback, autostart=False)
@@ -119,9 +120,9 @@ class TrajectoryAction:
             trajectory, start = read_trajectory(
                 self._follower.limits, handle.request.trajectory, now
             )
-            ended = self._goals.start(handle, trajectory, now, start, self._tolerances(handle))
+            ended = self._goals.start(_id(handle), trajectory, now, start, self._tolerances(handle))
         except RejectedInputError as error:
-            self._end([(handle, GoalResult(ABORTED, ResultCode.INVALID_GOAL, str(error)))])
+            self._end([(_id(handle), GoalResult(ABORTED, ResultCode.INVALID_GOAL, str(error)))])
             raise
         self._end(ended)
 
@@ -164,11 +165,12 @@ class TrajectoryAction:
         return GoalResponse.ACCEPT
 
     def _cancel(self, handle: Any) -> CancelResponse:
-        self._controller.act(lambda now: self._end(self._goals.cancel(handle, now)))
+        self._controller.act(lambda now: self._end(self._goals.cancel(_id(handle), now)))
         return CancelResponse.ACCEPT
 
     async def _execute(self, handle: Any) -> Any:
-        result = self._waiting[handle] = Future()
+        result: Future = Future()
+        self._waiting[_id(handle)] = handle, result
         self._controller.act(lambda now: self._start(handle, now))
         self._timer.reset()
         ended: GoalResult = await result
@@ -179,17 +181,15 @@ class TrajectoryAction:
 
     def _hand_over(self) -> None:
         while self._ended:
-            handle, result = self._ended.pop(0)
-            future = self._waiting.pop(handle, None)
-            if future is not None:
-                future.set_result(result)
+            goal, result = self._ended.popleft()
+            if goal in self._waiting:
+                self._waiting.pop(goal)[1].set_result(result)
         if not self._waiting:
             self._timer.cancel()
 
     def _publish_feedback(self) -> None:
-        handle: Any = self._goals.active
-        state = self._controller.state
-        if handle not in self._waiting or state is None:
+        goal, state = self._goals.active, self._controller.state
+        if goal not in self._waiting or state is None:
             return
         reference, stamp_ns = self._follower.reference, self._controller.stamp_ns
         stamp = Time(sec=stamp_ns // _BILLION, nanosec=stamp_ns % _BILLION)
@@ -200,7 +200,11 @@ class TrajectoryAction:
             actual=_point(state.q, state.dq),
             error=_point(reference.q - state.q, reference.dq - state.dq),
         )
-        handle.publish_feedback(feedback)
+        self._waiting[goal][0].publish_feedback(feedback)
+
+
+def _id(handle: Any) -> bytes:
+    return bytes(handle.goal_id.uuid)
 
 
 def _point(q: Any, dq: Any, ddq: Any = (), elapsed: float = 0.0) -> JointTrajectoryPoint:

@@ -6,6 +6,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -65,6 +66,31 @@ def test_every_kind_of_callback_runs_and_is_announced(
     # Three times at least for the timer, and once for each of guard, service, client and two
     # subscriptions.
     assert len(pauses) >= 8
+
+
+def test_a_task_goes_on_when_a_callback_brings_what_it_waits_for(
+    ros_node: Node, executor: LeanExecutor
+) -> None:
+    # As an action server's: begun by one callback, ended by another.
+    waited: Future = Future()
+    said = []
+
+    async def work(word: str) -> str:
+        said.append(word)
+        said.append(await waited)
+        return 'done'
+
+    tasks = []
+    begin = ros_node.create_guard_condition(
+        lambda: tasks.append(executor.create_task(work, 'begun'))
+    )
+    end = ros_node.create_guard_condition(lambda: waited.set_result('brought'))
+    begin.trigger()
+    spin_until(executor, lambda: said == ['begun'])
+    assert not tasks[0].done()
+    end.trigger()
+    spin_until(executor, lambda: tasks[0].done())
+    assert (said, tasks[0].result()) == (['begun', 'brought'], 'done')
 
 
 def test_entities_may_come_and_go_while_another_thread_spins(

@@ -1,0 +1,71 @@
+"""The arm under computed_torque, and MoveIt's move_group that plans for it.
+
+ros2 launch aerarm_ros moveit.launch.py enable:=true rviz:=true
+Takes the arguments of bringup.launch.py, but no namespace: MoveIt's frames and topics are global.
+"""
+
+from pathlib import Path
+
+import yaml
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import IfElseSubstitution, LaunchConfiguration
+from launch_ros.actions import Node
+
+from aerarm_ros.launch_parts import ON_SPI, after, bringup, check_first, controller_argument
+
+ARGUMENTS = (
+    controller_argument('computed_torque'),
+    DeclareLaunchArgument(
+        'namespace', default_value='', choices=[''], description='none: MoveIt is global'
+    ),
+)
+# What MoveIt needs, beside control_msgs, without which the controller takes no goals.
+PACKAGES = (
+    'control_msgs',
+    'moveit_ros_move_group',
+    'moveit_planners_ompl',
+    'moveit_kinematics',
+    'moveit_simple_controller_manager',
+    'robot_state_publisher',
+)
+# Files of config/moveit, and the parameter below which their content stands.
+SETTINGS = {
+    'kinematics': 'robot_description_kinematics',
+    'joint_limits': 'robot_description_planning',
+    'controllers': '',
+    'planning': '',
+}
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return what `ros2 launch` starts."""
+    return LaunchDescription(
+        [*ARGUMENTS, check_first(*PACKAGES), bringup(), OpaqueFunction(function=_move_group)]
+    )
+
+
+def _move_group(context: LaunchContext) -> list:
+    urdf = IfElseSubstitution(
+        ON_SPI, LaunchConfiguration('urdf'), LaunchConfiguration('plant_urdf')
+    ).perform(context)
+    folder = Path(get_package_share_directory('aerarm_ros')) / 'config' / 'moveit'
+    settings = [
+        (below, yaml.safe_load((folder / f'{name}.yaml').read_text()))
+        for name, below in SETTINGS.items()
+    ]
+    move_group = Node(
+        package='moveit_ros_move_group',
+        executable='move_group',
+        parameters=[
+            {
+                'robot_description': Path(urdf).read_text(),
+                'robot_description_semantic': (folder / 'aerarm.srdf').read_text(),
+                'publish_robot_description_semantic': True,
+            },
+            *({below: given} if below else given for below, given in settings),
+        ],
+        output='screen',
+    )
+    return [move_group, after(move_group, 'move_group')]
