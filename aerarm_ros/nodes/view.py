@@ -120,7 +120,7 @@ class View:
             from aerarm_ros.ros.page.view_panel import ViewPanel
             from aerarm_ros.ros.page.view_scene import ViewScene
         except ImportError as error:
-            raise ViewError(f"{error}: install it with pip install 'aerarm_ros[view]'") from None
+            raise ViewError(f"{error}: install it with pip install 'viser>=1.1,<2'") from None
         _check_address(self._values.host)
         # A browser's spare connections are no errors, and the address is said below.
         logging.getLogger('websockets.server').setLevel(logging.CRITICAL)

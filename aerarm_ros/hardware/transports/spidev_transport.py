@@ -28,7 +28,7 @@ class SpidevTransport:
         """Open the devices; raises TransportError that says what to check."""
         if importlib.util.find_spec('spidev') is None:
             raise TransportError(
-                'the module spidev is missing: pip install "aerarm_ros[spi]" (needs a C compiler), '
+                'the module spidev is missing: pip install "spidev>=3.5,<4" (needs a C compiler), '
                 'or apt install python3-spidev'
             )
         self.close()
