@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'blend': ['Blend'],
         'follower_tolerances': ['FollowerTolerances'],
-        'goal_tolerances': ['goal_tolerances'],
+        'goal_tolerances': ['resolve_tolerances'],
         'joint_trajectory': ['JointTrajectory'],
         'motion_end': ['MotionEnd'],
         'reference_source': ['ReferenceSource'],

@@ -13,7 +13,7 @@ from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
 _DEFAULT, _NONE = 0.0, -1.0
 
 
-def goal_tolerances(
+def resolve_tolerances(
     own: FollowerTolerances,
     names: Sequence[str],
     path: Iterable[tuple[str, float]] = (),

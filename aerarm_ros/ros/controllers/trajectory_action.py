@@ -16,7 +16,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
-from aerarm_ros.control.references.goal_tolerances import goal_tolerances
+from aerarm_ros.control.references.goal_tolerances import resolve_tolerances
 from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.control.references.trajectory_goals import (
     ABORTED,
@@ -129,7 +129,7 @@ class TrajectoryAction:
     def _tolerances(self, handle: Any) -> FollowerTolerances:
         request, time = handle.request, handle.request.goal_time_tolerance
         try:
-            return goal_tolerances(
+            return resolve_tolerances(
                 self._own,
                 self._follower.limits.names,
                 [(tolerance.name, tolerance.position) for tolerance in request.path_tolerance],

@@ -3,21 +3,23 @@ import pytest
 
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
-from aerarm_ros.control.references.goal_tolerances import goal_tolerances
+from aerarm_ros.control.references.goal_tolerances import resolve_tolerances
 
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
 OWN = FollowerTolerances.uniform(4, path=0.3, goal=0.01, goal_time=1.0)
 
 
 def test_what_is_not_given_is_the_follower_s_own() -> None:
-    used = goal_tolerances(OWN, NAMES, [('joint2', 0.0)], [], 0.0)
+    used = resolve_tolerances(OWN, NAMES, [('joint2', 0.0)], [], 0.0)
     np.testing.assert_array_equal(used.path, OWN.path)
     np.testing.assert_array_equal(used.goal, OWN.goal)
     assert used.goal_time == OWN.goal_time
 
 
 def test_each_joint_has_its_own_and_minus_one_is_none() -> None:
-    used = goal_tolerances(OWN, NAMES, [('joint3', 0.1)], [('joint1', -1.0), ('joint4', 0.5)], -1.0)
+    used = resolve_tolerances(
+        OWN, NAMES, [('joint3', 0.1)], [('joint1', -1.0), ('joint4', 0.5)], -1.0
+    )
     np.testing.assert_array_equal(used.path, [0.3, 0.3, 0.1, 0.3])
     np.testing.assert_array_equal(used.goal, [np.inf, 0.01, 0.01, 0.5])
     assert used.goal_time == np.inf
@@ -36,4 +38,4 @@ def test_each_joint_has_its_own_and_minus_one_is_none() -> None:
 )
 def test_what_is_no_tolerance_is_refused(given: dict) -> None:
     with pytest.raises(RejectedInputError, match='joint1|elbow|goal_time'):
-        goal_tolerances(OWN, NAMES, **given)
+        resolve_tolerances(OWN, NAMES, **given)

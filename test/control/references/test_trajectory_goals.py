@@ -25,7 +25,7 @@ CYCLE = 1e-2
 TOLERANCES = FollowerTolerances.uniform(4, path=0.2, goal=0.01, goal_time=0.5)
 
 
-class Arm:
+class FollowingArm:
     """A follower with its goals, and an arm that is off its reference by `lag` [rad]."""
 
     def __init__(self, limits: JointLimits) -> None:
@@ -51,16 +51,16 @@ class Arm:
 
 
 @pytest.fixture
-def arm(limits: JointLimits) -> Arm:
-    return Arm(limits)
+def arm(limits: JointLimits) -> FollowingArm:
+    return FollowingArm(limits)
 
 
-def only(arm: Arm) -> tuple:
+def only(arm: FollowingArm) -> tuple:
     ((goal, result),) = arm.ended
     return goal, result.state, result.code
 
 
-def test_a_goal_that_is_reached_succeeds_at_the_end_of_its_trajectory(arm: Arm) -> None:
+def test_a_goal_that_is_reached_succeeds_at_the_end_of_its_trajectory(arm: FollowingArm) -> None:
     arm.start('a')
     arm.run(0.9)
     assert (arm.ended, arm.goals.active) == ([], 'a')
@@ -72,7 +72,9 @@ def test_a_goal_that_is_reached_succeeds_at_the_end_of_its_trajectory(arm: Arm) 
     assert len(arm.ended) == 1
 
 
-def test_an_arm_that_leaves_the_path_aborts_the_goal_and_holds_where_it_is(arm: Arm) -> None:
+def test_an_arm_that_leaves_the_path_aborts_the_goal_and_holds_where_it_is(
+    arm: FollowingArm,
+) -> None:
     arm.start('a')
     arm.run(0.5)
     arm.lag = np.array([0.0, 0.0, 0.25, 0.0])
@@ -82,7 +84,7 @@ def test_an_arm_that_leaves_the_path_aborts_the_goal_and_holds_where_it_is(arm: 
     assert arm.follower.status == 'holding'
 
 
-def test_an_arm_that_does_not_reach_the_goal_in_time_aborts_it(arm: Arm) -> None:
+def test_an_arm_that_does_not_reach_the_goal_in_time_aborts_it(arm: FollowingArm) -> None:
     arm.lag = np.array([0.05, 0.0, 0.0, 0.0])
     arm.start('a')
     arm.run(1.45)
@@ -92,7 +94,7 @@ def test_an_arm_that_does_not_reach_the_goal_in_time_aborts_it(arm: Arm) -> None
     assert 'joint1 0.05 rad off goal' in arm.ended[0][1].text
 
 
-def test_an_arm_that_comes_within_the_goal_time_succeeds(arm: Arm) -> None:
+def test_an_arm_that_comes_within_the_goal_time_succeeds(arm: FollowingArm) -> None:
     arm.lag = np.array([0.05, 0.0, 0.0, 0.0])
     arm.start('a')
     arm.run(1.3)
@@ -101,7 +103,7 @@ def test_an_arm_that_comes_within_the_goal_time_succeeds(arm: Arm) -> None:
     assert only(arm) == ('a', SUCCEEDED, ResultCode.SUCCESSFUL)
 
 
-def test_tolerances_of_a_goal_are_of_that_goal_alone(arm: Arm) -> None:
+def test_tolerances_of_a_goal_are_of_that_goal_alone(arm: FollowingArm) -> None:
     tight = FollowerTolerances.uniform(4, path=0.02, goal=0.001, goal_time=0.5)
     arm.lag[:] = 0.03
     arm.start('tight', tolerances=tight)
@@ -115,7 +117,7 @@ def test_tolerances_of_a_goal_are_of_that_goal_alone(arm: Arm) -> None:
     assert only(arm) == ('own', SUCCEEDED, ResultCode.SUCCESSFUL)
 
 
-def test_without_a_goal_time_it_waits(arm: Arm) -> None:
+def test_without_a_goal_time_it_waits(arm: FollowingArm) -> None:
     patient = FollowerTolerances(
         TOLERANCES.start, TOLERANCES.path, TOLERANCES.goal, np.inf, TOLERANCES.stream_timeout
     )
@@ -128,7 +130,7 @@ def test_without_a_goal_time_it_waits(arm: Arm) -> None:
     assert only(arm) == ('a', SUCCEEDED, ResultCode.SUCCESSFUL)
 
 
-def test_cancelling_brakes_and_holds(arm: Arm) -> None:
+def test_cancelling_brakes_and_holds(arm: FollowingArm) -> None:
     arm.start('a')
     arm.run(0.5)
     assert arm.goals.cancel('another', arm.now) == []
@@ -141,7 +143,7 @@ def test_cancelling_brakes_and_holds(arm: Arm) -> None:
     assert len(arm.ended) == 1
 
 
-def test_a_new_goal_takes_the_place_of_the_old_one_without_a_step(arm: Arm) -> None:
+def test_a_new_goal_takes_the_place_of_the_old_one_without_a_step(arm: FollowingArm) -> None:
     arm.start('a')
     arm.run(0.5)
     before = arm.follower.reference
@@ -154,7 +156,7 @@ def test_a_new_goal_takes_the_place_of_the_old_one_without_a_step(arm: Arm) -> N
     assert arm.ended[1][1].state == SUCCEEDED
 
 
-def test_a_goal_that_cannot_start_leaves_the_one_under_way_alone(arm: Arm) -> None:
+def test_a_goal_that_cannot_start_leaves_the_one_under_way_alone(arm: FollowingArm) -> None:
     arm.start('a')
     arm.run(0.5)
     with pytest.raises(RejectedInputError):
@@ -174,7 +176,7 @@ def test_a_goal_that_cannot_start_leaves_the_one_under_way_alone(arm: Arm) -> No
     ids=['a set point', 'a stop', 'control begins anew'],
 )
 def test_whatever_else_moves_the_arm_aborts_the_goal(
-    arm: Arm, other: Callable[[Arm], None]
+    arm: FollowingArm, other: Callable[[FollowingArm], None]
 ) -> None:
     arm.start('a')
     arm.run(0.5)
@@ -185,7 +187,9 @@ def test_whatever_else_moves_the_arm_aborts_the_goal(
     assert len(arm.ended) == 1
 
 
-def test_an_arm_that_is_not_controlled_any_more_aborts_the_goal_with_the_reason(arm: Arm) -> None:
+def test_an_arm_that_is_not_controlled_any_more_aborts_the_goal_with_the_reason(
+    arm: FollowingArm,
+) -> None:
     arm.start('a')
     arm.ended += arm.goals.give_up("the arm is 'fault'")
     assert only(arm) == ('a', ABORTED, ResultCode.INVALID_GOAL)
