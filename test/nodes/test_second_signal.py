@@ -35,13 +35,21 @@ def test_the_second_one_changes_nothing(
 
 
 # What reads the command line, made to last.
-READING = 'import time, {0}; {1} = lambda *_: (print("reading", flush=True), time.sleep(60.0)); '
+YAML = 'aerarm_ros.description.plain_yaml'
+READING = (
+    'import time, {0}; {1} = lambda *_, **__: (print("reading", flush=True), time.sleep(60.0)); '
+)
 
 
 @pytest.mark.parametrize(
     ('node', 'arguments', 'reader', 'status'),
     [
-        ('computed_torque', ('--ros-args', '--params-file', '/dev/null'), ('yaml', 'yaml.load'), 0),
+        (
+            'computed_torque',
+            ('--ros-args', '--params-file', '/dev/null'),
+            (YAML, f'{YAML}.read_plain'),
+            0,
+        ),
         ('arm', ('enable',), ('argparse', 'argparse.ArgumentParser.parse_args'), 130),
     ],
     ids=['serves', 'has a task'],
