@@ -13,6 +13,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'bridge_cycle': ['BridgeCycle', 'MODES'],
         'bridge_report': ['BridgeReport'],
-        'way_out': ['StoppedArm', 'way_out'],
+        'stopped_arm': ['StoppedArm', 'way_out'],
     },
 )

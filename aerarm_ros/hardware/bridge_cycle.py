@@ -21,8 +21,8 @@ from aerarm_ros.hardware.gate.command_intake import CommandIntake
 from aerarm_ros.hardware.gate.joint_loads import JointLoads
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
+from aerarm_ros.hardware.stopped_arm import StoppedArm, way_out
 from aerarm_ros.hardware.transports.transport import Transport
-from aerarm_ros.hardware.way_out import StoppedArm, way_out
 from aerarm_ros.model.gravity_load import largest_gravity_load
 
 MODES = (
