@@ -24,7 +24,7 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup demo experiment view test attacks lint bench clean fuzz
+.PHONY: help setup demo experiment view test attacks lint fuzz mutants bench clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
@@ -33,6 +33,7 @@ help:
 	@echo 'make test        lint, type check and all tests'
 	@echo 'make attacks     hundreds of attacks on the bridge in virtual time, and their worst figures'
 	@echo 'make fuzz        20,000 damaged and hostile bags'
+	@echo 'make mutants     mutation testing of what stands between a command and a motor'
 	@echo 'make bench       benchmarks beside a baseline or a peer'
 	@echo 'make setup       only install everything into $(VENV)'
 	@echo 'make clean       remove what make and the tests leave'
@@ -72,9 +73,14 @@ attacks: setup
 fuzz: setup
 	$(BIN)/python test/aerarm_msgs_py/bag_mutants/campaign.py
 
+mutants: setup
+	$(BIN)/python -m pip install --quiet --editable '.[$(EXTRAS),mutants]'
+	$(BIN)/mutmut run
+	$(BIN)/mutmut results
+
 bench: setup
 	$(BIN)/python benchmarks/run.py
 
 clean:
-	rm -rf .venv .venv-jazzy build install log output .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-jazzy build install log mutants output .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

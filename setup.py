@@ -96,6 +96,7 @@ setup(
         'ros': ROS_WHEELS,
         'spi': ['spidev>=3.5,<4'],
         'view': VIEW,
+        'mutants': ['mutmut>=3.8,<4'],
         'test': ['hypothesis', 'pytest'],
         'dev': [
             *VIEW,

@@ -204,3 +204,13 @@ def test_silence_is_counted_in_exchanges_that_failed():
     assert not wire.monitor.is_silent
     wire.bad()
     assert wire.monitor.is_silent
+
+
+def test_counts_have_the_names_that_diagnostics_show():
+    wire = Wire()
+    wire.good(7)
+    wire.bad(3)
+    counts = wire.monitor.counters()
+    assert (counts['good frames'], counts['bad frames']) == (7, 3)
+    assert {'lost commands', 'slow exchanges'} <= counts.keys()
+    assert all(name == name.lower() for name in counts)

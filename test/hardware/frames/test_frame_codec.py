@@ -198,7 +198,11 @@ def test_what_is_harmless_saturates_and_never_wraps():
 @pytest.mark.parametrize(
     ('values', 'hint'),
     [
-        ({'position': [128.1 * TURN, 0.0]}, 'position of motor 1 .* wrap'),
+        (
+            {'position': [128.1 * TURN, 0.0]},
+            r'position of motor 1 is 804\.876, beyond the \+-804\.248 of the frame, where it would '
+            'wrap: check the reference and the zero of the encoder$',
+        ),
         ({'position': [0.0, -128.1 * TURN]}, 'position of motor 2 .* wrap'),
         ({'position': [math.nan, 0.0]}, 'position of motor 1 is nan'),
         ({'velocity': [0.0, math.inf]}, 'velocity of motor 2 is inf'),

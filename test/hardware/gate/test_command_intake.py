@@ -1,10 +1,11 @@
 import math
+from itertools import permutations
 
 import numpy as np
 import pytest
 
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake
+from aerarm_ros.hardware.gate.command_intake import _ORDERS_KEPT, REJECTIONS, CommandIntake
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 
 NAMES = ('a', 'b', 'c')
@@ -131,3 +132,23 @@ def test_many_orders_of_names_do_not_grow_the_memory(intake):
         for order in names:
             assert offer(intake, names=order)
     assert len(intake._orders) <= 16
+
+
+def test_rejections_are_counted_by_reason(intake):
+    for _ in range(3):
+        assert not offer(intake, ready=False)
+    assert not offer(intake, names=('a',), now=6.0)
+    assert intake.rejections == {'not_ready': 3, 'names': 1}
+    assert (intake.last_rejection, intake.last_rejection_time) == ('names', 6.0)
+
+
+def test_orders_without_end_are_read_and_take_no_memory():
+    names = ('a', 'b', 'c', 'd', 'e')
+    intake = CommandIntake(names, BridgeSettings())
+    for order in permutations(range(5)):
+        given = {'names': tuple(names[k] for k in order), 'velocity': [float(k) for k in order]}
+        assert offer(intake, **given)
+        assert intake.command.dq.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+        assert len(intake._orders) <= _ORDERS_KEPT
+    assert offer(intake, names=names, velocity=[5.0, 6.0, 7.0, 8.0, 9.0])
+    assert intake.command.dq.tolist() == [5.0, 6.0, 7.0, 8.0, 9.0]

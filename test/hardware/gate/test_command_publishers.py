@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
+from aerarm_ros.hardware.gate.command_publishers import _MEMORY, _WINDOW, CommandPublishers
 
 PERIOD = 1e-3
 
@@ -111,3 +111,38 @@ def test_sources_are_counted_so_that_a_new_one_is_noticed():
     assert publishers.sources == 1
     sources(publishers, range(1, 50), start=10.0)
     assert publishers.sources == 2
+
+
+def test_what_is_one_publisher_has_an_exact_border():
+    """Numbers up to a window apart are one publisher's, for as long as it is remembered."""
+    publishers = CommandPublishers()
+    first, _ = publishers.judge(10_000, 0.0)
+    assert publishers.judge(10_000 + _WINDOW, _MEMORY) == (first, True)
+    second, _ = publishers.judge(10_000 + 2 * _WINDOW + 1, _MEMORY)
+    assert second not in (first, None)
+    assert publishers.judge(10_000 + _WINDOW + 1, _MEMORY + 1e-3)[0] == first
+    # Heard longer ago than is remembered, both are forgotten.
+    third, _ = publishers.judge(10_000 + _WINDOW + 2, 2.0 * _MEMORY + 2e-3)
+    assert third not in (first, second, None)
+    assert publishers.sources == 3
+
+
+def test_between_two_publishers_the_nearer_and_else_the_first_is_it():
+    publishers = CommandPublishers()
+    first, _ = publishers.judge(10_000, 0.0)
+    publishers.judge(10_000 + 2 * _WINDOW, 0.0)
+    assert publishers.sources == 2
+    assert publishers.judge(10_000 + _WINDOW, 0.001)[0] == first
+
+
+def test_a_number_that_goes_back_makes_its_publisher_unknown_for_as_long_as_remembered():
+    publishers = CommandPublishers()
+    source, _ = publishers.judge(100, 0.0)
+    assert publishers.judge(100, 0.0)[0] is None
+    assert publishers.judge(101, _MEMORY)[0] is None
+    assert publishers.judge(102, _MEMORY + 1e-3)[0] == source
+
+
+def test_before_anybody_looked_there_is_no_publisher():
+    assert CommandPublishers().names == ()
+    assert CommandPublishers().warning == ''

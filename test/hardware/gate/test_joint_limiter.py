@@ -167,3 +167,23 @@ def test_a_command_a_little_over_its_limits_demands_none():
     limiter = make_limiter()
     assert limiter.command_violation(3.0, 6.2, 15.0, q=2.9) == ''
     assert limiter.command_violation(NAN, NAN, NAN, q=0.0) == ''
+
+
+@pytest.mark.parametrize('side', [-1.0, 1.0])
+def test_a_position_in_the_soft_zone_is_led_at_the_speed_of_the_barrier(side):
+    start = side * (JOINT.position_max - 0.05)
+    limiter = limited(position=side * JOINT.position_max, q=start)
+    slowest, fastest = limiter._speeds(start)
+    bound = fastest if side > 0.0 else slowest
+    assert 0.0 < abs(bound) < JOINT.velocity_max
+    assert limiter.position == pytest.approx(start + bound * DT, abs=1e-12)
+    assert limiter.limited[-1] == 'soft_zone'
+
+
+def test_each_limit_says_its_name_once():
+    limiter = limited(position=9.0, velocity=9.0, effort=99.0, q=JOINT.position_max - 0.01)
+    assert set(limiter.limited) == {'position', 'velocity', 'soft_zone', 'effort', 'effort_rate'}
+    assert limited(velocity=JOINT.velocity_max).limited == []
+    assert limited(velocity=-1.001 * JOINT.velocity_max).limited == ['velocity']
+    assert limited(effort=0.4).limited == []
+    assert limited(effort=-0.6).limited == ['effort_rate']
