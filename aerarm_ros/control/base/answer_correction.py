@@ -90,6 +90,11 @@ class AnswerCorrection:
         """Whether enough was seen."""
         return self._seen >= _WARM_UP
 
+    @property
+    def disagreement(self) -> float:
+        """By how much x and y differ below the cutoff [m/s^2]; 0 without predictions."""
+        return float(np.linalg.norm((self._measured_slow - self.predicted_slow)[:3]))
+
     def update(self, predicted: Array | None, measured: Array, dt: float) -> None:
         """Take x and y (6,) [m/s^2], [rad/s^2] over the last `dt` [s].
 

@@ -25,6 +25,8 @@ _GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
 # IMU samples are compared with the model at most this often [s]; rates are differences over it.
 _PERIOD = 3.5e-3
 _LONGEST_STEP = 0.1  # [s]
+# Between IMU and prediction, below the cutoff [m/s^2]: twice what a mass 20 % wrong makes.
+_DISAGREEMENT_MAX = 5.0
 _FLYING = 0.5  # of the weight: with less thrust the drone stands on something
 
 
@@ -199,8 +201,10 @@ class FreeBaseEstimator:
         rotors = imu and not self._rotor_problem(now)
         self._imu_share = _moved(self._imu_share, change if imu else -change)
         self._rotor_share = _moved(self._rotor_share, change if rotors else -change)
-        if not imu and self._imu_share == 0.0 and self.correction.is_ready:
-            self.correction.reset()
+        if not imu and self._imu_share == 0.0:
+            self._watch.forget()
+            if self.correction.is_ready:
+                self.correction.reset()
 
     def _imu_problem(self, now: float) -> str:
         age = now - self._received
@@ -209,6 +213,11 @@ class FreeBaseEstimator:
         # A clock that was set back doesn't make an IMU fresh.
         if abs(age) > self._hold_time:
             return f'IMU silent for {age:.2f} s'
+        if self.correction.disagreement > _DISAGREEMENT_MAX:
+            return (
+                f'its acceleration is {self.correction.disagreement:.1f} m/s^2 off what rotor '
+                'commands, mass and arm bring about: check the IMU, the drone file and the thrust'
+            )
         return '' if self.correction.is_ready else 'the IMU has just begun'
 
     def _rotor_problem(self, now: float) -> str:

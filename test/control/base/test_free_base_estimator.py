@@ -159,6 +159,34 @@ def test_a_source_that_fails_is_named_and_fades_without_a_step(fault: dict, said
     assert hover.largest_step() < 0.01 * np.abs(before).max()
 
 
+@pytest.mark.parametrize(
+    ('rate', 'push', 'said'),
+    [
+        (20.0, 0.0, 'IMU silent'),
+        (3.5, 0.0, 'IMU silent'),
+        (0.0, 35.0, 'off what rotor commands, mass and arm bring about'),
+        (0.0, 8.0, 'off what rotor commands, mass and arm bring about'),
+    ],
+)
+def test_an_imu_that_jumps_and_stays_there_is_named_and_moves_no_torque(
+    rate: float, push: float, said: str
+) -> None:
+    hover = Hover()
+    hover.run(3.0)
+
+    def jumped(now: float) -> ImuSample:
+        shake = 1e-3 * hover.random.normal(size=(2, 3))
+        turns, feels = np.array([rate, 0.0, 0.0]), UP + [0.0, 0.0, push]
+        return ImuSample(now, LEVEL, turns + shake[0], feels + shake[1])
+
+    hover.run(4.0, imu=jumped)
+    assert said in hover.status
+    np.testing.assert_allclose(hover.torques[-1], hover.dynamics.gravity(LEANING), atol=0.05)
+    hover.run(4.0)
+    assert hover.status == 'rotor commands + IMU below 0.3 Hz'
+    assert hover.largest_step() < 0.02 * np.abs(hover.torques[-1]).max()
+
+
 def test_commands_that_repeat_or_do_not_lift_the_drone_are_not_used() -> None:
     hover = Hover()
     hover.run(3.0)
