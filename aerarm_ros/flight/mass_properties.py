@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.model.inertia import joined
 
 Array = npt.NDArray[np.float64]
 
@@ -45,15 +46,6 @@ class MassProperties:
             About that, in the base frame's axes [kg m^2].
         """
         rotation, mount = drone.mount.rotation, np.array(drone.mount.position)
-        parts = (
-            (drone.mass, np.array(drone.centre_of_mass), drone.inertia_matrix),
-            (arm_mass, mount + rotation @ arm_centre, rotation @ arm_inertia @ rotation.T),
-        )
-        mass = drone.mass + arm_mass
-        centre, inertia = np.zeros(3), np.zeros((3, 3))
-        for part, place, _ in parts:
-            centre += part / mass * place
-        for part, place, tensor in parts:
-            lever = place - centre
-            inertia += tensor + part * (lever @ lever * np.eye(3) - np.outer(lever, lever))
-        return cls(mass, centre, inertia)
+        body = drone.mass, np.array(drone.centre_of_mass), drone.inertia_matrix
+        arm = arm_mass, mount + rotation @ arm_centre, rotation @ arm_inertia @ rotation.T
+        return cls(*joined(body, arm))

@@ -19,6 +19,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             'from_pseudo_inertia',
             'inertia_about_origin',
             'is_physically_consistent',
+            'joined',
             'minimum_eigenvalue',
             'parameters_of_body',
             'pseudo_inertia',

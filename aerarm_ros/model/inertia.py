@@ -85,6 +85,27 @@ def parameters_of_body(mass: float, centre: npt.ArrayLike, inertia: npt.ArrayLik
     return np.concatenate([[mass], mass * lever, tensor[_ROWS, _COLUMNS]])
 
 
+def joined(*bodies: tuple[float, npt.ArrayLike, npt.ArrayLike]) -> tuple[float, Array, Array]:
+    """Return mass, centre of mass and inertia of rigidly joined bodies.
+
+    Parameters
+    ----------
+    bodies : tuple of float, (3,) array_like, (3, 3) array_like
+        Mass [kg], centre of mass [m] and inertia about it [kg m^2] of each, in one frame.
+
+    Returns
+    -------
+    mass : float
+        [kg]
+    centre : (3,) ndarray
+        [m]
+    inertia : (3, 3) ndarray
+        About that, in the frame's axes [kg m^2].
+    """
+    pi = sum((parameters_of_body(*body) for body in bodies), np.zeros(10))
+    return float(pi[0]), pi[1:4] / pi[0], barycentric_inertia(pi)
+
+
 def pseudo_inertia(pi: npt.ArrayLike) -> Array:
     """Return the pseudo-inertia matrices of Wensing, Kim and Slotine (RA-L 2018).
 

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.inertia import joined
 from aerarm_ros.simulation.arm_plant import SUBSTEP, Array
 from aerarm_ros.simulation.free_base_plant import BaseBody, FreeBasePlant, rotation_of
 from aerarm_ros.simulation.plant_parameters import PlantParameters
@@ -149,16 +150,9 @@ def _body(robot: Robot, drone: DroneConfig) -> BaseBody:
     """Return the drone with the arm's base link, which is fixed to it."""
     mount, rotation = np.array(drone.mount.position), drone.mount.rotation
     link = robot.model.inertias[0]
-    parts = (
-        (drone.mass, np.array(drone.centre_of_mass), drone.inertia_matrix),
+    mass, centre, inertia = joined(
+        (drone.mass, drone.centre_of_mass, drone.inertia_matrix),
         (link.mass, mount + rotation @ link.lever, rotation @ link.inertia @ rotation.T),
     )
-    mass = drone.mass + link.mass
-    centre, inertia = np.zeros(3), np.zeros((3, 3))
-    for part_mass, place, _ in parts:
-        centre += part_mass / mass * place
-    for part_mass, place, tensor in parts:
-        lever = place - centre
-        inertia += tensor + part_mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
     imu = drone.imu
     return BaseBody(mass, inertia, centre, mount, rotation, np.array(imu.position), imu.rotation)

@@ -12,6 +12,7 @@ from aerarm_ros.model.inertia import (
     from_pseudo_inertia,
     inertia_about_origin,
     is_physically_consistent,
+    joined,
     minimum_eigenvalue,
     pseudo_inertia,
 )
@@ -113,3 +114,12 @@ def test_a_massless_body_has_no_barycentric_inertia() -> None:
 def test_a_pseudo_inertia_of_wrong_size_is_refused() -> None:
     with pytest.raises(ValueError, match='4x4'):
         from_pseudo_inertia(np.eye(3))
+
+
+def test_bodies_that_are_joined_add_up_as_pinocchio_says() -> None:
+    bodies = [pin.Inertia.Random() for _ in range(3)]
+    mass, centre, inertia = joined(*((body.mass, body.lever, body.inertia) for body in bodies))
+    expected = bodies[0] + bodies[1] + bodies[2]
+    assert mass == pytest.approx(expected.mass)
+    np.testing.assert_allclose(centre, expected.lever, atol=1e-12)
+    np.testing.assert_allclose(inertia, expected.inertia, atol=1e-12)
