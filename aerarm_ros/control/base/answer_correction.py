@@ -57,6 +57,8 @@ class AnswerCorrection:
         y_slow would be the base's answer, late.
     predicted_slow : (6,) ndarray
         x_slow.
+    disagreement : float
+        By how much x and y differ below the cutoff [m/s^2]; 0 without predictions.
 
     Raises
     ------
@@ -76,7 +78,7 @@ class AnswerCorrection:
     def reset(self) -> None:
         """Forget everything."""
         zero = np.zeros(6)
-        self._seen = 0.0
+        self._seen = self.disagreement = 0.0
         self.predicted_slow = self._measured_slow = zero
         self._predicted_band = self._measured_band = zero
         self._mean = zero
@@ -89,11 +91,6 @@ class AnswerCorrection:
     def is_ready(self) -> bool:
         """Whether enough was seen."""
         return self._seen >= _WARM_UP
-
-    @property
-    def disagreement(self) -> float:
-        """By how much x and y differ below the cutoff [m/s^2]; 0 without predictions."""
-        return float(np.linalg.norm((self._measured_slow - self.predicted_slow)[:3]))
 
     def update(self, predicted: Array | None, measured: Array, dt: float) -> None:
         """Take x and y (6,) [m/s^2], [rad/s^2] over the last `dt` [s].
@@ -111,6 +108,7 @@ class AnswerCorrection:
         slow, band = dt / (self._time_constant + dt), dt / (self._band_time + dt)
         self.predicted_slow = self.predicted_slow + slow * (predicted - self.predicted_slow)
         self._measured_slow = self._measured_slow + slow * (measured - self._measured_slow)
+        self.disagreement = float(np.linalg.norm((self._measured_slow - self.predicted_slow)[:3]))
         self._predicted_band = self._predicted_band + band * (predicted - self._predicted_band)
         self._measured_band = self._measured_band + band * (measured - self._measured_band)
         # A plain mean at first.

@@ -212,11 +212,11 @@ class FreeBaseEstimator:
             return 'no IMU yet'
         # A clock that was set back doesn't make an IMU fresh.
         if abs(age) > self._hold_time:
-            return f'IMU silent for {age:.2f} s'
+            return f'no good IMU sample for {age:.2f} s'
         if self.correction.disagreement > _DISAGREEMENT_MAX:
             return (
-                f'its acceleration is {self.correction.disagreement:.1f} m/s^2 off what rotor '
-                'commands, mass and arm bring about: check the IMU, the drone file and the thrust'
+                f"the IMU's acceleration is {self.correction.disagreement:.1f} m/s^2 off "
+                'what rotor commands, mass and arm bring about: check IMU, drone file and thrust'
             )
         return '' if self.correction.is_ready else 'the IMU has just begun'
 

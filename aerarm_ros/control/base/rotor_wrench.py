@@ -62,7 +62,7 @@ class RotorWrench:
         if np.isinf(age):
             return 'no rotor commands yet'
         if abs(age) > self._hold_time:
-            return f'rotor commands silent for {age:.2f} s'
+            return f'no good rotor command for {age:.2f} s'
         if now - self._changed > _FROZEN:
             return f'rotor commands frozen for {now - self._changed:.1f} s'
         return ''
