@@ -133,7 +133,7 @@ class ControlLoop(Generic[Reference]):
         state, now, dt = self._unobserved
         self._unobserved = None
         if self.base is not None:
-            self.base.observe(state.q, state.dq, now)
+            self.base.observe(state, now)
         if self.observer is not None and np.isfinite(state.tau.sum()):
             # The torque acted in the cycle that ended with the state. The base at another time
             # would look like a disturbance, and its compensation undo the law's prediction.

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from aerarm_ros.control.base.base_motion_estimator import FULL, NONE, BaseMotionEstimator
 from aerarm_ros.control.base.imu_sample import ImuSample
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.base.oscillation_watch import OscillationWatch
 from aerarm_ros.control.checks.joint_limits import JointLimits
 from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
 from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
@@ -163,7 +164,9 @@ class ExperimentBench:
         return now
 
     def _estimator(self, case: ExperimentCase) -> BaseMotionEstimator:
-        return BaseMotionEstimator(self._config.gravity_in_base, FULL if case.aware else NONE)
+        watch = OscillationWatch(self._limits.effort_max)
+        mode = FULL if case.aware else NONE
+        return BaseMotionEstimator(self._config.gravity_in_base, mode, watch=watch)
 
     def _loop(
         self, case: ExperimentCase, source: MotionSource, estimator: BaseMotionEstimator

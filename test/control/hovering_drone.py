@@ -16,6 +16,7 @@ from aerarm_ros.control.base.free_base_estimator import FREE, FreeBaseEstimator
 from aerarm_ros.control.base.imu_sample import ImuSample
 from aerarm_ros.control.base.mount import Mount
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.base.oscillation_watch import OscillationWatch
 from aerarm_ros.control.base.rotor_wrench import RotorWrench
 from aerarm_ros.control.checks.joint_limits import JointLimits
 from aerarm_ros.control.control_loop import ControlLoop
@@ -187,12 +188,14 @@ class FlightFaults:
     noise : of the IMU, as CHEAP.
     latency : of the IMU [s].
     commands : whether the rotors' commands are told.
+    load : what the last link picks up after half a second [kg].
     """
 
     known: DroneConfig | None = None
     noise: dict[str, float] | None = None
     latency: float = 0.0
     commands: bool = True
+    load: float = 0.0
 
 
 def make_estimator(
@@ -200,7 +203,8 @@ def make_estimator(
 ) -> BaseMotionEstimator | FreeBaseEstimator:
     mount = Mount.from_drone(drone)
     if mode != FREE:
-        return BaseMotionEstimator(drone.gravity_in_base, mode, mount)
+        watch = OscillationWatch(CONFIG.column('effort_max'))
+        return BaseMotionEstimator(drone.gravity_in_base, mode, mount, watch=watch)
     whole = WholeBodyDynamics(robot, ROTORS, carrier_parameters(drone))
     rotors = RotorWrench(drone, latency=LINK_DELAY)
     return FreeBaseEstimator(drone.gravity_in_base, rotors, whole, mount, AnswerCorrection())
@@ -214,6 +218,7 @@ def fly(
     flight: FlightFaults | None = None,
     make_law: Any = None,
     observer: Any = None,
+    make_base: Any = make_estimator,
 ) -> Array:
     """Return the joints' errors (M, n) [rad] of a flight, one row a cycle.
 
@@ -222,7 +227,7 @@ def fly(
     flight = flight or FlightFaults()
     known = flight.known or drone
     plant = DroneInEngine(drone, mode != 'fixed')
-    base = make_estimator('none' if mode == 'fixed' else mode, known, plant.robot)
+    base = make_base('none' if mode == 'fixed' else mode, known, plant.robot)
     dynamics = MovingBaseDynamics(plant.robot, ROTORS, carrier_parameters(known))
     law = make_law(dynamics) if make_law else ComputedTorque(dynamics, 400.0, 40.0)
     source = SwingingReference(kind)
@@ -242,6 +247,8 @@ def fly(
     errors = []
     for cycle in range(round(seconds / CYCLE)):
         now = cycle * CYCLE
+        if cycle == round(0.5 / CYCLE):
+            plant.model.body_mass[-1] += flight.load
         if plant.is_free and cycle % IMU_CYCLES == 0:
             attitude, rate, force = plant.imu()
             if flight.noise:

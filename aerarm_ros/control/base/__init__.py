@@ -31,6 +31,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'imu_watch': ['ImuWatch'],
         'mount': ['Mount'],
         'moving_base_dynamics': ['MovingBaseDynamics'],
+        'oscillation_watch': ['OscillationWatch'],
         'rotor_wrench': ['RotorWrench'],
     },
 )

@@ -9,8 +9,10 @@ from aerarm_ros.control.base.base_motion_prediction import BaseMotionPrediction
 from aerarm_ros.control.base.frame_conversion import rotation_matrix
 from aerarm_ros.control.base.imu_sample import ImuSample
 from aerarm_ros.control.base.mount import Mount
+from aerarm_ros.control.base.oscillation_watch import OscillationWatch
 from aerarm_ros.control.checks.gains import non_negative_number, positive
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.motion.arm_state import ArmState
 
 Array = npt.NDArray[np.float64]
 
@@ -19,6 +21,8 @@ HOVER = 'hover'
 MODES = (NONE, ATTITUDE, FULL)
 
 _GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
+# Within which what excites itself fades to the attitude [s]: its oscillation changes faster.
+_CALM_TIME = 0.1
 # Low-pass of what is told of the next milliseconds [Hz]: a drone sways at 1 Hz or less, and below
 # this corner the prediction gains more than the IMU's noise costs.
 _TREND_CUTOFF = 3.0
@@ -38,6 +42,9 @@ class BaseMotionEstimator:
     it is old (see `BaseMotionPrediction`). When they stop this goes on for `hold_time`, then
     the result stays and fades to the configured gravity; when they come back it fades back.
 
+    On a light drone 'full' excites itself. Where that is found, it fades to 'attitude', and stays
+    there: without the loop nothing tells whether it would excite itself again.
+
     Parameters
     ----------
     gravity_in_base : (3,) array_like
@@ -52,6 +59,8 @@ class BaseMotionEstimator:
         Of the angular acceleration's low-pass [Hz].
     latency : float
         Age [s] of a sample when it is received, known to the user alone.
+    watch : OscillationWatch, optional
+        Looks whether 'full' excites itself.
 
     Attributes
     ----------
@@ -75,6 +84,7 @@ class BaseMotionEstimator:
         fade_time: float = 0.5,
         cutoff: float = 60.0,
         latency: float = 0.0,
+        watch: OscillationWatch | None = None,
     ) -> None:
         if mode not in (*MODES, HOVER):
             raise ValueError(f'mode = {mode!r} must be one of {", ".join(MODES)}')
@@ -93,6 +103,10 @@ class BaseMotionEstimator:
         self._received = -np.inf
         self._updated: float | None = None
         self._weight = 0.0
+        self._watch = watch if mode == FULL else None
+        self._unwatched: ImuSample | None = None
+        self._calm: BaseMotionPrediction | None = None  # by attitude alone, once it is needed
+        self._calm_weight = 0.0
         self.rejections = 0
         self.last_rejection = ''
 
@@ -102,6 +116,11 @@ class BaseMotionEstimator:
             return 'configured gravity'
         age = now - self._received
         if abs(age) <= self._hold_time:
+            if self._watch is not None and self._watch.found:
+                return (
+                    f"IMU, its attitude alone until restart: {self._watch.found}, as 'full' "
+                    "excites itself on a light drone: give drone_file and base_motion 'free'"
+                )
             return 'IMU'
         if np.isinf(age):
             return 'no IMU yet: configured gravity'
@@ -112,8 +131,14 @@ class BaseMotionEstimator:
         source = self.status(now)
         return '' if self.mode == NONE or source == 'IMU' else source
 
-    def observe(self, q: Array, dq: Array, now: float) -> None:
-        """Take joints q [rad], dq [rad/s] at `now` [s]: not used."""
+    def observe(self, state: ArmState, now: float) -> None:
+        """Take the arm's state at `now` [s], to watch its torques."""
+        if self._watch is None:
+            return
+        self._watch.add_torque(state.tau)
+        if self._unwatched is not None:
+            self._watch.add_sample(self._unwatched)
+            self._unwatched = None
 
     def reject(self, reason: str) -> None:
         """Count a sample that could not be made."""
@@ -139,6 +164,10 @@ class BaseMotionEstimator:
         continues = 0.0 < step < self._hold_time
         self._prediction = self._predict(sample, step if continues else None)
         self._stamp, self._received = sample.stamp, now
+        if self._watch is not None:
+            self._unwatched = sample
+            if self._watch.found:
+                self._calm = self._predict_calm(sample)
 
     def motion(self, now: float, ahead: float = 0.0) -> BaseMotion:
         """Return the base's motion `ahead` [s] of `now` [s]; a negative lead is the past."""
@@ -147,21 +176,23 @@ class BaseMotionEstimator:
         age = now - self._received
         # A clock that was set back doesn't make an IMU fresh.
         fresh = abs(age) <= self._hold_time
+        # An observer asks for the past in between: time that went back changes nothing.
+        elapsed = 0.0 if self._updated is None else max(now - self._updated, 0.0)
         if self._updated is None:
             self._weight = 1.0 if fresh else 0.0
-        elif self._weight != fresh:
-            change = (now - self._updated) / self._fade_time
-            self._weight = min(1.0, max(0.0, self._weight + (change if fresh else -change)))
+        change = elapsed / self._fade_time
+        self._weight = _moved(self._weight, change if fresh else -change)
+        if self._calm is not None:
+            self._calm_weight = _moved(self._calm_weight, elapsed / _CALM_TIME)
         self._updated = now
         if self._weight == 0.0:
             return self.configured
         age = min(max(age, -self._hold_time), self._hold_time)
-        predicted = self._prediction.after(self._latency + age + ahead)
-        if self._weight == 1.0:
-            return predicted
-        w = self._weight
-        pairs = zip(predicted, self.configured, strict=True)
-        return BaseMotion(*(w * measured + (1.0 - w) * still for measured, still in pairs))
+        lead = self._latency + age + ahead
+        predicted = self._prediction.after(lead)
+        if self._calm is not None:
+            predicted = _between(predicted, self._calm.after(lead), self._calm_weight)
+        return _between(self.configured, predicted, self._weight)
 
     def _refuse(self, reason: str) -> None:
         self.reject(reason)
@@ -177,7 +208,7 @@ class BaseMotionEstimator:
         else:
             gravity = rotation @ (rotation_matrix(sample.attitude).T @ _GRAVITY_IN_WORLD)
         if self.mode == ATTITUDE:
-            return BaseMotionPrediction(BaseMotion.still(gravity), rate)
+            return self._predict_calm(sample)
         if self.mode == HOVER:
             thrust = self.configured.specific_force
             return BaseMotionPrediction(BaseMotion(gravity, thrust, rate, np.zeros(3)), rate, rest)
@@ -192,6 +223,14 @@ class BaseMotionEstimator:
         slope = self._force_slope.update(motion.specific_force, step or 0.0)
         return BaseMotionPrediction(motion, rate, None if step is None else slope, jerk)
 
+    def _predict_calm(self, sample: ImuSample) -> BaseMotionPrediction:
+        """Return the motion from a sample on by its attitude, level if it has none."""
+        if sample.attitude is None:
+            return BaseMotionPrediction(self.configured, np.zeros(3))
+        rotation = self._mount.rotation_imu_to_base
+        gravity = rotation @ (rotation_matrix(sample.attitude).T @ _GRAVITY_IN_WORLD)
+        return BaseMotionPrediction(BaseMotion.still(gravity), rotation @ sample.angular_velocity)
+
     def _angular_acceleration(self, rate: Array, step: float | None) -> tuple[Array, Array]:
         """Return angular acceleration and its rate; zeros if there is no sample before."""
         if step is None:
@@ -202,3 +241,15 @@ class BaseMotionEstimator:
         jerk = self._jerk.update(spin, step)
         # The derivative is that of a while ago: half a step, and the low-pass.
         return spin + (0.5 * step + self._time_constant) * jerk, jerk
+
+
+def _moved(weight: float, change: float) -> float:
+    return min(1.0, max(0.0, weight + change))
+
+
+def _between(first: BaseMotion, second: BaseMotion, weight: float) -> BaseMotion:
+    """Return what lies between two motions, the second at weight 1."""
+    if weight == 1.0:
+        return second
+    pairs = zip(first, second, strict=True)
+    return BaseMotion(*((1.0 - weight) * one + weight * other for one, other in pairs))

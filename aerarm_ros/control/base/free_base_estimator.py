@@ -16,6 +16,7 @@ from aerarm_ros.control.base.rotor_wrench import RotorWrench
 from aerarm_ros.control.checks.gains import non_negative_number, positive
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+from aerarm_ros.motion.arm_state import ArmState
 
 Array = npt.NDArray[np.float64]
 
@@ -153,8 +154,9 @@ class FreeBaseEstimator:
             self.reject(str(error))
             raise
 
-    def observe(self, q: Array, dq: Array, now: float) -> None:
-        """Compare prediction and IMU, if a sample came, at joints q [rad], dq [rad/s]."""
+    def observe(self, state: ArmState, now: float) -> None:
+        """Compare prediction and IMU, if a sample came, at the arm's state of `now` [s]."""
+        q, dq, _ = state
         if not self._forces:
             return
         last = self._compared

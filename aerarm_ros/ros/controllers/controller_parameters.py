@@ -23,6 +23,7 @@ from aerarm_ros.control.base.feedback_check import check_feedback
 from aerarm_ros.control.base.free_base_estimator import FREE, FreeBaseEstimator
 from aerarm_ros.control.base.mount import Mount
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.base.oscillation_watch import OscillationWatch
 from aerarm_ros.control.base.rotor_wrench import RotorWrench
 from aerarm_ros.control.checks.joint_limits import JointLimits
 from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
@@ -226,6 +227,7 @@ class ControlledArm:
             values.imu_fade_time,
             values.imu_cutoff,
             values.imu_latency,
+            OscillationWatch(self.limits.effort_max),
         )
 
     def follower(self, values: SimpleNamespace) -> TrajectoryFollower:

@@ -22,6 +22,7 @@ from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.motion.arm_state import ArmState
 
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 UP = np.array([0.0, 0.0, 9.81])
@@ -99,7 +100,7 @@ class Hover:
                     self.estimator.offer_rotors(names, command, self.now, self.now)
             except RejectedInputError:
                 pass
-            self.estimator.observe(LEANING, np.zeros(4), self.now)
+            self.estimator.observe(ArmState(LEANING, np.zeros(4), np.zeros(4)), self.now)
             base = self.estimator.motion(self.now)
             self.torques.append(self.dynamics.inverse(LEANING, np.zeros(4), np.zeros(4), base))
 
