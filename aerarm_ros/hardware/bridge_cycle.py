@@ -278,19 +278,20 @@ class BridgeCycle:
 
     def update(self, now: float) -> None:
         """Run one cycle at the time `now` [s, monotonic]."""
-        dt = min(max(now - self._now, 0.0), _STEP_MAX)
+        elapsed = max(now - self._now, 0.0)
         self._now = now
         self.cycles += 1
         self._transport.advance(now)
         # Boards answer before they take a command: what they tell came of the one before.
         gains, feed_forward = self._references.gains, self._references.feed_forward
         noise = self._references.braking_noise
-        running = self._choose_references(now, dt)
+        running = self._choose_references(now, elapsed)
         for link in self.links:
             enable = self._enabled and not (self.gate.stop and not link.may_be_damped)
             link.exchange(self._references, enable, running)
         self._aligned = all(link.is_aligned for link in self.links)
         self.state.read(self.links, self._references.zero, gains, self._current_lag)
+        dt = min(elapsed, _STEP_MAX)
         self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
         self._watch(now, feed_forward, noise)
         self.mode = self._current_mode(now)
@@ -303,16 +304,18 @@ class BridgeCycle:
             for link in self.links:
                 link.switch_off()
 
-    def _choose_references(self, now: float, dt: float) -> bool:
+    def _choose_references(self, now: float, elapsed: float) -> bool:
         """Set what the motors shall do; return whether a command is followed."""
-        references, gate = self._references, self.gate
+        references, gate, state = self._references, self.gate, self.state
         if not self._enabled:
-            references.release()
+            references.switch_off()
             gate.look_away()
             return False
-        gate.watch(self.q, self.dq, references.torques(self.q, self.dq), dt)
-        followed = self._follow(now, dt)
-        if self._aligned and references.keep_within(gate.barriers, self._encoders.trusted):
+        references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
+        times = state.age(now, now - elapsed)
+        gate.watch(self.q, self.dq, references.torques(self.q, self.dq), *times)
+        followed = self._follow(now, min(elapsed, _STEP_MAX))
+        if references.keep_within(gate.barriers, self._encoders.trusted & state.driven):
             gate.note_braking(now)
         return followed
 

@@ -8,11 +8,11 @@ Ends with status 1 if a promise was broken.
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from attack_rig import AttackRig
-from attacks import ATTACKS
+from attacks import ATTACKS, WITHOUT_EFFORT
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
@@ -46,18 +46,31 @@ def run(attack: str, number: int, seconds: float = _SECONDS) -> Outcome:
     posture = random.uniform(low + 0.02, high - 0.02)
     payload = float(random.choice([0.0, 0.5, 1.0])) * config.rated_payload[0]
     seed = None if number % 3 == 0 else int(random.integers(1, 1000))
-    gains = None
+    gains: tuple[np.ndarray, ...] | None = None
     if number % 4 == 1:
         least = DriveTrain(config).joint_to_motor_gain(JointLoads(config, robot).damping_min)
         kd = np.exp(random.uniform(np.log(least + 1e-3), np.log(0.61)))
         gains = (random.uniform(0.0, 5.09, 4), kd)
-    rig = AttackRig(config, robot, posture=posture, payload=payload, seed=seed, gains=gains)
-    rig.bring_up()
+    gravity = None
+    if number % 5 == 4:
+        down = random.standard_normal(3)
+        gravity = 9.81 * down / np.linalg.norm(down)
+    if number % 8 == 7 and attack in WITHOUT_EFFORT:
+        # Boards with an integral, in frames without a feed-forward current.
+        config = replace(config, profile='laas_power')
+        kp, kd = config.column('board_kp'), config.column('board_kd')
+        gains = (kp, kd, random.uniform(1.0, 5.09, 4))
+    rig = AttackRig(
+        config, robot, posture=posture, payload=payload, seed=seed, gains=gains, gravity=gravity
+    ).bring_up()
     log = rig.run(seconds, ATTACKS[attack](random))
     beyond, speed = log.beyond(config), log.speed_ratio(config)
     arm = f'q {posture.round(2)} m {payload:.1f} seed {seed}'
     if gains is not None:
-        arm += f' kp {gains[0].round(2)} kd {gains[1].round(2)}'
+        named = zip(('kp', 'kd', 'ki'), gains, strict=False)
+        arm += ''.join(f' {name} {gain.round(2)}' for name, gain in named)
+    if gravity is not None:
+        arm += f' gravity {gravity.round(1)}'
     return Outcome(
         attack,
         number,

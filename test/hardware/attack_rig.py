@@ -115,7 +115,7 @@ class AttackRig:
     seed
         Of the arm's deviations from its drawing; None for an arm as drawn.
     settings, gains
-        The bridge's; gains are (kp, kd), motor side.
+        The bridge's; gains are (kp, kd) or (kp, kd, integral_gain), motor side.
     delays
         The host's script, None for a perfect 1 kHz.
     gravity
@@ -131,7 +131,7 @@ class AttackRig:
         payload: float = 0.0,
         seed: int | None = None,
         settings: BridgeSettings | None = None,
-        gains: tuple[Sequence[float], Sequence[float]] | None = None,
+        gains: Sequence[Sequence[float]] | None = None,
         delays: Delays | None = None,
         gravity: Sequence[float] | None = None,
     ) -> None:

@@ -296,3 +296,8 @@ ATTACKS: dict[str, Attack] = {
         returning,
     )
 }
+# Those that boards without a feed-forward current can be attacked with.
+WITHOUT_EFFORT = frozenset(
+    attack.__name__
+    for attack in (velocity, position, position_velocity, velocity_waves, pump_loop, creeping)
+)

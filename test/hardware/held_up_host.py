@@ -234,7 +234,7 @@ def run(motion: str, number: int, seconds: float = 1.0, **delays: object) -> Tri
         config,
         robot,
         posture=posture,
-        payload=float(random.choice([0.0, 0.1, 0.3])),
+        payload=float(random.choice([0.0, 0.5, 1.0])) * config.rated_payload[0],
         seed=None if number % 3 == 0 else int(random.integers(1, 1000)),
         delays=script,
     ).bring_up()

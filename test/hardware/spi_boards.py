@@ -28,9 +28,12 @@ def compiler() -> str | None:
 
 
 class SpiBoards:
-    """Context with a running server; `environment` is for the processes that use the bus."""
+    """Context with a running server; `environment` is for the processes that use the bus.
 
-    def __init__(self) -> None:
+    With `paced` the boards' time is that of the frames, see `spi_server`.
+    """
+
+    def __init__(self, paced: bool = False) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix='spi')
         folder = Path(self._folder.name)
         shim = folder / 'spi_shim.so'
@@ -38,7 +41,7 @@ class SpiBoards:
         socket = str(folder / 'bus')
         self.environment = {'LD_PRELOAD': str(shim), 'SPI_SHIM_SOCKET': socket}
         self._process = subprocess.Popen(
-            [sys.executable, HERE / 'spi_server.py', socket],
+            [sys.executable, HERE / 'spi_server.py', socket, *(['PACED'] if paced else [])],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -79,5 +82,5 @@ class SpiBoards:
     def __exit__(self, *_: object) -> None:
         self._process.stdin.close()
         self._process.stdout.close()
-        self._process.wait(10.0)
+        self._process.wait(120.0)  # on a busy machine it takes its time
         self._folder.cleanup()

@@ -1,6 +1,9 @@
-"""Emulated boards behind the socket of spi_shim.c, in real time.
+"""Emulated boards behind the socket of spi_shim.c, in real time or in that of the frames.
 
-Usage: python spi_server.py SOCKET
+Usage: python spi_server.py SOCKET [PACED]
+
+With PACED a millisecond passes with each round of frames, however long the host takes for it, and
+none without frames: nobody is too late.
 
 Takes commands as lines of JSON on standard input and answers each with a line:
 
@@ -30,6 +33,7 @@ from aerarm_ros.hardware.emulation.fault_request import FaultRequest
 NAME_BYTES = 32
 HEADER = struct.Struct('=III')
 COUNT = struct.Struct('=i')
+ROUND = 1e-3  # [s] of paced boards between two frames for one of them
 IDLE = 1e-3  # [s] between two steps of the arm while nobody transfers anything
 
 
@@ -51,7 +55,9 @@ class Device:
 class SpiServer:
     """The boards, the sockets of the devices that are open, and the commands."""
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, paced: bool = False) -> None:
+        self.paced = paced
+        self.time = 0.0  # [s] of paced boards
         config = load_arm_config()
         self.boards = make_emulated_transport(config, load_robot(), None)
         self.devices = {board.device: Device(i) for i, board in enumerate(config.boards)}
@@ -67,7 +73,8 @@ class SpiServer:
         while True:
             for key, _ in self.selector.select(IDLE):
                 key.data()
-            self.boards.advance(time.monotonic())
+            if not self.paced:
+                self.boards.advance(time.monotonic())
 
     def accept(self) -> None:
         connection, _ = self.listener.accept()
@@ -97,6 +104,9 @@ class SpiServer:
         device.mode, device.speed, length = HEADER.unpack(header)
         frame = device.connection.recv(length, socket.MSG_WAITALL)
         device.transfers += 1
+        if self.paced:
+            self.time += ROUND / len(self.devices)
+            self.boards.advance(self.time)
         if device.eio:
             device.connection.sendall(COUNT.pack(-errno.EIO))
             return
@@ -140,6 +150,8 @@ class SpiServer:
                 'speed': device.speed,
                 'enabled': board.system_enabled,
                 'told_on': board._command.enable_system,  # by the last frame that it took
+                'gains': max(*board._command.kp, *board._command.kd),
+                'current': max(map(abs, board._command.current)),
                 'error': board.error,
             }
             for device, board in zip(self.devices.values(), self.boards.boards, strict=True)
@@ -152,4 +164,4 @@ def shifted(frame: bytes) -> bytes:
 
 
 if __name__ == '__main__':
-    SpiServer(sys.argv[1]).run()
+    SpiServer(sys.argv[1], paced='PACED' in sys.argv[2:]).run()

@@ -6,6 +6,8 @@ from attack_campaign import BEYOND_MAX, SPEED_MAX, run
 from attack_rig import AttackRig, Offer
 from attacks import ATTACKS
 
+# What a board's integral and a base that is turned add.
+SPECIAL = [('position', 7), ('position', 15), ('full_law', 4), ('swinging', 9)]
 PUSH = 9.0  # [Nm] or [rad/s], beyond any limit
 
 # Number 1 has gains of its own, 2 and 5 other arms.
@@ -13,7 +15,8 @@ NUMBERS = {name: (1, 2) if index % 2 else (3, 5) for index, name in enumerate(AT
 
 
 @pytest.mark.parametrize(
-    ('attack', 'number'), [(name, number) for name in ATTACKS for number in NUMBERS[name]]
+    ('attack', 'number'),
+    [*((name, number) for name in ATTACKS for number in NUMBERS[name]), *SPECIAL],
 )
 def test_no_attack_breaks_a_limit(attack: str, number: int) -> None:
     outcome = run(attack, number, seconds=0.7)
@@ -63,6 +66,17 @@ def test_a_stopped_arm_sinks_slowly_and_not_through_its_limit(config, robot):
     assert 0.3 < np.abs(log.dq[:, 1]).max() < 0.4 * config.joints[1].velocity_max
     assert log.beyond(config)[1] < 0.01
     assert rig.plant.position[1] < config.joints[1].position_min + 0.05
+
+
+@pytest.mark.parametrize('fault', ['over_temperature', 'power_cycle'])
+def test_a_joint_is_held_at_its_limit_while_the_other_board_is_off(config, robot, fault):
+    # Joint 2 sinks towards its lower limit; joints 3 and 4 hang free.
+    rig = AttackRig(config, robot, posture=[0.0, -0.45, 0.0, 0.0], payload=0.1).bring_up()
+    rig.inject(fault, 1)
+    log = rig.run(0.8)
+    assert rig.bridge.mode == 'fault'
+    assert log.q[-1, 1] < -0.5
+    assert log.beyond(config)[1] < 0.02
 
 
 def test_far_from_limits_commands_reach_the_boards_as_they_are(config, robot):

@@ -1,4 +1,4 @@
-"""SIGKILL of either side: nobody is left to say goodbye, and the arm comes to rest."""
+"""Killed, told to end, or without its device: the arm comes to rest and the boards are off."""
 
 import os
 import signal
@@ -33,6 +33,23 @@ def boards() -> Iterator[SpiBoards]:
     if spi_boards.missing():
         pytest.skip(spi_boards.missing())
     with SpiBoards() as boards:
+        yield boards
+
+
+# On boards whose time is that of the frames nothing depends on how fast the host is.
+UNHURRIED = {
+    **PATIENCE,
+    'alignment_timeout': 60.0,
+    'exchange_time_max': 0.1,
+    'slow_exchanges_max': 1000,
+}
+
+
+@pytest.fixture
+def paced_boards() -> Iterator[SpiBoards]:
+    if spi_boards.missing():
+        pytest.skip(spi_boards.missing())
+    with SpiBoards(paced=True) as boards:
         yield boards
 
 
@@ -80,6 +97,34 @@ def test_the_real_bridge_over_spidev_until_a_device_vanishes(
     client.wait_for(lambda: max(np.abs(client.states[-1].velocity[:2])) < 0.05)
     assert spi_bridge.stop(signal.SIGTERM) == 0
     assert [board['enabled'] for board in boards.report()] == [False, False]
+
+
+def test_a_device_that_comes_back_is_off_until_enabled_and_sigquit_switches_off(
+    paced_boards: SpiBoards, ros_domain: dict[str, str], ros_node: Node, tmp_path: Path
+) -> None:
+    boards = paced_boards
+    with NodeProcess(
+        'hardware_bridge', (), UNHURRIED, boards.environment, tmp_path / 'log'
+    ) as bridge:
+        client = BridgeClient(ros_node, 'hardware_bridge')
+        client.wait_for_mode('idle')
+        boards.vanish('/dev/spidev0.1')
+        client.wait_for_mode('disconnected')
+        client.wait_for(lambda: 'opened again once it does' in client.messages['arm'])
+        assert '/dev/spidev0.1 reports' in client.call('enable').message
+        boards.come_back('/dev/spidev0.1')
+        client.wait_for_mode('idle')
+        assert [board['told_on'] for board in boards.report()] == [False, False]
+        client.make_ready()
+        assert [board['told_on'] for board in boards.report()] == [True, True]
+        assert all(board['gains'] > 0.0 for board in boards.report())
+        assert bridge.stop(signal.SIGQUIT) == 0
+    # Their time stands still without frames, so no time-out did this.
+    last = boards.report()
+    assert [(board['told_on'], board['enabled'], board['error']) for board in last] == [
+        (False, False, 0)
+    ] * 2
+    assert [(board['gains'], board['current']) for board in last] == [(0.0, 0.0)] * 2
 
 
 def test_when_the_bridge_is_killed_the_boards_switch_off(

@@ -29,6 +29,8 @@ class ArmMeasurements:
         (n,) bits that flip at an encoder's index pulse.
     fresh
         (n,) whether the motor's board answered in the last cycle.
+    driven
+        (n,) whether the motor's board drove its motors, aligned, when it last answered.
     interval, interval_max
         (n,) time between the two last measurements of each motor, and the longest that it can
         have been [s]; see `BoardLink`.
@@ -44,7 +46,9 @@ class ArmMeasurements:
         self.reported_position = unknown()
         self.index_toggle: Mask = np.zeros(config.n, dtype=bool)
         self.fresh: Mask = np.zeros(config.n, dtype=bool)
+        self.driven: Mask = np.zeros(config.n, dtype=bool)
         self.interval, self.interval_max = unknown(), unknown()
+        self._measured_at: Array = np.full(config.n, -np.inf)  # begin of that cycle [s]
         self._drive = DriveTrain(config)
         self._last_velocity = unknown()
 
@@ -79,6 +83,7 @@ class ArmMeasurements:
             state = link.state
             for joint, channel in link.joints:
                 self.fresh[joint] = link.fresh
+                self.driven[joint] = link.is_aligned
                 if link.fresh:
                     self.reported_position[joint] = state.position[channel]
                     self.motor_velocity[joint] = state.velocity[channel]
@@ -91,6 +96,17 @@ class ArmMeasurements:
         self.q[:] = self._drive.motor_to_joint_position(self.motor_position)
         self.dq[:] = self._drive.motor_to_joint_velocity(self.motor_velocity)
         self.tau[:] = self._drive.current_to_effort(self.motor_current + self._droop(gains, lag))
+
+    def age(self, now: float, last: float) -> tuple[Array, Array]:
+        """Return how old the measurements are, and the time between the two last, (n,) each [s].
+
+        To be called once a cycle: `now` is when it began [s], `last` when the one began whose
+        exchange `read` has seen. The time between is 0 where there is none newer than at the
+        last call, and inf where there was none before.
+        """
+        between: Array = np.where(self.fresh, last - self._measured_at, 0.0)
+        self._measured_at[self.fresh] = last
+        return np.maximum(now - self._measured_at, 0.0), between  # a clock may go back
 
     def _droop(self, gains: tuple[Array, Array], lag: float | None) -> Array | float:
         """Return by how much the sampled currents lie below the cycle's mean [A]."""

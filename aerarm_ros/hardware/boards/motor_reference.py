@@ -37,6 +37,9 @@ class MotorReference:
         Largest current that it may take besides the board's own limit [A].
     zero
         Angle [rad] that the board reports where the motor's angle is zero.
+    integral
+        What the board's integral term makes of the current while its gain is not 0 [A], as far as
+        the references and the measured angles tell.
     joint_position
         Position reference at the joint [rad], NaN if there is none.
     """
@@ -57,6 +60,7 @@ class MotorReference:
         'believed',
         'current',
         'current_max',
+        'integral',
         'integral_gain',
         'joint_position',
         'kd',
@@ -81,7 +85,7 @@ class MotorReference:
         self._current_per_effort = current_per_effort
         self._lowest, self._highest = position_min, position_max
         self._effort_max, self._braking_kd = effort_max, braking_kd
-        self.zero = 0.0
+        self.zero = self.integral = 0.0
         self.set_gains(0.0, 0.0, 0.0, 0.0)
         self.release()
 
@@ -116,10 +120,18 @@ class MotorReference:
 
     def torque(self, q: float, dq: float) -> float:
         """Return the joint torque [Nm] of the board's law for a joint at q [rad], dq [rad/s]."""
-        error = self.position - self.zero - self._slope * q - self._intercept
         slip = self.velocity - self._slope * dq
-        current = self.kp * error + self.kd * slip + self.current
+        current = self.kp * self._error(q) + self.kd * slip + self.current
+        if self.integral_gain:
+            current += self.integral
         return min(max(current / self._current_per_effort, -self._effort_max), self._effort_max)
+
+    def wind_up(self, q: float, duration: float) -> None:
+        """Follow the board's integral for a time [s], with the joint at q [rad] in its middle."""
+        if self.integral_gain:
+            most = abs(self._current_per_effort) * self._effort_max
+            wound = self.integral + self.integral_gain * self._error(q) * duration
+            self.integral = min(max(wound, -most), most)
 
     def track(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
         """Follow a limited reference; arguments as in `MotorReferences.track`, for one joint."""
@@ -170,6 +182,10 @@ class MotorReference:
         self.position = self._slope * q + self._intercept + self.zero
         self.velocity = self._slope * dq + torque * self._current_per_effort / self.kd
         return True
+
+    def _error(self, q: float) -> float:
+        """Return how far the motor is from its reference [rad] with the joint at q [rad]."""
+        return self.position - self.zero - self._slope * q - self._intercept
 
     def _integrated(self, step: float, q: float) -> float:
         """Return the last reference moved on by a step [rad], within reach and limits."""

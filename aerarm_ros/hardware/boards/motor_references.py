@@ -132,10 +132,16 @@ class MotorReferences:
         for motor, angle in zip(self.motors, zero.tolist(), strict=True):
             motor.set_zero(angle)
 
-    def release(self) -> None:
-        """Ask for nothing: no current, no gains."""
+    def switch_off(self) -> None:
+        """Ask for nothing: no current, no gains. A board that is off forgets its integral."""
         for motor in self.motors:
             motor.release()
+            motor.integral = 0.0
+
+    def wind_up(self, q: Array, duration: float) -> None:
+        """Follow the boards' integrals for a time [s], with joints at q (n,) in its middle."""
+        for motor, angle in zip(self.motors, q.tolist(), strict=True):
+            motor.wind_up(angle, duration)
 
     def torques(self, q: Array, dq: Array) -> Array:
         """Return the torques (n,) [Nm] of the boards' laws for joints at q, dq (n,)."""

@@ -17,6 +17,8 @@ _APPROACH_SHARE = 0.25
 # constant [s], up to this share of the largest torque.
 _DISTURBANCE_TIME = 5e-3
 _DISTURBANCE_SHARE = 0.15
+# Between two measurements further apart [s] the torque was another one than is known.
+_APART = 5e-3
 _SPEED_NOISE = 0.15  # [rad/s] of a speed made of counts, without its low-pass
 # A joint beyond its limit is led back at no more than this share of the speed limit.
 _RETURN_SHARE = 0.05
@@ -66,9 +68,9 @@ class JointBarrier:
         '_deceleration',
         '_disturbance',
         '_disturbance_max',
-        '_elapsed',
         '_fastest',
         '_gain_max',
+        '_is_known',
         '_kept',
         '_kept_time',
         '_lag',
@@ -114,8 +116,9 @@ class JointBarrier:
 
     def restart(self) -> None:
         """Forget what the joint did: its speed is taken as measured."""
-        self._last_speed, self._elapsed, self._acceleration = 0.0, 0.0, 0.0
-        self._speed, self._disturbance = 0.0, 0.0
+        self._is_known = False  # how fast it was, and what pulled at it
+        self._last_speed, self._speed, self._acceleration = 0.0, 0.0, 0.0
+        self._disturbance = 0.0
 
     def speed(self, distance: float) -> float:
         """Return the speed [rad/s] from which the joint stops within a distance [rad]."""
@@ -127,55 +130,72 @@ class JointBarrier:
         return min(reachable, self._fastest)
 
     def update(
-        self, q: float, dq: float, effort: float, load: float, inertia: float, dt: float
+        self,
+        q: float,
+        dq: float,
+        effort: float,
+        load: float,
+        inertia: float,
+        age: float,
+        interval: float,
     ) -> None:
         """Find the bounds for the coming cycle.
 
         Parameters
         ----------
         q, dq
-            Measured at the start of the cycle that ends now [rad], [rad/s]; the speed as the
-            board reports it, low-passed.
+            The last measurement [rad], [rad/s]; the speed as the board reports it, low-passed.
         effort
             Torque that has acted since then [Nm].
         load, inertia
             What of it the arm's weight and motion take [Nm], and what the joint moves [kg m^2].
-        dt
+        age
             Time since then [s].
+        interval
+            From the measurement before to this one [s]; 0 if there was none since the last call,
+            inf if there was none before.
         """
-        speed = self._without_lag(dq)
-        self._observe(speed, inertia)
+        if interval > 0.0 or not self._is_known:
+            self._take(dq, inertia, interval)
+        speed = self._speed
         self.load = load = load + self._disturbance
         acceleration = (effort - load) / inertia
-        self.q = q + dt * (speed + 0.5 * dt * acceleration)
-        self.dq = speed + dt * acceleration
-        mean = speed + 0.5 * dt * acceleration
-        self.filtered = mean + self._share_kept(dt) * (dq - mean)
-        self._last_speed, self._elapsed, self._acceleration = dq, dt, acceleration
-        self._speed = speed
+        # After a pause nobody knows what torque the last reference made of the motion.
+        led = min(age, _APART) * acceleration
+        mean = speed + 0.5 * led
+        self.q = q + age * mean
+        self.dq = speed + led
+        self.filtered = mean + self._share_kept(age) * (dq - mean)
+        self._acceleration = acceleration
         gain = min(self._gain_max, _FASTEST * inertia)
         self.noise = _SPEED_NOISE * gain
         self.highest = load + self._bound(self._position_max - self.q, self.dq, gain, inertia)
         self.lowest = load - self._bound(self.q - self._position_min, -self.dq, gain, inertia)
 
-    def _observe(self, speed: float, inertia: float) -> None:
-        """Learn from a speed [rad/s] what the torque of the last cycle did not do."""
-        if self._elapsed <= 0.0:
-            return
-        missing = self._acceleration - (speed - self._speed) / self._elapsed
-        share = self._elapsed / (_DISTURBANCE_TIME + self._elapsed)
+    def _take(self, dq: float, inertia: float, interval: float) -> None:
+        """Take another measured speed [rad/s], an interval [s] after the last."""
+        if self._is_known and interval <= _APART:
+            speed = self._without_lag(dq, interval)
+            self._observe(speed, inertia, interval)
+        else:
+            speed = dq
+        self._last_speed, self._speed = dq, speed
+        self._is_known = True
+
+    def _observe(self, speed: float, inertia: float, interval: float) -> None:
+        """Learn from a speed [rad/s] what the torque of the last interval [s] did not do."""
+        missing = self._acceleration - (speed - self._speed) / interval
+        share = interval / (_DISTURBANCE_TIME + interval)
         largest = self._disturbance_max
         learned = self._disturbance + share * inertia * missing
         self._disturbance = min(max(learned, -largest), largest)
 
-    def _without_lag(self, dq: float) -> float:
-        """Return the speed now [rad/s] of the board's low-passed one."""
-        if self._elapsed <= 0.0:
-            return dq
-        kept = self._share_kept(self._elapsed)
+    def _without_lag(self, dq: float, interval: float) -> float:
+        """Return the speed now [rad/s] of the board's low-passed one, an interval [s] later."""
+        kept = self._share_kept(interval)
         mean = (dq - kept * self._last_speed) / (1.0 - kept)
         # The mean is weighted towards now; the torque of that cycle leads it there.
-        age = self._lag - self._elapsed * kept / (1.0 - kept)
+        age = self._lag - interval * kept / (1.0 - kept)
         return mean + age * self._acceleration
 
     def _share_kept(self, time: float) -> float:

@@ -88,17 +88,16 @@ class SafetyGate:
         violations = (joint.state_violation(angle, speed) for joint, angle, speed in rows)
         return next(filter(None, violations), '')
 
-    def watch(self, q: Array, dq: Array, effort: Array, dt: float) -> None:
+    def watch(self, q: Array, dq: Array, effort: Array, age: Array, interval: Array) -> None:
         """Update `barriers`; once a cycle while the motors are driven.
 
-        Arguments as those of `JointBarrier.update`, for n joints.
+        Arguments as those of `JointBarrier.update`, (n,) each.
         """
         loads, inertias = self._loads.at(q, dq, effort)
-        rows = zip(
-            self.barriers, q.tolist(), dq.tolist(), effort.tolist(), loads, inertias, strict=True
-        )
-        for barrier, angle, speed, torque, load, inertia in rows:
-            barrier.update(angle, speed, torque, load, inertia, dt)
+        columns = (q.tolist(), dq.tolist(), effort.tolist(), loads, inertias)
+        rows = zip(self.barriers, *columns, age.tolist(), interval.tolist(), strict=True)
+        for barrier, *row in rows:
+            barrier.update(*row)
 
     def look_away(self) -> None:
         """Forget how the arm moved: its motors are off."""

@@ -170,6 +170,28 @@ def test_the_integral_of_a_velocity_does_not_wind_up_at_a_barrier(references, co
     assert references.torques(Q, np.zeros(4))[2] < 0.5
 
 
+def test_a_boards_integral_counts_as_torque(config, drive):
+    references = MotorReferences(config, load_profile('laas_power'), 0.5)
+    references.set_gains(5.0, 0.5, 5.0)
+    references.track(command(q=Q + 0.1), Q, DT)
+    before = references.torques(Q, np.zeros(4))
+    references.wind_up(Q, 0.05)
+    error = drive.joint_to_motor_velocity(np.full(4, 0.1))
+    wound = drive.current_to_effort(5.0 * 0.05 * error)
+    after = references.torques(Q, np.zeros(4))
+    assert after[1] == pytest.approx(before[1] + wound[1])
+    references.wind_up(Q, 100.0)
+    assert references.torques(Q, np.zeros(4)) == pytest.approx(config.column('effort_max'))
+    # It acts where its gain is, and a board that is off has forgotten it.
+    references.damp(np.full(4, np.inf))
+    assert references.torques(Q, np.zeros(4)) == pytest.approx(0.0)
+    references.track(command(q=Q), Q, DT)
+    assert references.torques(Q, np.zeros(4))[1] > 5.0
+    references.switch_off()
+    references.track(command(q=Q), Q, DT)
+    assert references.torques(Q, np.zeros(4)) == pytest.approx(0.0, abs=1e-9)
+
+
 def test_damping_has_no_stiffness_and_spares_untrusted_encoders(references, config):
     references.track(command(q=Q, tau=1.0), Q, DT)
     references.damp(np.array([np.inf, 0.0, np.inf, np.inf]))

@@ -22,7 +22,7 @@ def seen(q=0.0, dq=0.0, effort=0.0, load=0.0):
     """Return a barrier that has seen a joint go on like this for some cycles."""
     barrier = make_barrier()
     for _ in range(30):
-        barrier.update(q, dq, effort, load, INERTIA, DT)
+        barrier.update(q, dq, effort, load, INERTIA, DT, DT)
     return barrier
 
 
@@ -82,7 +82,7 @@ def test_the_boards_low_pass_is_looked_through():
     barrier, rate, speed, filtered = make_barrier(), 400.0, 0.0, 0.0
     kept = math.exp(-DT / SETTINGS.velocity_lag)
     for cycle in range(12):
-        barrier.update(0.0, filtered, rate * INERTIA, 0.0, INERTIA, DT)
+        barrier.update(0.0, filtered, rate * INERTIA, 0.0, INERTIA, DT, DT)
         if cycle > 2:
             assert barrier.dq == pytest.approx(speed + rate * DT, abs=0.02)
             assert barrier.dq - filtered > 0.8
@@ -96,9 +96,37 @@ def test_an_unknown_load_is_learned_from_the_motion():
     barrier = seen(effort=0.5, load=0.0)
     assert barrier.load == pytest.approx(0.5, abs=0.02)
     barrier.restart()
-    barrier.update(0.0, 0.0, 0.5, 0.0, INERTIA, DT)
+    barrier.update(0.0, 0.0, 0.5, 0.0, INERTIA, DT, DT)
     assert barrier.load == 0.0
 
 
 def test_what_is_learned_is_bounded():
     assert seen(effort=9.0, load=0.0).load == pytest.approx(0.15 * JOINT.effort_max)
+
+
+def test_a_pause_teaches_nothing_and_is_looked_beyond():
+    barrier = seen(dq=2.0)
+    barrier.update(0.0, 1.0, 0.0, 0.0, INERTIA, DT, 0.02)
+    assert barrier.load == pytest.approx(0.0, abs=1e-6)
+    assert barrier.dq == pytest.approx(1.0)
+    barrier.update(0.0, 1.0, 0.0, 0.0, INERTIA, 0.02, DT)
+    assert barrier.q == pytest.approx(0.02)
+
+
+def test_speeds_are_compared_over_the_time_between_them():
+    # 400 rad/s^2, as commanded, seen over intervals of a host that is held up.
+    barrier, rate, speed, filtered = make_barrier(), 400.0, 0.0, 0.0
+    for interval in (1e-3, 1e-3, 1.8e-3, 0.3e-3, 1e-3, 3e-3, 0.5e-3):
+        kept = math.exp(-interval / 1000 / SETTINGS.velocity_lag)
+        for _ in range(1000):
+            speed += rate * interval / 1000
+            filtered += (1.0 - kept) * (speed - filtered)
+        barrier.update(0.0, filtered, rate * INERTIA, 0.0, INERTIA, DT, interval)
+    assert barrier.load == pytest.approx(0.0, abs=0.15)
+
+
+def test_an_answer_that_is_missing_makes_the_last_one_older():
+    barrier = seen(dq=1.0)
+    barrier.update(0.0, 1.0, 1.0, 0.0, INERTIA, 3.0 * DT, 0.0)
+    assert barrier.dq == pytest.approx(1.0 + 3.0 * DT * 1.0 / INERTIA)
+    assert barrier.load == 0.0

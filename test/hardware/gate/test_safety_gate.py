@@ -8,6 +8,7 @@ from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 
 Q = np.array([0.0, 1.5, 0.0, 0.0])
 DQ = np.zeros(4)
+CYCLE = np.full(4, 1e-3)  # [s]
 
 
 @pytest.fixture
@@ -57,10 +58,10 @@ def test_is_inside_only_with_every_joint(gate):
 
 def test_barriers_know_where_the_arm_is_and_what_it_carries(gate):
     stretched, top = np.array([0.0, 0.0, 0.0, 0.0]), np.array([0.0, 1.5, 0.0, 2.094])
-    gate.watch(stretched, DQ, np.array([0.0, 5.4, 0.0, 0.0]), 1e-3)
+    gate.watch(stretched, DQ, np.array([0.0, 5.4, 0.0, 0.0]), CYCLE, CYCLE)
     assert gate.barriers[1].load == pytest.approx(5.3, abs=0.2)
     assert gate.barriers[1].highest > 9.39
-    gate.watch(top, DQ, DQ, 1e-3)
+    gate.watch(top, DQ, DQ, CYCLE, CYCLE)
     assert abs(gate.barriers[3].highest) < 0.5
     assert gate.barriers[3].lowest < -9.39
 
