@@ -103,9 +103,10 @@ class BridgeClient:
             self.commands.publish(command)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        self.diagnosed = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         for status in message.status:
             part = status.name.rsplit(' ', 1)[-1]
+            if part == 'timing':  # not every message has it
+                self.diagnosed = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
             self.diagnostics[part] = {item.key: item.value for item in status.values}
             self.messages[part] = status.message
 
