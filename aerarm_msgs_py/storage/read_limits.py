@@ -19,8 +19,7 @@ class ReadLimits:
     part_bytes
         Most bytes of one part: a chunk, a message, a run of messages [bytes].
     ratio
-        Most bytes that all of a bag may become in memory, as a multiple of its size. The
-        messages of a standing arm become 20 to 30 times as large.
+        Most bytes that all of a bag may become in memory, as a multiple of its size.
 
     Raises
     ------

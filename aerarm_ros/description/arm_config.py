@@ -11,11 +11,10 @@ import numpy.typing as npt
 
 from aerarm_ros.description.board_config import BoardConfig
 from aerarm_ros.description.config_error import ConfigError, check_name, check_range
-from aerarm_ros.description.config_reader import build, check_keys, read_yaml, section
+from aerarm_ros.description.config_reader import build, check_keys, load, section
 from aerarm_ros.description.gear_config import GearConfig
 from aerarm_ros.description.joint_config import JointConfig
 from aerarm_ros.description.motor_config import MotorConfig, torque_constant
-from aerarm_ros.description.resources import resource
 
 __all__ = [
     'ArmConfig',
@@ -176,12 +175,7 @@ def load_arm_config(path: Path | str | None = None) -> ArmConfig:
     ConfigError
         If the file can't be read or says something wrong; one line, with file and key.
     """
-    path = resource('config', 'aerarm.yaml') if path is None else Path(path)
-    document = read_yaml(path)
-    try:
-        return _arm(document)
-    except ConfigError as error:
-        raise ConfigError(f'{path}: {error}') from None
+    return load(path, 'aerarm.yaml', _arm)
 
 
 def _arm(document: dict[str, Any]) -> ArmConfig:

@@ -4,6 +4,7 @@ import dataclasses
 import math
 import re
 import types
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -11,6 +12,7 @@ import yaml
 
 from aerarm_ros.description.config_error import ConfigError
 from aerarm_ros.description.plain_yaml import LOADER, read_plain
+from aerarm_ros.description.resources import resource
 
 Config = TypeVar('Config')
 
@@ -52,6 +54,24 @@ def read_yaml(path: Path) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise ConfigError(f'{path}: must hold a mapping of keys, see the packaged example')
     return document
+
+
+def load(
+    path: Path | str | None, packaged: str, make: Callable[[dict[str, Any]], Config]
+) -> Config:
+    """Return what `make` makes of a YAML file, by default of the packaged one in config/.
+
+    Raises
+    ------
+    ConfigError
+        If the file can't be read or says something wrong; one line, with file and key.
+    """
+    path = resource('config', packaged) if path is None else Path(path)
+    document = read_yaml(path)
+    try:
+        return make(document)
+    except ConfigError as error:
+        raise ConfigError(f'{path}: {error}') from None
 
 
 def section(document: dict[str, Any], key: str, kind: type) -> Any:

@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.config_error import ConfigError, check_name, check_range
-from aerarm_ros.description.config_reader import build, check_keys, read_yaml, section
+from aerarm_ros.description.config_reader import build, check_keys, load, section
 from aerarm_ros.description.pose_config import PoseConfig, check_position, check_vector
-from aerarm_ros.description.resources import resource
 from aerarm_ros.description.rotor_config import RotorConfig
 
 Array = npt.NDArray[np.float64]
@@ -236,12 +235,7 @@ def load_drone_config(path: Path | str | None = None) -> DroneConfig:
     ConfigError
         If the file can't be read or says something wrong; one line, with file and key.
     """
-    path = resource('config', 'drone.yaml') if path is None else Path(path)
-    document = read_yaml(path)
-    try:
-        return _drone(document)
-    except ConfigError as error:
-        raise ConfigError(f'{path}: {error}') from None
+    return load(path, 'drone.yaml', _drone)
 
 
 def _drone(document: dict[str, Any]) -> DroneConfig:

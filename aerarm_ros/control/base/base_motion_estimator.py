@@ -6,7 +6,6 @@ import numpy.typing as npt
 from aerarm_ros.control.base.acceleration_estimate import AccelerationEstimate
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.base_motion_prediction import BaseMotionPrediction
-from aerarm_ros.control.base.frame_conversion import rotation_matrix
 from aerarm_ros.control.base.imu_sample import ImuSample
 from aerarm_ros.control.base.mount import Mount
 from aerarm_ros.control.base.oscillation_watch import OscillationWatch
@@ -20,7 +19,6 @@ NONE, ATTITUDE, FULL = 'none', 'attitude', 'full'
 HOVER = 'hover'
 MODES = (NONE, ATTITUDE, FULL)
 
-_GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
 # Within which what excites itself fades to the attitude [s]: its oscillation changes faster.
 _CALM_TIME = 0.1
 # Low-pass of what is told of the next milliseconds [Hz]: a drone sways at 1 Hz or less, and below
@@ -206,7 +204,7 @@ class BaseMotionEstimator:
         if sample.attitude is None:
             gravity = -force  # the best guess without attitude: what is felt is gravity
         else:
-            gravity = rotation @ (rotation_matrix(sample.attitude).T @ _GRAVITY_IN_WORLD)
+            gravity = self._mount.gravity_in_base(sample.attitude)
         if self.mode == ATTITUDE:
             return self._predict_calm(sample)
         if self.mode == HOVER:
@@ -228,7 +226,7 @@ class BaseMotionEstimator:
         if sample.attitude is None:
             return BaseMotionPrediction(self.configured, np.zeros(3))
         rotation = self._mount.rotation_imu_to_base
-        gravity = rotation @ (rotation_matrix(sample.attitude).T @ _GRAVITY_IN_WORLD)
+        gravity = self._mount.gravity_in_base(sample.attitude)
         return BaseMotionPrediction(BaseMotion.still(gravity), rotation @ sample.angular_velocity)
 
     def _angular_acceleration(self, rate: Array, step: float | None) -> tuple[Array, Array]:

@@ -7,7 +7,6 @@ import numpy.typing as npt
 
 from aerarm_ros.control.base.answer_correction import AnswerCorrection
 from aerarm_ros.control.base.base_motion import BaseMotion
-from aerarm_ros.control.base.frame_conversion import rotation_matrix
 from aerarm_ros.control.base.free_base_motion import FreeBaseMotion
 from aerarm_ros.control.base.imu_sample import ImuSample
 from aerarm_ros.control.base.imu_watch import ImuWatch
@@ -22,7 +21,6 @@ Array = npt.NDArray[np.float64]
 
 FREE = 'free'
 
-_GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
 # IMU samples are compared with the model at most this often [s]; rates are differences over it.
 _PERIOD = 3.5e-3
 _LONGEST_STEP = 0.1  # [s]
@@ -143,7 +141,7 @@ class FreeBaseEstimator:
         self._rate = rotation @ sample.angular_velocity
         self._forces.append(rotation @ sample.specific_force)
         if sample.attitude is not None:
-            self._gravity = rotation @ (rotation_matrix(sample.attitude).T @ _GRAVITY_IN_WORLD)
+            self._gravity = self._mount.gravity_in_base(sample.attitude)
         self._stamp, self._received = sample.stamp, now
 
     def offer_rotors(self, names: Sequence[str], thrust: Array, stamp: float, now: float) -> None:

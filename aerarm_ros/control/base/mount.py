@@ -5,10 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.control.base.frame_conversion import rotation_matrix
 from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot
 
 Array = npt.NDArray[np.float64]
+
+_GRAVITY_IN_WORLD = np.array(STANDARD_GRAVITY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,3 +59,10 @@ class Mount:
             raise ValueError(f'link {imu_frame!r} moves with the arm: it can hold no base IMU')
         placement = frame.placement
         return cls(np.array(placement.rotation), np.array(placement.translation))
+
+    def gravity_in_base(self, attitude: Array) -> Array:
+        """Return gravity (3,) [m/s^2] for an attitude (x, y, z, w) of the IMU in the world."""
+        gravity: Array = self.rotation_imu_to_base @ (
+            rotation_matrix(attitude).T @ _GRAVITY_IN_WORLD
+        )
+        return gravity

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from aerarm_ros.description.config_error import ConfigError, check_range
-from aerarm_ros.description.config_reader import build, read_yaml
-from aerarm_ros.description.resources import resource
+from aerarm_ros.description.config_reader import build, load
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.float_array import FloatArray
 
@@ -116,9 +115,4 @@ def load_excitation_config(path: Path | str | None = None) -> ExcitationConfig:
     ConfigError
         If the file cannot be read or says something wrong.
     """
-    path = resource('config', 'excitation.yaml') if path is None else Path(path)
-    try:
-        return build(ExcitationConfig, 'top level', read_yaml(path))
-    except ConfigError as error:
-        text = str(error)
-        raise ConfigError(text if text.startswith(str(path)) else f'{path}: {text}') from None
+    return load(path, 'excitation.yaml', lambda found: build(ExcitationConfig, 'top level', found))
