@@ -219,8 +219,9 @@ class BridgeCycle:
             return self._hold()
         if any(link.state.system_enabled for link in self.links):
             return Answer(False, 'the boards are still switching off: try again')
-        if not self.gate.is_inside(self.q):
-            return Answer(False, f'joints at {np.round(self.q, 3)} rad are beyond their limits')
+        refusal = self.gate.alignment_refusal(self.q, self.dq)
+        if refusal:
+            return Answer(False, refusal)
         self._enabled = True
         self._followed = False
         self.intake.forget()
@@ -376,6 +377,8 @@ class BridgeCycle:
             violation = self.gate.state_violation(self.q, self.dq)
             if violation:
                 self.gate.trip(violation)
+        elif self._enabled:
+            self.gate.watch_alignment(self.dq)
         if self.gate.stop:
             self._homing = None
 

@@ -52,8 +52,8 @@ def test_alignment_moves_the_arm_a_little(make_rig):
 
 def test_an_unsupported_loaded_arm_fails_to_align(make_rig):
     rig = make_rig(position=[0.0, 0.0, 0.0, 0.0])
-    rig.plant.support = 0.0
     rig.enable()
+    rig.plant.support = 0.0
     rig.run(0.8)
     assert rig.bridge.mode == 'fault'
     assert 'encoder' in rig.bridge.faults[0]

@@ -133,6 +133,49 @@ def test_enabling_outside_the_limits_is_refused(make_rig):
     assert 'beyond their limits' in answer.message
 
 
+def let_go(rig, speed):
+    """Let an arm fall that starts at a speed of joint 2 [rad/s], until it is measured."""
+    rig.boards._carried = False
+    rig.plant.support = 0.0
+    rig.plant.reset(rig.plant.position, [0.0, speed, 0.0, 0.0])
+    rig.run(0.01)
+
+
+def any_driven(rig):
+    return any(board.system_enabled for board in rig.boards.boards)
+
+
+def test_a_falling_arm_is_not_enabled(make_rig):
+    # Its rotors cannot be found: the alignment would fail, at more than the speed limit by then.
+    rig = make_rig()
+    rig.run(0.02)
+    let_go(rig, 1.0)
+    answer = rig.bridge.enable()
+    assert not answer.accepted
+    assert answer.message.startswith('joint2 moves at 1.0')
+    assert answer.message.endswith('rad/s: hold the arm, wait until it rests, then enable it')
+    rig.run(0.02)
+    assert rig.bridge.mode == 'idle'
+    assert not any_driven(rig)
+    rig.boards.carry()
+    rig.run(0.02)
+    rig.bring_up()
+
+
+def test_an_arm_that_is_let_go_while_it_aligns_is_stopped_and_switched_off(make_rig):
+    rig = make_rig()
+    rig.enable()
+    let_go(rig, 5.2)
+    assert rig.bridge.mode == 'fault'
+    assert 'joint2 moves at' in rig.bridge.gate.stop
+    assert 'while the motors align: support the arm, and enable again' in rig.bridge.gate.stop
+    assert not any_driven(rig)
+    assert rig.bridge.clear_fault().accepted
+    rig.run(0.01)
+    assert rig.bridge.mode == 'idle'
+    assert 'joint2 moves at' in rig.bridge.enable().message
+
+
 def test_enabling_waits_until_the_boards_are_off(rig):
     rig.bridge.disable()
     assert 'still switching off' in rig.bridge.enable().message

@@ -97,7 +97,7 @@ def command(rig, words: str, emulated: bool) -> Answer:
             boards.carry()  # by the emulation, or by a person
         elif emulated:
             boards.put_back()
-            rig.run(0.002)
+        bridge.update(rig.now)  # see where it is now, and that it rests
     return getattr(bridge, words)()
 
 

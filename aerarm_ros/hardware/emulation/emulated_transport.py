@@ -84,16 +84,18 @@ class EmulatedTransport:
         self.plant.reset(self.plant.position)
         self._carried = True
         self.plant.support = 1.0
+        for _, _, motor, _, _ in self._drives:
+            motor.encoder.velocity = 0.0
+        for board in self.boards:
+            board.prepare()  # the frame made before tells of a moving arm
 
     def put_back(self) -> None:
         """Take the arm back to where it started, and carry it: what to do before enabling again."""
         self.plant.restart(self._start)
-        self.carry()
         positions = self._start.tolist()
         for (_, _, motor, ratio, offset), q in zip(self._drives, positions, strict=True):
             motor.encoder.place((q - offset) * ratio)
-        for board in self.boards:
-            board.prepare()  # the frame made before tells of the fallen arm
+        self.carry()
 
     def advance(self, now: float) -> None:
         """Run boards and arm up to `now` [s], or 10 ms at most."""

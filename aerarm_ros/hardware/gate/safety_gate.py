@@ -3,12 +3,18 @@
 from collections import Counter
 from math import inf
 
+import numpy as np
+
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_buffer import Array, CommandBuffer
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 from aerarm_ros.hardware.gate.joint_limiter import JointLimiter
 from aerarm_ros.hardware.gate.joint_loads import JointLoads
+
+# Share of the speed limits that counts and a hand which holds the arm stay below; an arm that is
+# let go passes it in 0.04 s, and above it the field of an alignment loses the rotor.
+_AT_REST = 0.05
 
 
 class SafetyGate:
@@ -53,6 +59,7 @@ class SafetyGate:
                 strict=True,
             )
         ]
+        self._config = config
         self._loads = loads
         self._joints = [
             JointLimiter(joint, settings, barrier)
@@ -87,6 +94,19 @@ class SafetyGate:
         rows = zip(self._joints, q.tolist(), dq.tolist(), strict=True)
         violations = (joint.state_violation(angle, speed) for joint, angle, speed in rows)
         return next(filter(None, violations), '')
+
+    def alignment_refusal(self, q: Array, dq: Array) -> str:
+        """Return why motors may not align at q [rad] and dq [rad/s], (n,) each, or ''."""
+        if not self.is_inside(q):
+            return f'joints at {np.round(q, 3)} rad are beyond their limits'
+        moving = self._faster_than(_AT_REST, dq)
+        return moving and f'{moving}: hold the arm, wait until it rests, then enable it'
+
+    def watch_alignment(self, dq: Array) -> None:
+        """Trip the stop if the arm falls, (n,) speeds [rad/s], while its motors align."""
+        falling = self._faster_than(1.0, dq)
+        if falling:
+            self.trip(f'{falling} while the motors align: support the arm, and enable again')
 
     def watch(self, q: Array, dq: Array, effort: Array, age: Array, interval: Array) -> None:
         """Update `barriers`; once a cycle while the motors are driven.
@@ -135,6 +155,15 @@ class SafetyGate:
         out.dq[:] = [joint.velocity for joint in self._joints]
         out.tau[:] = [joint.effort for joint in self._joints]
         return out
+
+    def _faster_than(self, share: float, dq: Array) -> str:
+        """Return which joints move at more than a share of their limits, or ''."""
+        moving = [
+            f'{joint.name} moves at {abs(speed):.2f} rad/s'
+            for joint, speed in zip(self._config.joints, dq.tolist(), strict=True)
+            if abs(speed) > share * joint.velocity_max
+        ]
+        return ', '.join(moving)
 
     def _note(self, limit: str, now: float) -> None:
         self.limited[limit] += 1

@@ -239,11 +239,13 @@ class FakeHardware(HardwareBridge):
             return cycle.enable()
         if cycle.gate.is_inside(cycle.q):
             boards.carry()
-            return cycle.enable()
-        boards.put_back()
-        cycle.update(self._now)  # see where it is now
+            what = ''
+        else:
+            boards.put_back()
+            what = 'the fallen arm was put back to where it started; '
+        cycle.update(self._now)  # see where it is now, and that it rests
         accepted, message = cycle.enable()
-        return Answer(accepted, f'the fallen arm was put back to where it started; {message}')
+        return Answer(accepted, what + message)
 
     def _inject_fault(self, cycle: BridgeCycle) -> Answer:
         fault, boards = self.values.fault, self._boards

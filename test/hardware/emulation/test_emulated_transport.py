@@ -109,6 +109,17 @@ def test_the_arm_is_carried_until_all_motors_are_ready(boards):
     assert boards.plant.support == 1.0
 
 
+def test_an_arm_that_is_caught_is_told_to_be_at_rest(rig):
+    rig.bridge.disable()
+    rig.plant.reset(rig.plant.position, [0.0, 2.0, 0.0, 0.0])
+    rig.run(0.02)
+    assert not rig.bridge.enable().accepted
+    rig.boards.carry()
+    rig.bridge.update(rig.now)  # without time in between
+    assert not rig.bridge.dq.any()
+    assert rig.bridge.enable().accepted
+
+
 def test_starts_in_the_rest_position_as_another_arm_for_each_seed(config, robot):
     first, again, other = (make_emulated_transport(config, robot, seed) for seed in (1, 1, 2))
     assert first.plant.position == pytest.approx(np.array(config.rest_position))
