@@ -148,51 +148,41 @@ class EncoderMonitor:
 class _Encoder:
     """What the monitor knows about one motor's encoder; motor side."""
 
+    # The first look finds a change (of NaN), which sets all that `feel` reads.
     __slots__ = (
-        'anchor',
-        'change',
-        'doubted_for',
-        'elapsed',
-        'fastest',
-        'held',
+        'anchor',  # [rad] before a jump that awaits its second look, NaN without one
+        'change',  # [rad] since the look before
+        'doubted_for',  # [s] of a standstill that awaits its second look, NaN without one
+        'elapsed',  # [s] since the look before
+        'fastest',  # [rad/s]
+        'held',  # [A] that dry friction may hold
         'is_confirmed',
         'is_pause',
-        'is_settling',
-        'load',
-        'moving_current',
-        'moving_feedback',
-        'moving_noise',
+        'is_settling',  # the last look saw it move
+        'load',  # [A] that a load may ask for
+        'moving_current',  # [A] when the angle last changed, or just after
+        'moving_feedback',  # [A] part of it that was not commanded as effort
+        'moving_noise',  # [A] of it, if the joint was braked
         'name',
-        'position',
-        'seen',
-        'since_anchor',
-        'speed',
-        'standing',
+        'position',  # [rad]
+        'seen',  # [s] when
+        'since_anchor',  # [s]
+        'speed',  # [rad/s] without sign, of the last look that was no jump
+        'standing',  # [s] against reason
     )
 
     def __init__(self, name: str, fastest: float, held: float, load: float) -> None:
         self.name = name
-        self.fastest = fastest  # [rad/s]
-        self.held = held  # [A] that dry friction may hold
-        self.load = load  # [A] that a load may ask for
+        self.fastest = fastest
+        self.held = held
+        self.load = load
         self.seen = 0.0
-        self.change = self.elapsed = 0.0  # [rad], [s] since the look before
-        self.is_pause = False
-        self.moving_current = 0.0  # [A] when the angle last changed, or just after
-        self.moving_feedback = 0.0  # [A] part of it that was not commanded as effort
-        self.moving_noise = 0.0  # [A] of it, if the joint was braked
         self.clear()
 
     def clear(self) -> None:
         """Trust it, wherever it is now."""
-        self.position = nan  # [rad] NaN compares as no change, so no jump
-        self.anchor = nan  # [rad] before a jump that awaits its second look
-        self.since_anchor = 0.0  # [s]
-        self.is_settling = False  # the last look saw it move
-        self.standing = 0.0  # [s] against reason
-        self.doubted_for = nan  # [s] of a standstill that awaits its second look
+        self.position = self.anchor = nan  # compares as no change, so no jump
         self.is_confirmed = False
-        self.speed = 0.0  # [rad/s] without sign, of the last look that was no jump
 
     @property
     def damping_speed(self) -> float:
@@ -225,7 +215,8 @@ class _Encoder:
         if doubted:
             self.is_confirmed = True
         else:
-            self.anchor, self.since_anchor = before, interval
+            self.anchor = before
+            self.since_anchor: float = interval
         return (
             f'the encoder of {self.name} jumped by {change:.2f} rad (motor side): '
             'check its cable and mounting, then home the arm'

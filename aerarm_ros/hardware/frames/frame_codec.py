@@ -31,7 +31,6 @@ class FrameCodec:
     """
 
     def __init__(self, profile: FrameProfile) -> None:
-        self.profile = profile
         self._command = _LayoutCodec(profile.command)
         self._sensor = _LayoutCodec(profile.sensor)
 
@@ -133,7 +132,7 @@ class _LayoutCodec:
             else:
                 setattr(record, name, items[slot] & mask != 0)
         for name, motor, slot, shift, mask, scale in self._decoded:
-            value = (items[slot] >> shift & mask) * scale if mask >= 0 else items[slot] * scale
+            value = (items[slot] >> shift & mask) * scale
             if motor >= 0:
                 getattr(record, name)[motor] = value
             else:

@@ -106,10 +106,9 @@ class JointBarrier:
         self._approach = min(joint.velocity_max / settings.soft_zone, _APPROACH_SHARE * slowest)
         self._deceleration = deceleration
         self._corner = deceleration / self._approach**2
-        self.far = max(
-            self._fastest**2 / (2.0 * deceleration) + 0.5 * self._corner,
-            self._fastest / self._approach,
-        )
+        self.far = self._fastest / self._approach
+        if self.far > self._corner:
+            self.far = self._fastest**2 / (2.0 * deceleration) + 0.5 * self._corner
         self._kept, self._kept_time = 1.0, 0.0
         self.q = self.dq = self.filtered = self.load = self.noise = self.lowest = self.highest = 0.0
         self.restart()

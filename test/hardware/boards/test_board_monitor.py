@@ -12,8 +12,8 @@ SETTINGS = BridgeSettings()
 class Wire:
     """Feeds a monitor with the frames of a board."""
 
-    def __init__(self, profile='uomodri_v3', channels=(0, 1)):
-        self.monitor = BoardMonitor('board0', load_profile(profile), channels, SETTINGS)
+    def __init__(self, profile='uomodri_v3', channels=(0, 1), settings=SETTINGS):
+        self.monitor = BoardMonitor('board0', load_profile(profile), channels, settings)
         self.state = BoardState()
         self.now = 0.0
 
@@ -62,6 +62,19 @@ def test_channels_without_a_motor_are_not_waited_for():
     assert wire.good(enable=True, system_enabled=True, **changes) is BoardMode.READY
 
 
+def test_connected_is_who_answers_well_several_times_in_a_row():
+    wire = Wire()
+    wire.good(4)
+    wire.bad()
+    assert wire.good(4) is BoardMode.DISCONNECTED
+    assert wire.good() is BoardMode.IDLE
+
+
+def test_a_board_that_is_enabled_from_its_first_frame_on_aligns():
+    wire = Wire()
+    assert wire.good(5, enable=True) is BoardMode.ALIGNING
+
+
 def test_single_bad_frames_are_counted_only():
     wire = Wire().ready()
     for _ in range(20):
@@ -75,7 +88,10 @@ def test_too_many_bad_frames_are_a_fault_that_stays():
     wire = Wire().ready()
     assert wire.bad(9) is BoardMode.READY
     assert wire.bad() is BoardMode.FAULT
-    assert 'board0: 10 frames in a row were bad' in wire.monitor.fault
+    assert wire.monitor.fault == (
+        'board0: 10 frames in a row were bad, no frame with a correct check: check supply, wires '
+        'and SPI mode'
+    )
     assert wire.good(enable=True) is BoardMode.FAULT
     assert wire.monitor.clear(wire.state) == ''
     assert wire.good(enable=True) is BoardMode.READY
@@ -83,8 +99,19 @@ def test_too_many_bad_frames_are_a_fault_that_stays():
 
 def test_what_the_bus_reports_is_in_the_text():
     wire = Wire().ready()
-    wire.bad(10, problem='/dev/spidev0.0 reports: Input/output error')
-    assert 'Input/output error' in wire.monitor.fault
+    problem = '/dev/spidev0.0 reports: Input/output error'
+    wire.bad(10, problem=problem)
+    assert wire.monitor.fault == f'board0: 10 frames in a row were bad, {problem}'
+    assert wire.monitor.problem == problem
+
+
+def test_before_anything_is_known_of_a_board_it_is_said_what_to_check():
+    wire = Wire()
+    assert wire.monitor.problem == 'check supply, wires and SPI mode'
+    wire.bad(problem='/dev/spidev0.0 is gone')
+    wire.monitor.missed()
+    assert wire.monitor.problem == 'check supply, wires and SPI mode'
+    assert wire.monitor.mode is BoardMode.DISCONNECTED
 
 
 def test_time_in_which_nothing_was_asked_is_no_silence():
@@ -120,8 +147,11 @@ def test_a_cleared_board_that_still_drives_is_no_idle_one():
 def test_a_board_that_is_off_may_go_and_come():
     wire = Wire()
     wire.good(5)
-    assert wire.bad(10) is BoardMode.DISCONNECTED
+    for _ in range(10):
+        wire.monitor.missed()  # nothing was enabled
+    assert wire.monitor.mode is BoardMode.DISCONNECTED
     assert wire.good(5) is BoardMode.IDLE
+    assert wire.monitor.clear(wire.state) == ''
     assert wire.monitor.fault == ''
 
 
@@ -147,6 +177,7 @@ def test_clearing_a_silent_board_leaves_it_disconnected():
     wire = Wire().ready()
     wire.bad(40)
     assert wire.monitor.clear(wire.state) == ''
+    assert wire.monitor.fault == ''
     assert wire.monitor.mode is BoardMode.DISCONNECTED
 
 
@@ -154,7 +185,9 @@ def test_a_board_that_restarts_is_a_fault():
     wire = Wire().ready()
     off = {'system_enabled': False, 'motor_enabled': [False] * 2, 'motor_ready': [False] * 2}
     assert wire.good(enable=True, **off) is BoardMode.FAULT
-    assert 'restart' in wire.monitor.fault
+    assert wire.monitor.fault == (
+        'board0: its motors are no longer driven: did it restart? check its supply'
+    )
 
 
 def test_alignment_may_not_take_for_ever():
@@ -162,14 +195,30 @@ def test_alignment_may_not_take_for_ever():
     wire.good(5)
     assert wire.good(6000, enable=True) is BoardMode.ALIGNING
     assert wire.good(10, enable=True) is BoardMode.FAULT
-    assert 'not aligned after 6 s' in wire.monitor.fault
+    assert wire.monitor.fault == (
+        'board0: its motors are not aligned after 6 s: support the arm, check the motor cables, '
+        'and enable again'
+    )
+    # Cleared, it has as long again.
+    assert wire.monitor.clear(wire.state) == ''
+    assert wire.good(5000, enable=True) is BoardMode.ALIGNING
 
 
 def test_frozen_data_is_a_fault():
     wire = Wire().ready()
     assert wire.good(15, enable=True, frozen=True) is BoardMode.READY
     assert wire.good(10, enable=True, frozen=True) is BoardMode.FAULT
-    assert 'frozen' in wire.monitor.fault
+    assert wire.monitor.fault == (
+        'board0: its frames are correct but their data is frozen: power-cycle it'
+    )
+
+
+def test_frozen_is_what_ten_answers_in_a_row_and_their_age_say():
+    wire = Wire()
+    wire.good(5)
+    wire.now += 1.0  # old by the tenth
+    assert wire.good(9, frozen=True) is BoardMode.IDLE
+    assert wire.good(frozen=True) is BoardMode.FAULT
 
 
 def test_lost_commands_are_counted_by_the_echo():
@@ -190,10 +239,24 @@ def test_slow_exchanges_are_counted_and_many_in_a_row_are_a_fault():
     for _ in range(10):
         monitor.slow(0.002)
     assert monitor.mode is BoardMode.FAULT
-    assert 'exchanges take 2.00 ms' in monitor.fault
-    assert monitor.clear(BoardState()) == monitor.fault
+    fault = monitor.fault
+    assert monitor.clear(BoardState()) == fault
     monitor.slow(0.0001)
     assert monitor.clear(BoardState()) == ''
+    for _ in range(9):
+        monitor.slow(0.002)
+    assert monitor.mode is not BoardMode.FAULT
+
+
+def test_of_slow_exchanges_it_is_said_how_slow_and_what_to_check():
+    monitor = Wire(settings=BridgeSettings(exchange_time_max=0.05, slow_exchanges_max=1)).monitor
+    monitor.slow(0.05)
+    assert monitor.slow_exchanges == 0
+    monitor.slow(0.08)
+    assert monitor.fault == (
+        'board0: exchanges take 80.00 ms, allowed are 50.00: check clock_hz, and polling_limit_us '
+        'of the SPI driver'
+    )
 
 
 def test_silence_is_counted_in_exchanges_that_failed():

@@ -124,3 +124,162 @@ def test_a_load_handed_from_the_feedback_to_a_controller_is_no_fault(flying) -> 
         position = np.full(4, 0.002 * min(cycle, 20))
         commanded = NONE if cycle < 100 else load
         assert flying.check(position, load, FRESH, cycle * 1e-3, commanded) == ''
+
+
+def test_at_first_every_encoder_is_believed(monitor):
+    assert monitor.trusted.dtype == bool
+    assert monitor.damping_speed.tolist() == [np.inf] * 4
+
+
+def look(monitor, position, now, interval=None):
+    """Look at motor 2 alone at an angle [rad]; return the complaint and up to what it may damp."""
+    angles = NONE.copy()
+    angles[1] = position
+    longest = None if interval is None else np.full(4, interval)
+    text = monitor.check(angles, NONE, FRESH, now, interval_max=longest)
+    return text, monitor.damping_speed[1]
+
+
+def test_between_two_looks_at_a_jump_its_joint_is_damped_up_to_the_speed_before(monitor):
+    look(monitor, 0.1, 1e-3)
+    text, speed = look(monitor, 3.1, 2e-3)
+    assert text == (
+        'the encoder of joint2 jumped by 3.00 rad (motor side): check its cable and mounting, then '
+        'home the arm'
+    )
+    assert speed == pytest.approx(1.5 * 100.0 + 5.0)
+    assert monitor.damping_speed[[0, 2, 3]].tolist() == [np.inf] * 3
+
+
+def test_a_reading_that_was_wrong_once_goes_on_being_damped(monitor):
+    assert look(monitor, 3.0, 1e-3)[1] == 5.0  # it stood before
+    assert look(monitor, 0.0, 2e-3) == ('', np.inf)
+    assert monitor.trusted.tolist() == [True, False, True, True]
+    # It is another jump that comes later.
+    assert look(monitor, 3.0, 3e-3)[1] == 5.0
+
+
+def test_a_jump_that_stays_is_confirmed_by_the_second_look(monitor):
+    look(monitor, 3.0, 1e-3)
+    text, speed = look(monitor, 3.0, 2e-3)
+    assert 'jumped by 3.00 rad' in text
+    assert speed == 0.0
+    # A confirmed one stays so until somebody clears it.
+    assert look(monitor, 3.0, 3e-3)[1] == 0.0
+    monitor.clear()
+    assert monitor.damping_speed.tolist() == [np.inf] * 4
+    assert look(monitor, 0.0, 4e-3) == ('', np.inf)
+
+
+def test_the_second_look_asks_what_motion_could_have_done_since_before_the_jump(monitor, config):
+    fastest = 2.0 * config.joints[1].velocity_max / config.joints[1].gear.ratio
+    # Too far for a millisecond, not for the four of both looks.
+    angle = 3.9e-3 * fastest
+    assert look(monitor, angle, 1e-3, 1e-3)[0] != ''
+    assert look(monitor, angle, 2e-3, 3e-3) == ('', np.inf)
+
+
+def test_two_looks_at_a_jump_are_not_one_long_one(monitor, config):
+    fastest = 2.0 * config.joints[1].velocity_max / config.joints[1].gear.ratio
+    angle = 2.5e-3 * fastest + 0.05
+    assert look(monitor, angle, 1e-3, 2e-3)[0] != ''
+    assert look(monitor, angle, 2e-3, 0.2e-3)[1] == 0.0
+
+
+def test_what_a_host_that_was_held_up_sees_is_judged_by_the_longest_time(monitor):
+    assert look(monitor, 1.0, 1e-3, 20e-3) == ('', np.inf)
+    assert look(monitor, 2.0, 2e-3, 1e-3)[0] != ''
+
+
+def test_a_board_without_an_answer_hides_no_other(monitor):
+    jumped = np.array([0.0, 0.0, 3.0, 0.0])
+    fresh = np.array([False, False, True, True])
+    assert 'joint3 jumped' in monitor.check(jumped, NONE, fresh, 1e-3)
+
+
+def test_standing_on_is_confirmed_after_as_long_again(monitor):
+    doubted, confirmed = [], []
+    for cycle in range(1, 120):
+        text = monitor.check(NONE, np.array([0.0, 20.0, 0.0, 0.0]), FRESH, cycle * 1e-3)
+        doubted.append(text != '')
+        confirmed.append(monitor.damping_speed[1] == 0.0)
+        assert confirmed[-1] or monitor.damping_speed[1] == np.inf
+    assert doubted.index(True) == pytest.approx(50, abs=1)
+    assert confirmed.index(True) == pytest.approx(101, abs=1)
+    assert all(confirmed[105:])
+    assert text == (
+        'joint2 does not move although its current changed to 20.0 A: check for a stuck encoder or '
+        'a blocked joint'
+    )
+
+
+def test_what_moves_on_after_a_doubt_is_not_confirmed(monitor):
+    current = np.array([0.0, 20.0, 0.0, 0.0])
+    for cycle in range(1, 80):
+        monitor.check(NONE, current, FRESH, cycle * 1e-3)
+    assert not monitor.trusted[1]
+    moved = np.array([0.0, 0.01, 0.0, 0.0])
+    for cycle in range(80, 200):
+        assert monitor.check(moved, current, FRESH, cycle * 1e-3) == ''
+    assert monitor.damping_speed[1] == np.inf
+
+
+@pytest.mark.parametrize('joint', range(4))
+def test_dry_friction_and_as_much_again_holds_a_joint_whichever_way(monitor, config, joint):
+    dry = (config.column('coulomb') / config.column('torque_per_ampere'))[joint]
+
+    def stands(change):
+        monitor.clear()
+        current = NONE.copy()
+        for cycle in range(300):
+            current[joint] = dry * (-0.5 + change * min(cycle / 100.0, 1.0))
+            angle = np.full(4, 0.002 * (cycle == 0))
+            if monitor.check(angle, current, FRESH, cycle * 1e-3):
+                return False
+        return True
+
+    assert stands(3.9)
+    assert not stands(5.5)
+
+
+def test_the_current_that_braked_a_joint_is_gone_when_it_rests(monitor):
+    def rest_after(braking, rest):
+        monitor.clear()
+        for cycle in range(20):
+            angle, current = np.full(4, 0.002 * cycle), np.full(4, braking)
+            assert monitor.check(angle, current, FRESH, cycle * 1e-3) == ''
+        text = ''
+        for cycle in range(20, 120):
+            current = np.full(4, rest(cycle - 20))
+            text = text or monitor.check(angle, current, FRESH, cycle * 1e-3)
+        return text
+
+    assert rest_after(9.0, lambda cycle: 0.0) == ''
+    # It is gone in the first cycle at rest, not bit by bit.
+    assert 'does not move' in rest_after(9.0, lambda cycle: max(9.0 - 0.2 * cycle, 0.0))
+    # And braking does not explain a current that grows.
+    assert 'does not move' in rest_after(1.0, lambda cycle: 9.0)
+
+
+@pytest.mark.parametrize('noise', [0.0, 4.0])
+def test_counts_shake_a_joint_that_the_bridge_brakes(monitor, noise):
+    text = ''
+    for cycle in range(1, 200):
+        current, noises = np.full(4, 3.0 * (cycle % 2)), np.full(4, noise)
+        text = text or monitor.check(NONE, current + 2.0, FRESH, cycle * 1e-3, braking_noise=noises)
+    assert (text == '') == (noise > 0.0)
+
+
+def test_an_arm_whose_load_does_not_change_stands_under_no_effort(monitor):
+    # 1 Nm, ten times the dry friction.
+    text = stand(monitor, lambda t: NONE, lambda t: [0.0, min(20.0 * t, 1.7), 0.0, 0.0], cycles=300)
+    assert 'joint2 does not move' in text
+
+
+def test_feedback_that_turns_round_moves_a_joint_under_any_load(flying):
+    faults = []
+    for cycle in range(200):
+        feedback = np.array([0.0, 2.0 if cycle < 100 else -2.0, 0.0, 0.0])
+        angle = np.full(4, 0.002 * (cycle < 1))
+        faults.append(flying.check(angle, feedback, FRESH, cycle * 1e-3, NONE) != '')
+    assert faults.index(True) == pytest.approx(150, abs=1)

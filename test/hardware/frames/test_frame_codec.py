@@ -11,7 +11,6 @@ from aerarm_ros.hardware.frames.board_state import BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec, FrameError
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 
-CODEC = FrameCodec(load_profile('uomodri_v3'))
 TURN = 2.0 * math.pi
 KRPM = 2000.0 * math.pi / 60.0
 
@@ -46,6 +45,11 @@ STATE = BoardState(
 )
 
 
+@pytest.fixture(scope='module')
+def codec():
+    return FrameCodec(load_profile('uomodri_v3'))
+
+
 def assert_equal(record, expected, names=None):
     for field in dataclasses.fields(expected):
         if names is None or field.name in names:
@@ -53,14 +57,14 @@ def assert_equal(record, expected, names=None):
             np.testing.assert_allclose(value, wanted, atol=1e-12, err_msg=field.name)
 
 
-def test_golden_command():
-    assert CODEC.encode(COMMAND) == COMMAND_FRAME
-    assert_equal(CODEC.decode_command(COMMAND_FRAME), COMMAND)
+def test_golden_command(codec):
+    assert codec.encode(COMMAND) == COMMAND_FRAME
+    assert_equal(codec.decode_command(COMMAND_FRAME), COMMAND)
 
 
-def test_golden_sensor_frame_with_its_swapped_check():
-    assert CODEC.encode_state(STATE) == SENSOR_FRAME
-    assert_equal(CODEC.decode(SENSOR_FRAME), STATE)
+def test_golden_sensor_frame_with_its_swapped_check(codec):
+    assert codec.encode_state(STATE) == SENSOR_FRAME
+    assert_equal(codec.decode(SENSOR_FRAME), STATE)
 
 
 def test_v2_swaps_the_saturation_bytes():
@@ -96,17 +100,20 @@ def test_laas_power_reads_voltages():
     ],
     ids=['line low', 'line high', 'nothing', 'short', 'long', 'check not swapped', 'echo of ours'],
 )
-def test_what_is_no_sensor_frame_is_refused_and_leaves_the_record_alone(frame):
-    state = CODEC.decode(SENSOR_FRAME)
-    assert CODEC.decode(frame) is None
-    assert CODEC.decode(frame, state) is None
+def test_what_is_no_sensor_frame_is_refused_and_leaves_the_record_alone(codec, frame):
+    state = codec.decode(SENSOR_FRAME)
+    assert codec.decode(frame) is None
+    assert codec.decode(frame, state) is None
     assert_equal(state, STATE)
 
 
-def test_decodes_into_a_given_record_and_from_any_bytes():
+def test_decodes_into_a_given_record_and_from_any_bytes(codec):
     state = BoardState()
-    assert CODEC.decode(bytearray(SENSOR_FRAME), state) is state
+    assert codec.decode(bytearray(SENSOR_FRAME), state) is state
     assert_equal(state, STATE)
+    command = BoardCommand()
+    assert codec.decode_command(COMMAND_FRAME, command) is command
+    assert_equal(command, COMMAND)
 
 
 def within(bound):
@@ -133,8 +140,8 @@ FLAGS = st.lists(st.booleans(), min_size=2, max_size=2)
         index=st.integers(0, 65535),
     )
 )
-def test_commands_come_back_to_half_a_count(command):
-    decoded = CODEC.decode_command(CODEC.encode(command))
+def test_commands_come_back_to_half_a_count(codec, command):
+    decoded = codec.decode_command(codec.encode(command))
     half_counts = {
         'timeout': 0.5e-3,
         'position': TURN / 2**25,
@@ -166,20 +173,21 @@ def test_commands_come_back_to_half_a_count(command):
         current=within(100.0),
     )
 )
-def test_states_survive_two_passes(state):
-    frame = CODEC.encode_state(state)
-    decoded = CODEC.decode(frame)
-    assert CODEC.encode_state(decoded) == frame
+def test_states_survive_two_passes(codec, state):
+    frame = codec.encode_state(state)
+    decoded = codec.decode(frame)
+    assert codec.encode_state(decoded) == frame
     assert decoded.error == state.error
     assert decoded.motor_ready == state.motor_ready
 
 
-def encoded_and_read(**values):
-    return CODEC.decode_command(CODEC.encode(BoardCommand(**values)))
+def encoded_and_read(codec, **values):
+    return codec.decode_command(codec.encode(BoardCommand(**values)))
 
 
-def test_what_is_harmless_saturates_and_never_wraps():
+def test_what_is_harmless_saturates_and_never_wraps(codec):
     read = encoded_and_read(
+        codec,
         velocity=[1e6, -1e6],
         current=[1e3, -1e3],
         kp=[1e3, -1.0],
@@ -207,7 +215,11 @@ def test_what_is_harmless_saturates_and_never_wraps():
         ({'position': [math.nan, 0.0]}, 'position of motor 1 is nan'),
         ({'velocity': [0.0, math.inf]}, 'velocity of motor 2 is inf'),
         ({'current': [math.nan, 0.0]}, 'current of motor 1'),
-        ({'timeout': 0.0}, 'timeout is 0'),
+        (
+            {'timeout': 0.0},
+            'timeout is 0, which the frame can only say as 0 and the board takes for no limit: '
+            r'ask for 0\.001 or more$',
+        ),
         ({'timeout': 0.0004}, 'timeout'),
         ({'timeout': -0.02}, 'timeout is -0.02'),
         ({'timeout': -math.inf}, 'timeout is -inf'),
@@ -218,10 +230,10 @@ def test_what_is_harmless_saturates_and_never_wraps():
         ({'current_saturation': [1.0, math.nan]}, 'current_saturation of motor 2'),
     ],
 )
-def test_what_is_dangerous_is_refused(values, hint):
+def test_what_is_dangerous_is_refused(codec, values, hint):
     with pytest.raises(FrameError, match=hint):
-        CODEC.encode(BoardCommand(**values))
+        codec.encode(BoardCommand(**values))
 
 
-def test_index_counts_around():
-    assert encoded_and_read(index=65536 + 5).index == 5
+def test_index_counts_around(codec):
+    assert encoded_and_read(codec, index=65536 + 5).index == 5

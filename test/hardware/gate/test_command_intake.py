@@ -31,6 +31,17 @@ def test_a_good_command_is_kept(intake):
     assert np.isnan(intake.command.tau).all()
     assert intake.accepted == 1
     assert not intake.rejections
+    assert offer(intake)
+    assert intake.accepted == 2
+
+
+def test_before_the_first_command_there_is_none_and_no_rejection(intake):
+    assert intake.age(5.0) == math.inf
+    assert (intake.last_rejection, intake.last_rejection_time) == ('', -math.inf)
+    command = OfferedCommand(NAMES, None, ONE, None, 0.0, 'me')
+    assert intake.offer(command, 5.0)  # an arm is ready unless it is said not to be
+    intake.forget()
+    assert intake.age(5.0) == math.inf
 
 
 def test_order_goes_by_name(intake):
@@ -84,6 +95,13 @@ def test_every_reason_has_a_text():
         'not_ready', 'not_allowed', 'source', 'names', 'length', 'infinite', 'nan', 'unsupported',
         'stale', 'future', 'unreadable',
     }  # fmt: skip
+
+
+def test_what_is_just_old_enough_is_taken_and_what_is_just_fresh_enough_is_followed(intake):
+    assert offer(intake, age_of_stamp=0.05, now=0.0)
+    assert intake.is_fresh(0.0)
+    assert intake.is_fresh(0.05)
+    assert offer(intake, age_of_stamp=-0.005, now=0.1)
 
 
 def test_age_counts_from_receipt(intake):

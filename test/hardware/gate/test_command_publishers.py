@@ -68,8 +68,9 @@ def test_without_numbers_two_publishers_cannot_be_told_apart(number):
 @pytest.mark.parametrize('allowed', ['controller', '/arm/controller', 'arm/controller'])
 def test_an_allowed_publisher_may_command_once_it_was_seen(allowed):
     publishers = CommandPublishers([allowed])
-    assert not publishers.judge(1, 0.0)[1]
+    assert publishers.judge(1, 0.0)[1] is False
     publishers.look(['/arm/controller'])
+    assert publishers.judge(0, 0.0)[1]  # also without numbers
     assert publishers.judge(2, 0.001)[1]
     assert publishers.warning == ''
 

@@ -130,3 +130,99 @@ def test_an_answer_that_is_missing_makes_the_last_one_older():
     barrier.update(0.0, 1.0, 1.0, 0.0, INERTIA, 3.0 * DT, 0.0)
     assert barrier.dq == pytest.approx(1.0 + 3.0 * DT * 1.0 / INERTIA)
     assert barrier.load == 0.0
+
+
+def test_nothing_is_slowed_from_far_on_and_everything_below():
+    wide = BridgeSettings(soft_zone=1.0)  # slows more than braking needs, all the way
+    for settings, deceleration in ((SETTINGS, 60.0), (SETTINGS, 4.0), (wide, 60.0), (wide, 10.0)):
+        barrier = JointBarrier(JOINT, settings, deceleration, INERTIA)
+        fastest = 1.05 * JOINT.velocity_max
+        assert barrier.speed(barrier.far) == pytest.approx(fastest)
+        assert barrier.speed(2.0 * barrier.far) == pytest.approx(fastest)
+        assert barrier.speed(0.999 * barrier.far) < fastest
+        assert barrier.speed(0.999 * barrier.far) > 0.98 * fastest
+
+
+def test_before_the_first_cycle_nothing_is_known():
+    barrier = make_barrier()
+    assert (barrier.q, barrier.dq, barrier.filtered, barrier.load) == (0.0, 0.0, 0.0, 0.0)
+    assert (barrier.noise, barrier.lowest, barrier.highest) == (0.0, 0.0, 0.0)
+
+
+def test_the_place_is_led_on_with_speed_and_acceleration():
+    barrier = make_barrier()
+    barrier.update(0.5, 2.0, 3.0, 1.0, INERTIA, 2.0 * DT, DT)
+    time, acceleration = 2.0 * DT, 2.0 / INERTIA
+    assert barrier.q == pytest.approx(0.5 + time * 2.0 + 0.5 * acceleration * time**2)
+    assert barrier.dq == pytest.approx(2.0 + time * acceleration)
+
+
+def test_what_the_board_will_make_of_the_speed_lags_behind():
+    barrier = make_barrier()
+    barrier.update(0.0, 2.0, 3.0, 1.0, INERTIA, DT, DT)
+    mean = 2.0 + 0.5 * DT * 2.0 / INERTIA
+    kept = math.exp(-DT / SETTINGS.velocity_lag)
+    assert barrier.filtered == pytest.approx(kept * 2.0 + (1.0 - kept) * mean)
+    assert 2.0 < barrier.filtered < mean
+
+
+@pytest.mark.parametrize(('inertia', 'gain'), [(0.01, 2.5), (0.02, 5.0), (1.0, 2.0 * 9.39)])
+def test_torque_falls_with_speed_beyond_the_barrier_as_fast_as_delay_and_drive_allow(inertia, gain):
+    def highest(speed):
+        barrier = JointBarrier(JOINT, SETTINGS, DECELERATION, inertia)
+        barrier.update(0.0, speed, 0.0, 0.0, inertia, DT, DT)
+        assert barrier.noise == pytest.approx(0.15 * gain, rel=1e-2)
+        return barrier.highest
+
+    # Far from the limits nothing but the speed limit counts.
+    assert highest(4.0) - highest(5.0) == pytest.approx(gain, rel=1e-2)
+    assert highest(5.25) == pytest.approx(0.0, abs=1e-9)
+    assert highest(-1.0) == pytest.approx(6.25 * gain, rel=1e-2)
+
+
+def test_who_leaves_a_limit_is_not_braked_for_it():
+    q = JOINT.position_max - 0.02
+    leaving, resting = seen(q=q, dq=-1.0), seen(q=q)
+    gain = 250.0 * INERTIA
+    assert leaving.highest == pytest.approx(gain * (leaving.speed(0.02 + DT) + 1.0), rel=0.01)
+    assert resting.highest == pytest.approx(gain * resting.speed(0.02))
+    mirrored = seen(q=-q, dq=1.0)
+    assert mirrored.lowest == pytest.approx(-leaving.highest)
+
+
+def test_towards_either_limit_the_torque_brakes_with_the_slope_of_the_barrier():
+    for distance in (0.005, 0.05, 0.15):
+        near = seen(q=JOINT.position_max - distance, dq=0.5)
+        left = distance - DT * 0.5
+        slope = (near.speed(left + 1e-6) - near.speed(left - 1e-6)) / 2e-6
+        brake = 250.0 * INERTIA * (near.speed(left) - 0.5) - INERTIA * slope * 0.5
+        assert near.highest == pytest.approx(brake, rel=1e-3)
+        other = seen(q=distance - JOINT.position_max, dq=-0.5)
+        assert other.lowest == pytest.approx(-near.highest)
+
+
+def test_a_load_is_learned_with_a_time_constant_of_five_milliseconds():
+    barrier = make_barrier()
+    barrier.update(0.0, 0.0, 0.5, 0.0, INERTIA, DT, math.inf)
+    barrier.update(0.0, 0.0, 0.5, 0.0, INERTIA, DT, DT)
+    first = barrier.load
+    barrier.update(0.0, 0.0, 0.5, 0.0, INERTIA, DT, DT)
+    assert 0.0 < first < 0.5
+    # What is missing falls by the same share each time.
+    assert (0.5 - barrier.load) / (0.5 - first) == pytest.approx(5.0 / 6.0, abs=0.06)
+
+
+def test_speeds_five_milliseconds_apart_still_teach():
+    barrier = seen(effort=0.5)
+    learned = barrier.load
+    barrier.update(0.0, 0.0, 0.7, 0.0, INERTIA, DT, 5e-3)
+    assert barrier.load != learned
+
+
+def test_what_was_known_before_a_restart_is_not_used():
+    barrier, fresh = seen(dq=3.0, effort=2.0, load=1.0), make_barrier()
+    barrier.restart()
+    for each in (barrier, fresh):
+        each.update(0.1, 1.0, 0.5, 0.2, INERTIA, DT, DT)
+    assert (barrier.q, barrier.dq) == pytest.approx((fresh.q, fresh.dq))
+    assert (barrier.load, barrier.highest) == pytest.approx((fresh.load, fresh.highest))

@@ -12,13 +12,12 @@ from aerarm_ros.hardware.gate.joint_limiter import JointLimiter
 
 JOINT = load_arm_config().joints[2]  # +-2.967 rad, 5 rad/s, 7.69 Nm, 500 Nm/s
 SETTINGS = BridgeSettings()
-BARRIER = JointBarrier(JOINT, SETTINGS, 20.0, 0.012)
 NAN = math.nan
 DT = 1e-3
 
 
 def make_limiter():
-    return JointLimiter(JOINT, SETTINGS, BARRIER)
+    return JointLimiter(JOINT, SETTINGS, JointBarrier(JOINT, SETTINGS, 20.0, 0.012))
 
 
 def limited(position=NAN, velocity=NAN, effort=NAN, q=0.0, cycles=1):
@@ -34,7 +33,15 @@ def test_what_is_allowed_passes_unchanged():
     assert limiter.limited == []
 
 
+def test_at_its_limit_a_reference_still_creeps_on():
+    # Else it would never reach the limit.
+    assert limited(velocity=5.0, q=JOINT.position_max).velocity == pytest.approx(0.025)
+    assert limited(velocity=-5.0, q=JOINT.position_min).velocity == pytest.approx(-0.025)
+
+
 def test_unused_stays_unused():
+    fresh = make_limiter()
+    assert all(map(math.isnan, (fresh.position, fresh.velocity, fresh.effort)))
     limiter = limited()
     assert all(map(math.isnan, (limiter.position, limiter.velocity, limiter.effort)))
 
@@ -67,7 +74,7 @@ def test_speed_towards_a_limit_is_what_can_be_braked(distance):
     q = JOINT.position_max - distance
     fastest = limited(velocity=5.0, q=q).velocity
     assert fastest**2 / 2.0 / 20.0 <= distance + 1e-4
-    assert fastest >= min(0.8 * BARRIER.speed(distance), 4.9)
+    assert fastest >= min(0.8 * make_limiter().barrier.speed(distance), 4.9)
     assert limited(velocity=-5.0, q=q).velocity == -5.0
     assert limited(velocity=-5.0, q=-q).velocity == -fastest
     assert ('soft_zone' in limited(velocity=5.0, q=q).limited) == (distance < 0.9)
@@ -140,6 +147,12 @@ def test_nothing_gets_past_the_limits(requests):
 )
 def test_a_joint_out_of_bounds_demands_a_stop(q, dq, hint):
     assert hint in make_limiter().state_violation(q, dq)
+
+
+def test_what_a_stop_is_for_is_one_whole_sentence():
+    assert make_limiter().state_violation(0.0, 6.3) == (
+        'joint3 runs at 6.30 rad/s, its limit is 5.00: check the controller and the encoder'
+    )
 
 
 def test_a_joint_within_tolerance_demands_none():

@@ -81,3 +81,14 @@ def test_the_least_damping_slows_a_falling_arm(loads, config, robot):
         fastest = max(fastest, np.abs(plant.velocity).max())
     assert 1.0 < fastest < 0.4 * config.joints[1].velocity_max
     assert (loads.damping_min > 0.0).all()
+
+
+def test_no_posture_has_more_inertia_and_rotors_count(loads, config, robot):
+    random, zero = np.random.default_rng(7), np.zeros(config.n)
+    for _ in range(50):
+        q = random.uniform(robot.position_min, robot.position_max)
+        _, inertia = loads.at(q, zero, zero)
+        # Random postures come near to the largest; that of joint 4 is the same in all.
+        assert (np.array(inertia) < 1.03 * loads.inertia_max).all()
+        assert inertia[3] < loads.inertia_max[3]
+    assert (loads.inertia_max > config.column('reflected_inertia')).all()

@@ -23,11 +23,16 @@ def command(**values):
     return result
 
 
+def test_at_first_nothing_was_limited(gate):
+    assert (gate.last_limited, gate.last_limited_time) == ('', -np.inf)
+
+
 def test_limits_each_joint_and_counts(gate):
     out = gate.limit(command(dq=[6.0, 1.0, -6.0, 2.0]), Q, 1e-3, now=3.0)
     assert out.dq.tolist() == [5.0, 1.0, -5.0, 2.0]
     assert np.isnan(out.q).all()
     assert gate.limited == {'velocity': 2}
+    assert gate.limit(command(q=Q), Q, 1e-3, now=4.0).q.tolist() == Q.tolist()
     assert (gate.last_limited, gate.last_limited_time) == ('velocity', 3.0)
     assert gate.stop == ''
 
@@ -54,6 +59,34 @@ def test_is_inside_only_with_every_joint(gate):
     assert gate.is_inside(Q)
     assert not gate.is_inside(np.array([0.0, 1.5, 0.0, 2.2]))
     assert not gate.is_inside(np.full(4, np.nan))
+
+
+def test_motors_align_at_rest_and_inside(gate):
+    assert gate.alignment_refusal(Q, DQ) == ''
+    assert gate.alignment_refusal(Q, np.array([0.25, -0.25, 0.2, 0.0])) == ''
+    assert gate.alignment_refusal(Q, np.array([0.0, -1.234, 0.2, 3.0])) == (
+        'joint2 moves at 1.23 rad/s, joint4 moves at 3.00 rad/s: hold the arm, wait until it '
+        'rests, then enable it'
+    )
+    assert gate.alignment_refusal(np.array([0.0, 9.12345, 0.0, 0.0]), DQ) == (
+        'joints at [0.    9.123 0.    0.   ] rad are beyond their limits'
+    )
+
+
+def test_who_falls_while_the_motors_align_is_stopped(gate):
+    gate.watch_alignment(np.array([0.0, 5.0, 0.0, 0.0]))
+    assert gate.stop == ''
+    gate.watch_alignment(np.array([0.0, -5.01, 0.0, 0.0]))
+    assert gate.stop == (
+        'joint2 moves at 5.01 rad/s while the motors align: support the arm, and enable again'
+    )
+
+
+def test_standstill_is_zero_speed_and_nothing_else():
+    still = CommandBuffer.standstill(3)
+    assert still.dq.tolist() == [0.0, 0.0, 0.0]
+    assert np.isnan(still.q).all()
+    assert np.isnan(still.tau).all()
 
 
 def test_barriers_know_where_the_arm_is_and_what_it_carries(gate):
