@@ -11,9 +11,12 @@ from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
 from aerarm_ros.control.base.base_reaction import BaseReaction
 from aerarm_ros.control.base.drone_in_base import carrier_parameters
+from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator
 from aerarm_ros.control.base.free_base_motion import FreeBaseMotion
 from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.base.mount import Mount
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.base.rotor_wrench import RotorWrench
 from aerarm_ros.control.checks.joint_limits import JointLimits
 from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
 from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
@@ -32,6 +35,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.motion.joint_reference import JointReference
 from aerarm_ros.motion.task_reference import TaskReference
@@ -40,6 +44,8 @@ UPDATES = 5000
 CYCLE = 1e-3
 Q, DQ, DDQ = np.random.default_rng(0).uniform(-0.5, 0.5, (3, 4)) + [[0.0, 1.2, 0.0, 0.5]] * 3
 BUDGET = 30.0  # [us] a control update with RNEA
+IMU_CYCLES = 4  # 250 Hz
+FREE_GOAL = 2.0  # times the law on a fixed base
 
 
 def measure(call: Callable[[], Any]) -> tuple[float, float]:
@@ -125,13 +131,16 @@ def whole_loops() -> dict[str, Callable[[], Any]]:
 
 
 def _endless_motion(
-    loop: ControlLoop[JointReference], follower: TrajectoryFollower
+    loop: ControlLoop[JointReference],
+    follower: TrajectoryFollower,
+    hear: Callable[[float], Any] = lambda _: None,
 ) -> Callable[[], Any]:
     state = ArmState(Q, DQ, np.zeros(4))
     now = 0.0
 
     def update() -> None:
         nonlocal now
+        hear(now)
         if follower.status == 'holding':
             goal = Q + 0.5 if follower.reference.q[0] < Q[0] + 0.2 else Q
             follower.go_to(np.clip(goal, loop.limits.position_min, loop.limits.position_max), now)
@@ -141,6 +150,71 @@ def _endless_motion(
     return update
 
 
+def free_over_fixed() -> tuple[float, float]:
+    """Return how much longer computed torque takes on a free base: the law, a whole cycle.
+
+    The cycle holds what the law is told: IMU samples and rotor commands at 250 Hz, and their
+    comparison with the model.
+    """
+    config, robot, drone = load_arm_config(), load_robot(), load_drone_config()
+    rotors, carrier = config.column('reflected_inertia'), carrier_parameters(drone)
+    friction = FrictionCompensation(robot.viscous, robot.coulomb)
+    dynamics = MovingBaseDynamics(robot, rotors, carrier)
+    law = ComputedTorque(dynamics, 400.0, 40.0, friction=friction)
+    state, joints = ArmState(Q, DQ, np.zeros(4)), JointReference(Q + 0.01, DQ, DDQ)
+    free = FreeBaseMotion(dynamics.still, np.ones(6), np.ones(6))
+    limits = JointLimits.from_config(config)
+    whole = WholeBodyDynamics(robot, rotors, carrier)
+    gravity = drone.gravity_in_base
+    base = FreeBaseEstimator(gravity, RotorWrench(drone), whole, Mount.from_drone(drone))
+    heard = FlightSound(base, drone.rotor_names, 9.81 * whole.mass / drone.n)
+    cycles = []
+    for estimator, hear in ((None, lambda _: None), (base, heard.hear)):
+        follower = TrajectoryFollower(limits, FollowerTolerances.uniform(4, path=10.0))
+        loop = ControlLoop(limits, follower, law, base=estimator)
+        cycles.append(_endless_motion(loop, follower, hear))
+    laws = [
+        lambda: law.update(state, joints, CYCLE),
+        lambda: law.update(state, joints, CYCLE, free),
+    ]
+    return _over(*laws), _over(*cycles)
+
+
+class FlightSound:
+    """What a drone in hover tells an estimator of its base: IMU and rotor commands."""
+
+    def __init__(self, base: FreeBaseEstimator, names: tuple[str, ...], thrust: float) -> None:
+        self._base, self._names, self._thrust = base, names, thrust
+        self._random = np.random.default_rng(0)
+        self._cycle = 0
+
+    def hear(self, now: float) -> None:
+        """Tell what is due at `now` [s]."""
+        self._cycle += 1
+        if self._cycle % IMU_CYCLES:
+            return
+        noise = 1e-3 * self._random.standard_normal((3, 3))
+        up = np.array([0.0, 0.0, 9.81])
+        level = np.array([0.0, 0.0, 0.0, 1.0])
+        self._base.offer(ImuSample(now, level, noise[0], up + noise[1]), now)
+        thrust = self._thrust + np.resize(noise[2], len(self._names))
+        self._base.offer_rotors(self._names, thrust, now, now)
+
+
+def _over(first: Callable[[], Any], second: Callable[[], Any]) -> float:
+    """Return how much longer the second call takes on average, measured in turns."""
+    ratios = []
+    for _ in range(200):
+        times = []
+        for call in (first, second):
+            start = perf_counter_ns()
+            for _ in range(4 * IMU_CYCLES):
+                call()
+            times.append(perf_counter_ns() - start)
+        ratios.append(times[1] / times[0])
+    return float(np.median(ratios))
+
+
 def main() -> None:
     print(f'{"one update, n = 4":36} {"p50 [us]":>9} {"p99 [us]":>9}')
     for calls in (bare_calls(), laws(), whole_loops()):
@@ -148,6 +222,9 @@ def main() -> None:
             p50, p99 = measure(call)
             print(f'{name:36} {p50:9.1f} {p99:9.1f}')
     print(f'Budget of a control update with RNEA: {BUDGET:g} us.')
+    law, cycle = free_over_fixed()
+    print(f'Computed torque, free base over fixed: law {law:.2f} (goal {FREE_GOAL:g}), '
+          f'whole cycle {cycle:.2f}')  # fmt: skip
 
 
 if __name__ == '__main__':

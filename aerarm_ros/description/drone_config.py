@@ -79,6 +79,7 @@ class DroneConfig:
         self._check_on_body('mount', self.mount.position)
         self._check_on_body('imu', self.imu.position)
         self._check_rotors()
+        self._check_reach()
 
     @property
     def n(self) -> int:
@@ -156,6 +157,14 @@ class DroneConfig:
         places = np.array([rotor.position for rotor in self.rotors])
         return float(np.sqrt(np.mean(np.sum(places**2, axis=1)))) or 1.0
 
+    @property
+    def _reach(self) -> float:
+        """Distance from the centre of mass to the farthest part of body and rotors [m]."""
+        centre = np.array(self.centre_of_mass)
+        corner = 0.5 * np.array(self.size) + np.abs(centre)
+        hubs = np.array([rotor.position for rotor in self.rotors]) - centre
+        return float(np.linalg.norm(np.vstack([corner, hubs]), axis=1).max())
+
     def _liftable_share(self, mass: float, centre: Array) -> float:
         """Return the largest vertical force over a weight, without moment about its centre."""
         from scipy.optimize import linprog  # slow to import, and only checked files need it
@@ -190,6 +199,17 @@ class DroneConfig:
                 f'drone: inertia = {list(self.inertia)} has principal moments '
                 f'{principal[0]:.3g}, {principal[1]:.3g}, {principal[2]:.3g} kg m^2, which no body '
                 'has: none may be larger than the sum of the others'
+            )
+
+    def _check_reach(self) -> None:
+        # Not even with all of the mass in the farthest part.
+        largest = self.mass * self._reach**2
+        moment = float(np.linalg.eigvalsh(self.inertia_matrix)[-1])
+        if moment > largest:
+            raise ConfigError(
+                f'drone: inertia = {list(self.inertia)} has the principal moment {moment:.3g} '
+                f'kg m^2, but {self.mass:g} kg within body and rotors have at most {largest:.3g}: '
+                'check the unit, kg m^2, and mass, size and rotors'
             )
 
     def _check_on_body(self, key: str, place: tuple[float, ...]) -> None:

@@ -93,6 +93,10 @@ WRONG: dict[str, tuple[Document, str]] = {
         {'inertia': [0.045, 0.045, 0.2, 0, 0, 0]},
         r'0\.045, 0\.045, 0\.2 kg m\^2, which no body has',
     ),
+    'inertia in kg dm^2': (
+        {'inertia': [4.5, 4.5, 8.0, 0, 0, 0]},
+        r'principal moment 8 kg m\^2, but 3 kg within body and rotors have at most',
+    ),
     'off-diagonal too large': ({'inertia': [0.05, 0.05, 0.08, 0.06, 0, 0]}, 'principal moment -'),
     'no inertia about z': ({'inertia': [0.05, 0.05, 0.0, 0, 0, 0]}, 'must be positive'),
     'three moments': ({'inertia': [0.05, 0.05, 0.08]}, 'needs ixx, iyy, izz, ixy'),

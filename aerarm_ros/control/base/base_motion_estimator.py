@@ -211,11 +211,8 @@ class BaseMotionEstimator:
             thrust = self.configured.specific_force
             return BaseMotionPrediction(BaseMotion(gravity, thrust, rate, np.zeros(3)), rate, rest)
         spin, jerk = self._angular_acceleration(rate, step)
-        # From the IMU to the origin of the base frame: rigid-body acceleration.
-        lever = -self._mount.imu_position_in_base
-        tangential: Array = np.cross(spin, lever)
-        centripetal: Array = np.cross(rate, np.cross(rate, lever))
-        motion = BaseMotion(gravity, force + tangential + centripetal, rate, spin)
+        force = force + self._mount.acceleration_of_base(rate, spin)
+        motion = BaseMotion(gravity, force, rate, spin)
         if step is None:
             self._force_slope.reset()
         slope = self._force_slope.update(motion.specific_force, step or 0.0)

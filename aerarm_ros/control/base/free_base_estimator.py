@@ -168,8 +168,8 @@ class FreeBaseEstimator:
             return
         spin = (self._rate - last[2]) / step
         ddq = (dq - last[1]) / step
-        lever = -self._mount.imu_position_in_base
-        measured = np.concatenate([force + _rigid(self._rate, spin, lever), spin])
+        force = force + self._mount.acceleration_of_base(self._rate, spin)
+        measured = np.concatenate([force, spin])
         predicted = None
         if not self._rotor_problem(now):
             # In the middle of the step, when what is compared was measured.
@@ -228,11 +228,6 @@ class FreeBaseEstimator:
         if thrust < _FLYING * weight:
             return f'the rotors carry {100.0 * thrust / weight:.0f} % of the weight: not in flight'
         return ''
-
-
-def _rigid(rate: Array, spin: Array, lever: Array) -> Array:
-    """Return by how much a body's acceleration differs at the end of a lever [m/s^2]."""
-    return np.asarray(np.cross(spin, lever) + np.cross(rate, np.cross(rate, lever)))
 
 
 def _moved(share: float, change: float) -> float:

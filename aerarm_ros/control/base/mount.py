@@ -66,3 +66,23 @@ class Mount:
             rotation_matrix(attitude).T @ _GRAVITY_IN_WORLD
         )
         return gravity
+
+    def acceleration_of_base(self, rate: Array, spin: Array) -> Array:
+        """Return by how much the base's origin accelerates more than the IMU, (3,) [m/s^2].
+
+        Parameters
+        ----------
+        rate, spin : (3,) ndarray
+            Angular velocity [rad/s] and acceleration [rad/s^2], all in base axes.
+        """
+        # spin x r + rate x (rate x r) in scalars: numpy's cross costs ten times as much.
+        (u, v, w), (x, y, z) = spin.tolist(), (-self.imu_position_in_base).tolist()
+        a, b, c = rate.tolist()
+        along, square = a * x + b * y + c * z, a * a + b * b + c * c
+        return np.array(
+            [
+                v * z - w * y + a * along - x * square,
+                w * x - u * z + b * along - y * square,
+                u * y - v * x + c * along - z * square,
+            ]
+        )

@@ -47,3 +47,11 @@ def test_sees_the_drones_imu_from_the_arms_base() -> None:
     # Back in the body frame it is where the file says.
     place = base.apply(mount.imu_position_in_base) + drone.mount.position
     np.testing.assert_allclose(place, drone.imu.position, atol=1e-12)
+
+
+def test_the_base_accelerates_more_than_the_imu_by_what_turns_it() -> None:
+    rate, spin = np.array([0.4, -1.1, 0.7]), np.array([-3.0, 2.0, 5.0])
+    mount = Mount(np.eye(3), np.array([0.03, -0.02, 0.11]))
+    lever = -mount.imu_position_in_base
+    expected = np.cross(spin, lever) + np.cross(rate, np.cross(rate, lever))
+    np.testing.assert_allclose(mount.acceleration_of_base(rate, spin), expected, atol=1e-12)

@@ -1,0 +1,46 @@
+"""Drones of any mass, and their files."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import yaml
+
+from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import load_robot
+
+
+def scaled_drone(mass: float) -> DroneConfig:
+    """Return a drone of a mass [kg]: the quadrotor up to 1.5 kg, else the hexarotor.
+
+    Lengths as they are, inertia in proportion to mass^(5/3), thrust to the weight of drone and arm.
+    """
+    name = ('drones', 'quadrotor.yaml') if mass < 1.5 else ('drone.yaml',)
+    drone = load_drone_config(resource('config', *name))
+    arm = float(load_robot().inertial_parameters[:, 0].sum())
+    thrust = (mass + arm) / (drone.mass + arm)
+    rotors = tuple(replace(r, thrust_max=thrust * r.thrust_max) for r in drone.rotors)
+    # Rotors first: each step must be a drone that flies.
+    strong = replace(drone, rotors=rotors)
+    return strong.with_errors(mass / drone.mass, (mass / drone.mass) ** (5 / 3))
+
+
+def write_drone(drone: DroneConfig, path: Path) -> Path:
+    """Write a drone file."""
+    poses = {
+        key: {'position': list(pose.position), 'rpy': list(pose.rpy)}
+        for key, pose in (('mount', drone.mount), ('imu', drone.imu))
+    }
+    keys = ('name', 'position', 'axis', 'moment_per_thrust', 'thrust_max', 'time_constant')
+    rotors = [{key: getattr(rotor, key) for key in keys} for rotor in drone.rotors]
+    for rotor in rotors:
+        rotor.update(position=list(rotor['position']), axis=list(rotor['axis']))
+    plain = {
+        'name': drone.name,
+        'mass': drone.mass,
+        'centre_of_mass': list(drone.centre_of_mass),
+        'inertia': list(drone.inertia),
+        'size': list(drone.size),
+    }
+    path.write_text(yaml.safe_dump({**plain, **poses, 'rotors': rotors}))
+    return path
