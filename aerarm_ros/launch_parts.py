@@ -64,6 +64,23 @@ def drone_parameter() -> dict[str, ParameterValue]:
     return {'drone_file': ParameterValue(LaunchConfiguration('drone_file'), value_type=str)}
 
 
+def arm_parameters(
+    *others: str, urdf: SomeSubstitutionsType | None = None
+) -> dict[str, SomeSubstitutionsType | ParameterValue]:
+    """Return the parameters that name the arm, and those of other arguments.
+
+    Parameters
+    ----------
+    others
+        Names of launch arguments that are names of parameters too.
+    urdf
+        Instead of the argument `urdf`.
+    """
+    prefix = ParameterValue(LaunchConfiguration('tf_prefix'), value_type=str)
+    given = {**arguments_as_parameters('config', 'urdf', *others), 'tf_prefix': prefix}
+    return given if urdf is None else {**given, 'urdf': urdf}
+
+
 def enable_argument(default: SomeSubstitutionsType = 'false') -> DeclareLaunchArgument:
     """Return the argument that enables the motors."""
     what = 'switch the motors on when the boards are there: THE ARM MOVES'

@@ -13,6 +13,9 @@ from importlib.util import find_spec
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
+from aerarm_ros.description.description_error import DescriptionError
+from aerarm_ros.description.name_prefix import check_prefix
+
 # Launch arguments that name a file, where they name anything.
 FILES = (
     'params_file',
@@ -58,11 +61,19 @@ def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[
         if arguments.get(name) == value
     ]
     return [
+        *_wrong_prefix(arguments),
         *_missing_drone(arguments),
         *_missing_files(arguments),
         *_missing_packages(needed),
         *_missing_modules(arguments),
     ]
+
+
+def _wrong_prefix(arguments: Mapping[str, str]) -> Iterator[str]:
+    try:
+        check_prefix(arguments.get('tf_prefix', ''))
+    except DescriptionError as error:
+        yield str(error)
 
 
 def _missing_drone(arguments: Mapping[str, str]) -> Iterator[str]:

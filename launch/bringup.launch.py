@@ -27,12 +27,13 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.drone_urdf import with_drone
+from aerarm_ros.description.urdf_document import UrdfDocument
 from aerarm_ros.launch_parts import (
     IMU_REMAPPING,
     ON_SPI,
     SHARE,
     after,
-    arguments_as_parameters,
+    arm_parameters,
     base_motion_argument,
     check_first,
     controller_argument,
@@ -56,6 +57,11 @@ ARGUMENTS = (
         description='end: everything ends with it; go_on: the bridge stays, without commands',
     ),
     DeclareLaunchArgument('namespace', default_value='', description='in front of every name'),
+    DeclareLaunchArgument(
+        'tf_prefix',
+        default_value='',
+        description='in front of every frame and joint, as left_; frames are then on the tf of all',
+    ),
     DeclareLaunchArgument(
         'params_file',
         default_value=[SHARE, '/config/parameters_', LaunchConfiguration('hardware'), '.yaml'],
@@ -90,9 +96,16 @@ ENDS_WITH_CONTROLLER = EqualsSubstitution(LaunchConfiguration('if_controller_fai
 MOVING_ARM = IfElseSubstitution(
     ON_SPI, LaunchConfiguration('urdf'), LaunchConfiguration('plant_urdf')
 )
-# Frames have the same names in every namespace, as in the headers of this package's messages;
-# so each namespace has a tf of its own, and its RViz listens to that.
-FRAME_TOPICS = [('/tf', 'tf'), ('/tf_static', 'tf_static')]
+# Without a prefix frames have the same names in every namespace, as in the headers of this
+# package's messages; so each namespace has a tf of its own, and its RViz listens to that.
+TF_PREFIX = LaunchConfiguration('tf_prefix')
+FRAME_TOPICS = [
+    (f'/{name}', IfElseSubstitution(EqualsSubstitution(TF_PREFIX, ''), name, f'/{name}'))
+    for name in ('tf', 'tf_static')
+]
+
+# The emulated arms' worlds have a time each.
+CLOCK = ('/clock', IfElseSubstitution(EqualsSubstitution(TF_PREFIX, ''), '/clock', 'clock'))
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -126,8 +139,8 @@ def _bridge() -> Node:
     executable = IfElseSubstitution(ON_SPI, 'hardware_bridge', 'fake_hardware')
     return node(
         executable,
-        {'config': LaunchConfiguration('config'), 'urdf': MOVING_ARM, **drone_parameter()},
-        remappings=[IMU_REMAPPING],  # that of an emulated drone
+        {**arm_parameters(urdf=MOVING_ARM), **drone_parameter()},
+        remappings=[IMU_REMAPPING, CLOCK],  # those of an emulated drone and world
     )
 
 
@@ -145,7 +158,7 @@ def _controller() -> Node:
     controller = LaunchConfiguration('controller')
     return node(
         controller,
-        {**arguments_as_parameters('config', 'urdf', 'base_motion'), **drone_parameter()},
+        {**arm_parameters('base_motion'), **drone_parameter()},
         remappings=[IMU_REMAPPING],
         condition=IfCondition(NotEqualsSubstitution(controller, 'none')),
     )
@@ -153,11 +166,7 @@ def _controller() -> Node:
 
 def _view() -> Node:
     condition = IfCondition(LaunchConfiguration('view'))
-    return node(
-        'view',
-        {**arguments_as_parameters('config', 'urdf'), **drone_parameter()},
-        condition=condition,
-    )
+    return node('view', {**arm_parameters(), **drone_parameter()}, condition=condition)
 
 
 def _robot_state_publisher(context: LaunchContext) -> list[Node | LogInfo]:
@@ -166,10 +175,12 @@ def _robot_state_publisher(context: LaunchContext) -> list[Node | LogInfo]:
         get_package_prefix('robot_state_publisher')
     except PackageNotFoundError:
         return [LogInfo(msg='robot_state_publisher is not installed: no frames for RViz')]
-    urdf = FileContent(MOVING_ARM).perform(context)
+    urdf, prefix = FileContent(MOVING_ARM).perform(context), TF_PREFIX.perform(context)
+    if prefix:
+        urdf = UrdfDocument(urdf).prefixed_text(prefix)
     drone_file = LaunchConfiguration('drone_file').perform(context)
     if drone_file:
-        urdf = with_drone(urdf, load_drone_config(drone_file))
+        urdf = with_drone(urdf, load_drone_config(drone_file), prefix)
     # It latches its URDF too: robot_description is left to the bridge, which is always there.
     own_copy = ('robot_description', '~/robot_description')
     return [
@@ -191,9 +202,12 @@ def _rviz() -> list[Node]:
         Node(
             package='rviz2',
             executable='rviz2',
-            arguments=['-d', PathJoinSubstitution([SHARE, 'rviz', 'aerarm.rviz'])],
+            arguments=[
+                *('-d', PathJoinSubstitution([SHARE, 'rviz', 'aerarm.rviz'])),
+                *('--fixed-frame', [TF_PREFIX, 'base_link']),
+            ],
             remappings=FRAME_TOPICS,
             condition=condition,
         ),
-        node('tool_path', arguments_as_parameters('config', 'urdf'), condition=condition),
+        node('tool_path', arm_parameters(), condition=condition),
     ]

@@ -13,7 +13,7 @@ from launch_ros.actions import PushRosNamespace
 from aerarm_ros.launch_parts import (
     IMU_REMAPPING,
     after,
-    arguments_as_parameters,
+    arm_parameters,
     base_motion_argument,
     bringup,
     check_first,
@@ -62,13 +62,13 @@ def generate_launch_description() -> LaunchDescription:
     """Return what `ros2 launch` starts."""
     reaction = node(
         'base_reaction',
-        {**arguments_as_parameters('config', 'urdf', 'base_motion'), **drone_parameter()},
+        {**arm_parameters('base_motion'), **drone_parameter()},
         remappings=[IMU_REMAPPING],
     )
     px4_imu = node('px4_imu', remappings=[IMU_REMAPPING], condition=IfCondition(ON_PX4))
     flight = node(
         'flight_control',
-        {**arguments_as_parameters('config', 'urdf'), **drone_parameter()},
+        {**arm_parameters(), **drone_parameter()},
         remappings=[IMU_REMAPPING],
         condition=IfCondition(BY_OURSELVES),
     )

@@ -19,7 +19,7 @@ from aerarm_ros.launch_parts import (
     MOTION_ARGUMENTS,
     WAIT_FOR_A_PERSON,
     after,
-    arguments_as_parameters,
+    arm_parameters,
     bringup,
     check_first,
     end,
@@ -47,8 +47,7 @@ def generate_launch_description() -> LaunchDescription:
     excitation = node(
         'excitation',
         {
-            **arguments_as_parameters('seed', 'periods', 'trajectory'),
-            **arguments_as_parameters('config', 'urdf', 'excitation_config'),
+            **arm_parameters('seed', 'periods', 'trajectory', 'excitation_config'),
             'subscribers': 2,  # the bridge and the recorder
             'wait_timeout': WAIT_FOR_A_PERSON,
         },
@@ -59,6 +58,7 @@ def generate_launch_description() -> LaunchDescription:
             ExecutableInPackage(package='aerarm_ros', executable='identifier'),
             *('--bag', bag, '--out', result, '--topic', _states_topic()),
             *('--config', LaunchConfiguration('config'), '--urdf', LaunchConfiguration('urdf')),
+            *('--tf-prefix', LaunchConfiguration('tf_prefix')),
         ],
         output='screen',
     )

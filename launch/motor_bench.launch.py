@@ -14,7 +14,7 @@ from aerarm_ros.launch_parts import (
     MOTION_ARGUMENTS,
     WAIT_FOR_A_PERSON,
     after,
-    arguments_as_parameters,
+    arm_parameters,
     bringup,
     check_first,
     end,
@@ -40,8 +40,7 @@ def generate_launch_description() -> LaunchDescription:
     bench = node(
         'motor_bench',
         {
-            **arguments_as_parameters('out', 'joints', 'mounted'),
-            **arguments_as_parameters('config', 'urdf', 'excitation_config'),
+            **arm_parameters('out', 'joints', 'mounted', 'excitation_config'),
             'wait_timeout': WAIT_FOR_A_PERSON,
         },
         namespace=LaunchConfiguration('namespace'),

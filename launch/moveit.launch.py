@@ -20,6 +20,9 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'namespace', default_value='', choices=[''], description='none: MoveIt is global'
     ),
+    DeclareLaunchArgument(
+        'tf_prefix', default_value='', choices=[''], description='none: see config/moveit'
+    ),
 )
 # What MoveIt needs, beside control_msgs, without which the controller takes no goals.
 PACKAGES = (

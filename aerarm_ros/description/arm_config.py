@@ -1,7 +1,7 @@
 """The drive train of a whole arm, read from YAML."""
 
 from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -112,6 +112,16 @@ class ArmConfig:
         """
         value = attrgetter(field)
         return np.array([value(joint) for joint in self.joints], dtype=float)
+
+    def with_prefix(self, prefix: str) -> 'ArmConfig':
+        """Return a copy with a prefix before the name of every joint."""
+        return replace(
+            self,
+            joints=tuple(replace(joint, name=prefix + joint.name) for joint in self.joints),
+            coupled_joints=tuple(
+                (prefix + joint, prefix + driver) for joint, driver in self.coupled_joints
+            ),
+        )
 
     def _check_channels(self) -> None:
         taken: dict[tuple[int, int], str] = {}

@@ -15,7 +15,7 @@ _SPAN = 0.14  # [m] radius at which a rotor is drawn
 _COLOURS = {'drone_body': '0.25 0.27 0.30 1', 'drone_rotor': '0.55 0.60 0.66 0.5'}
 
 
-def with_drone(urdf_text: str, drone: DroneConfig) -> str:
+def with_drone(urdf_text: str, drone: DroneConfig, prefix: str = '') -> str:
     """Return the URDF of an arm under its drone: link `drone` carries the arm's base link.
 
     The body is drawn as its box, with arms and discs for the rotors; link `drone_imu` is the
@@ -26,6 +26,8 @@ def with_drone(urdf_text: str, drone: DroneConfig) -> str:
     urdf_text : str
         URDF of the arm.
     drone : DroneConfig
+    prefix : str
+        Before the names of the drone's links and joints, as it is before those of the arm.
 
     Raises
     ------
@@ -33,31 +35,32 @@ def with_drone(urdf_text: str, drone: DroneConfig) -> str:
         If the arm has links or joints of these names, or no link that is its base.
     """
     root = ET.fromstring(urdf_text)
-    base = _base_link(root)
+    body, imu = prefix + BODY_LINK, prefix + IMU_LINK
+    base = _base_link(root, {body, imu})
     for name, colour in _COLOURS.items():
         ET.SubElement(ET.SubElement(root, 'material', name=name), 'color', rgba=colour)
-    _add_body(root, drone)
-    ET.SubElement(root, 'link', name=IMU_LINK)
-    _fix(root, 'drone_mount', base, drone.mount)
-    _fix(root, 'drone_imu_fixed', IMU_LINK, drone.imu)
+    _add_body(root, body, drone)
+    ET.SubElement(root, 'link', name=imu)
+    _fix(root, f'{body}_mount', (body, base), drone.mount)
+    _fix(root, f'{imu}_fixed', (body, imu), drone.imu)
     ET.indent(root)
     return ET.tostring(root, encoding='unicode')
 
 
-def _base_link(root: ET.Element) -> str:
+def _base_link(root: ET.Element, wanted: set[str]) -> str:
     links = [link.get('name', '') for link in root.findall('link')]
     joints = root.findall('joint')
     children = {child.get('link') for joint in joints for child in joint.findall('child')}
     bases = [name for name in links if name not in children]
-    taken = {BODY_LINK, IMU_LINK} & set(links)
+    taken = wanted & set(links)
     if taken or len(bases) != 1:
         what = f'it has a link {", ".join(taken)} already' if taken else 'it has no single base'
         raise DescriptionError(f'the URDF cannot be put under drone_file: {what}')
     return bases[0]
 
 
-def _add_body(root: ET.Element, drone: DroneConfig) -> None:
-    link = ET.SubElement(root, 'link', name=BODY_LINK)
+def _add_body(root: ET.Element, name: str, drone: DroneConfig) -> None:
+    link = ET.SubElement(root, 'link', name=name)
     inertial = ET.SubElement(link, 'inertial')
     _origin(inertial, drone.centre_of_mass)
     ET.SubElement(inertial, 'mass', value=repr(drone.mass))
@@ -98,10 +101,10 @@ def _cylinder(
     ET.SubElement(shape, 'material', name=material)
 
 
-def _fix(root: ET.Element, name: str, child: str, pose: PoseConfig) -> None:
+def _fix(root: ET.Element, name: str, links: tuple[str, str], pose: PoseConfig) -> None:
     joint = ET.SubElement(root, 'joint', name=name, type='fixed')
-    ET.SubElement(joint, 'parent', link=BODY_LINK)
-    ET.SubElement(joint, 'child', link=child)
+    for end, link in zip(('parent', 'child'), links, strict=True):
+        ET.SubElement(joint, end, link=link)
     _origin(joint, pose.position, pose.rpy)
 
 

@@ -1,7 +1,7 @@
 """A serial arm, as its URDF describes it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from aerarm_ros.description.description_error import DescriptionError
+from aerarm_ros.description.name_prefix import check_prefix
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.urdf_document import LARGEST, UrdfDocument, UrdfJoint
 
@@ -36,15 +37,18 @@ class Robot:
     joints : tuple of UrdfJoint
         The moving joints, from base to tool.
     urdf_text : str
-        The URDF as read.
+        The URDF as read, its names with the prefix.
     path : Path or None
         Where it was read from; None if it was given as text.
+    prefix : str
+        What links and joints have before the names that they have in their file.
     """
 
     model: Any
     joints: tuple[UrdfJoint, ...]
     urdf_text: str
     path: Path | None = None
+    prefix: str = ''
 
     @property
     def n(self) -> int:
@@ -60,6 +64,21 @@ class Robot:
     def link_names(self) -> tuple[str, ...]:
         """Name of each moving joint's child link, whose frame is the joint's frame."""
         return tuple(joint.child for joint in self.joints)
+
+    @cached_property
+    def base_link(self) -> str:
+        """Name of the link that hangs on no joint, whose frame is the base frame."""
+        bodies = (f for f in self.model.frames if f.type == pin.FrameType.BODY)
+        return str(next(bodies).name)
+
+    def full_name(self, name: str) -> str:
+        """Return the name, with prefix, of a link or joint that is named with it or without."""
+        full = self.prefix + name
+        return full if self.model.existFrame(full) else name
+
+    def own_name(self, name: str) -> str:
+        """Return the name that a link or joint has in the arm's files."""
+        return name.removeprefix(self.prefix)
 
     @cached_property
     def position_min(self) -> Array:
@@ -126,13 +145,13 @@ class Robot:
         model = self.model.copy()
         for index, parameters in enumerate(pi):
             model.inertias[index + 1] = pin.Inertia.FromDynamicParameters(parameters)
-        return Robot(model, self.joints, self.urdf_text, self.path)
+        return replace(self, model=model)
 
     def with_gravity(self, gravity_in_base: npt.ArrayLike) -> 'Robot':
         """Return a copy under other gravity, (3,) in the base frame [m/s^2]."""
         model = self.model.copy()
         model.gravity.linear = _gravity(gravity_in_base)
-        return Robot(model, self.joints, self.urdf_text, self.path)
+        return replace(self, model=model)
 
 
 def load_robot(
@@ -141,6 +160,7 @@ def load_robot(
     gravity_in_base: npt.ArrayLike = STANDARD_GRAVITY,
     joint_names: Sequence[str] | None = None,
     locked: Sequence[str] = (),
+    prefix: str = '',
 ) -> Robot:
     """Read a serial arm from a URDF; its meshes are not needed.
 
@@ -157,18 +177,26 @@ def load_robot(
         The joints that move, from base to tool; all others are locked at zero.
     locked : sequence of str
         Joints held at zero (or at their limit nearest to it), such as gripper fingers.
+    prefix : str
+        Is put before the name of every link and joint, `joint_names` and `locked` among them.
 
     Raises
     ------
     DescriptionError
         If the file can't be read or isn't a URDF; if a named joint is missing or out of
         order; if the moving joints don't form one chain, or one of them mimics another, has
-        more than one degree of freedom or carries no inertia.
+        more than one degree of freedom or carries no inertia; if the prefix can't be one.
     """
+    check_prefix(prefix)
     text, path = _read(urdf)
     source = 'the URDF text' if path is None else str(path)
     try:
         document = UrdfDocument(text)
+        if prefix:
+            text = document.prefixed_text(prefix)
+            document = UrdfDocument(text)
+            locked = [prefix + name for name in locked]
+            joint_names = joint_names and [prefix + name for name in joint_names]
         moving = _moving_joints(document, joint_names, locked)
         model = _build_model(document, moving)
         _check_model(model, moving)
@@ -176,7 +204,8 @@ def load_robot(
     except DescriptionError as error:
         raise DescriptionError(f'{source}: {error}') from None
     model.gravity.linear = _gravity(gravity_in_base)
-    return Robot(model, tuple(document.joints[name] for name in model.names[1:]), text, path)
+    joints = tuple(document.joints[name] for name in model.names[1:])
+    return Robot(model, joints, text, path, prefix)
 
 
 def _read(urdf: Path | str | None) -> tuple[str, Path | None]:

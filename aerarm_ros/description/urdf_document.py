@@ -27,6 +27,17 @@ _VECTORS: dict[str, dict[str, int]] = {
     'sphere': {'radius': 1},
     'mesh': {'scale': 3},
 }
+# Where a URDF names links and joints.
+_NAMES = (
+    ('link', 'name'),
+    ('joint', 'name'),
+    ('joint/parent', 'link'),
+    ('joint/child', 'link'),
+    ('joint/mimic', 'joint'),
+    ('transmission/joint', 'name'),
+    ('ros2_control/joint', 'name'),
+    ('gazebo', 'reference'),
+)
 _KNOWN_TYPES = (*_DRIVEN_TYPES, 'fixed', 'floating', 'planar')
 
 
@@ -98,6 +109,15 @@ class UrdfDocument:
                     limit = ET.SubElement(element, 'limit', effort='0', velocity='0')
                 limit.set('lower', repr(-math.pi))
                 limit.set('upper', repr(math.pi))
+        return ET.tostring(root, encoding='unicode')
+
+    def prefixed_text(self, prefix: str) -> str:
+        """Return the URDF with a prefix before the name of every link and joint."""
+        root = ET.fromstring(ET.tostring(self._root))
+        for place, key in _NAMES:
+            for element in root.findall(place):
+                if element.get(key):
+                    element.set(key, prefix + element.attrib[key])
         return ET.tostring(root, encoding='unicode')
 
     def _read_links(self) -> frozenset[str]:

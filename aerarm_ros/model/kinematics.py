@@ -82,7 +82,7 @@ class Kinematics:
     ----------
     robot : Robot
     frame : str
-        Name of a link of the URDF.
+        Name of a link of the URDF, with the robot's prefix or without.
 
     Raises
     ------
@@ -93,6 +93,7 @@ class Kinematics:
     def __init__(self, robot: Robot, frame: str = 'tool0') -> None:
         self._model = robot.model
         links = [f.name for f in self._model.frames if f.type == pin.FrameType.BODY]
+        frame = robot.full_name(frame)
         if frame not in links:
             raise ValueError(f'there is no link {frame!r}: the links are {", ".join(links)}')
         self.robot = robot

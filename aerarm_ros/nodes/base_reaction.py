@@ -81,7 +81,7 @@ class BaseReactionNode(StateNode):
         self.count_answer()
 
     def _send(self, stamp_ns: int, result: BaseReaction.ArmReaction) -> None:
-        header = base_header(stamp_ns)
+        header = base_header(stamp_ns, self.arm.robot.base_link)
         self._wrench.publish(_wrench_message(header, result.wrench))
         self._static.publish(_wrench_message(header, result.static))
         self._com.publish(_point_message(header, result.com))

@@ -90,6 +90,7 @@ class ExcitationNode:
             # What is checked is the stop that will be played.
             config = replace(config, stop_time=self._parameters.stop_time)
         self._names = arm.joint_names
+        self._own_names = tuple(map(robot.own_name, self._names))  # of the trajectory's file
         self._setup = ExcitationSetup.of_arm(robot, arm, config)
         self._periods = self._parameters.periods or DEFAULT_PERIODS
         self._trajectory = self._get_trajectory()
@@ -147,7 +148,7 @@ class ExcitationNode:
         values, setup = self._parameters, self._setup
         if values.trajectory:
             file = TrajectoryFile.load(values.trajectory)
-            trajectory = file.for_joints(self._names)
+            trajectory = file.for_joints(self._own_names)
             self._periods = values.periods or file.periods or DEFAULT_PERIODS
             report = setup.checker.check_trajectory(trajectory, setup.config.ramp_time)
             report.require(values.trajectory)
@@ -162,7 +163,7 @@ class ExcitationNode:
             made_with = {'seed': values.seed, 'amplitude': values.amplitude}
         if values.save:
             made_with['margins'] = describe_margins(report)
-            TrajectoryFile(trajectory, self._names, made_with, self._periods).save(values.save)
+            TrajectoryFile(trajectory, self._own_names, made_with, self._periods).save(values.save)
         return trajectory
 
     def _law(self) -> CommandLaw:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.storage.bag_error import BagError
+from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.planning.bench_motion import BenchMotion, bench_checker
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan
@@ -97,16 +98,19 @@ class MotorBenchNode:
         self._node = rclpy.create_node(NAME)
         self._values = values = PARAMETERS.declare(self._node)
         self._source = Path(values.config) if values.config else resource('config', 'aerarm.yaml')
-        self._config, self._robot = load_arm(values)
+        arm, self._robot = load_arm(values)
+        # What is measured is told, and written, by the names that the arm has in its files.
+        self._config = load_arm_config(values.config or None)
         names = self._config.joint_names
         surroundings = load_excitation_config(values.excitation_config or None)
         # What is checked is the stop that will be played.
         surroundings = replace(surroundings, stop_time=values.stop_time)
-        self._setup = ExcitationSetup.of_arm(self._robot, self._config, surroundings)
-        unknown = [name for name in values.joints if name not in names]
+        self._setup = ExcitationSetup.of_arm(self._robot, arm, surroundings)
+        joints = [self._robot.own_name(name) for name in values.joints]
+        unknown = [name for name in joints if name not in names]
         if unknown:
             raise ExcitationError(f'no joint {", ".join(unknown)}: there are {", ".join(names)}')
-        self._joints = [names.index(name) for name in values.joints or names]
+        self._joints = [names.index(name) for name in joints or names]
         self._plan = BenchPlan(
             speeds=tuple(values.speeds),
             span=values.span,
@@ -120,7 +124,8 @@ class MotorBenchNode:
         self._known = self._known_mass()
         earlier = values.without_mass
         self._earlier = load_earlier(Path(earlier)) if earlier else None
-        self._playback = MotionPlayback(self._node, names)
+        self._names = arm.joint_names
+        self._playback = MotionPlayback(self._node, self._names)
 
     def run(self) -> None:
         """Measure; `status` says how it ended."""
@@ -171,7 +176,7 @@ class MotorBenchNode:
         return KnownMass(values.known_mass, tuple(values.known_mass_position), values.lever)
 
     def _record(self, motion: BenchMotion, directory: ResultDirectory) -> BenchRecording:
-        values, names = self._values, self._config.joint_names
+        values, names = self._values, self._names
         player = ExcitationPlayer(
             motion.sequence,
             VelocityLaw(values.position_gain, self._setup.limits.velocity),

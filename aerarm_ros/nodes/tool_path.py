@@ -60,6 +60,7 @@ class ToolPath:
         values = PARAMETERS.declare(self._node)
         _, robot = load_arm(values)
         self._kinematics = Kinematics(robot, values.frame)
+        self._base = robot.base_link
         self._distance = values.distance
         self._points: deque[NDArray[np.float64]] = deque(maxlen=values.length)
         self._publisher = self._node.create_publisher(
@@ -88,7 +89,7 @@ class ToolPath:
             self._publisher.publish(self._message())
 
     def _message(self) -> Path:
-        path = Path(header=base_header(self._states.stamp_ns))
+        path = Path(header=base_header(self._states.stamp_ns, self._base))
         for point in self._points:
             pose = PoseStamped(header=path.header)
             p = pose.pose.position

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import redirect_stdout
+from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -80,8 +81,9 @@ class View:
         config, robot = load_arm(values)
         drone = load_drone(values, config, robot)
         if drone is not None:
-            text = with_drone(robot.urdf_text, drone)
-            robot = load_robot(text, joint_names=config.joint_names)
+            text = with_drone(robot.urdf_text, drone, robot.prefix)
+            carried = load_robot(text, joint_names=config.joint_names)
+            robot = replace(carried, prefix=robot.prefix)
             self._listen_to_drone()
         self._names = list(robot.joint_names)
         self._mode = ''
@@ -180,7 +182,8 @@ class View:
     def _describe_states(self, now: float) -> str:
         if self._states.missing:
             return (
-                f'joint_states lacks {", ".join(self._states.missing)}: another arm? (config, urdf)'
+                f'joint_states lacks {", ".join(self._states.missing)}: another arm? (config, '
+                'urdf, tf_prefix)'
             )
         if not np.isfinite(self._heard):
             return 'no joint_states in this ROS domain: start a bridge, check ROS_DOMAIN_ID'

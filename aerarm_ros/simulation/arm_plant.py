@@ -236,7 +236,7 @@ def _bare_urdf(robot: Robot, parameters: PlantParameters) -> str:
     inertia of fixed links because `parameters` has it in the links that carry them.
     """
     root = ElementTree.fromstring(robot.urdf_text)
-    inertia = dict(zip(parameters.link_names, parameters.inertial_parameters, strict=True))
+    inertia = dict(zip(robot.link_names, parameters.inertial_parameters, strict=True))
     for element in root.findall('link'):
         for child in [c for c in element if c.tag in ('inertial', 'visual', 'collision')]:
             element.remove(child)

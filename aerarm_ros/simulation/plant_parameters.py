@@ -49,7 +49,7 @@ class PlantParameters:
     Attributes
     ----------
     joint_names, link_names
-        The n joints from base to tool, and the links they move.
+        The n joints from base to tool, and the links they move, by their names in the arm's files.
     inertial_parameters
         (n, 10) in the order of thesis (3.3), about the links' frames.
     rotor_inertia
@@ -91,8 +91,8 @@ class PlantParameters:
         torque_constant = config.column('motor.torque_constant')
         kinds = [joint.gear.kind for joint in config.joints]
         return cls(
-            joint_names=robot.joint_names,
-            link_names=robot.link_names,
+            joint_names=tuple(map(robot.own_name, robot.joint_names)),
+            link_names=tuple(map(robot.own_name, robot.link_names)),
             inertial_parameters=np.array(robot.inertial_parameters),
             rotor_inertia=config.column('reflected_inertia'),
             viscous=config.column('viscous'),

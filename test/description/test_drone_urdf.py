@@ -81,3 +81,10 @@ def test_every_rotor_is_drawn_across_its_axis() -> None:
 def test_a_second_drone_is_refused() -> None:
     with pytest.raises(DescriptionError, match='has a link drone'):
         with_drone(TEXT.replace('drone_imu', 'other'), DRONE)
+
+
+def test_a_prefix_tells_two_drones_from_each_other() -> None:
+    arm = load_robot(prefix='left_')
+    both, other = UrdfDocument(with_drone(arm.urdf_text, DRONE, 'left_')), UrdfDocument(TEXT)
+    assert both.links == {f'left_{name}' for name in other.links}
+    assert set(both.joints) == {f'left_{name}' for name in other.joints}

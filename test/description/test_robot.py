@@ -188,3 +188,28 @@ def test_errors_name_the_file(tmp_path: Path) -> None:
 def test_an_unknown_joint_is_named_with_the_known_ones(names: dict[str, list[str]]) -> None:
     with pytest.raises(DescriptionError, match='there are joint1, joint2, joint3, joint4'):
         load_robot(**names)
+
+
+def test_a_prefix_makes_other_names_and_the_same_arm() -> None:
+    plain, prefixed = load_robot(), load_robot(prefix='left_', joint_names=load_robot().joint_names)
+    assert prefixed.joint_names == tuple(f'left_{name}' for name in plain.joint_names)
+    assert (plain.base_link, prefixed.base_link) == ('base_link', 'left_base_link')
+    np.testing.assert_array_equal(prefixed.inertial_parameters, plain.inertial_parameters)
+    assert prefixed.path == plain.path
+    # Meshes and shapes hang on links by their names.
+    assert load_robot(prefixed.urdf_text).joint_names == prefixed.joint_names
+    for name in ('tool0', 'left_tool0'):
+        assert prefixed.full_name(name) == 'left_tool0'
+        assert prefixed.own_name(name) == 'tool0'
+    assert prefixed.with_gravity([0.0, 0.0, 9.81]).prefix == 'left_'
+    assert load_robot(prefix='l', locked=['joint4']).joint_names == (
+        'ljoint1',
+        'ljoint2',
+        'ljoint3',
+    )
+    # A prefix that some names begin with anyway.
+    assert load_robot(prefix='l').full_name('link1') == 'llink1'
+
+
+def test_the_base_link_is_the_root_of_the_tree(example_urdf: FindUrdf) -> None:
+    assert load_robot(example_urdf('ur10_robot.urdf')).base_link == 'world'

@@ -120,3 +120,19 @@ def test_places_and_axes_are_finite_numbers(element: str, value: str) -> None:
     assert changed != ARM
     with pytest.raises(DescriptionError, match=f'<{element}>: xyz = .* is not 3 finite numbers'):
         UrdfDocument(changed)
+
+
+def test_a_prefix_stands_before_all_names_and_changes_nothing_else() -> None:
+    extras = (
+        '<gazebo reference="link1"/><gazebo/>'
+        '<transmission name="t"><joint name="joint1"/></transmission></robot>'
+    )
+    text = ARM.replace('</robot>', extras).replace(
+        '<limit lower="-2.094"', '<mimic joint="joint1"/><limit lower="-2.094"'
+    )
+    plain, prefixed = UrdfDocument(text), UrdfDocument(UrdfDocument(text).prefixed_text('left/'))
+    assert prefixed.links == {f'left/{name}' for name in plain.links}
+    assert list(prefixed.joints) == [f'left/{name}' for name in plain.joints]
+    assert prefixed.joints['left/joint4'].mimics == 'left/joint1'
+    # Each name once taken back, it is the same document.
+    assert prefixed.prefixed_text('').replace('left/', '') == plain.prefixed_text('')

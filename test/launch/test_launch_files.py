@@ -79,6 +79,8 @@ def given(call: ast.Call) -> set[str]:
     for part in ast.walk(call.args[1]):
         if isinstance(part, ast.Call) and getattr(part.func, 'id', '') == 'arguments_as_parameters':
             names |= {literal(argument) for argument in part.args}
+        if isinstance(part, ast.Call) and getattr(part.func, 'id', '') == 'arm_parameters':
+            names |= {'config', 'urdf', 'tf_prefix', *(literal(name) for name in part.args)}
     return {str(name) for name in names}
 
 
@@ -151,7 +153,9 @@ def test_nodes_get_the_files_of_the_arm_and_only_parameters_that_they_have(
             continue
         table = {parameter.name for parameter in reference.parameters_of(str(executable))}
         assert given(call) <= table
-        assert given(call) >= table & {'config', 'urdf', 'excitation_config', 'base_motion'}
+        assert given(call) >= table & {
+            *('config', 'urdf', 'tf_prefix', 'excitation_config', 'base_motion')
+        }
 
 
 def test_only_launch_files_need_ros_launch() -> None:

@@ -50,6 +50,12 @@ def test_a_file_must_exist(name: str, tmp_path: Path) -> None:
     )
 
 
+def test_a_prefix_is_looked_at_before_anything_starts() -> None:
+    assert missing({**GIVEN, 'tf_prefix': 'left_'}) == []
+    (problem,) = missing({**GIVEN, 'tf_prefix': '/left'})
+    assert problem.startswith("tf_prefix '/left' cannot stand before names")
+
+
 def test_a_free_base_needs_a_drone() -> None:
     (problem,) = missing({**GIVEN, 'base_motion': 'free'})
     assert problem.startswith('drone_file is missing')

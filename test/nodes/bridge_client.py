@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
 from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.states.arm_modes import HELD
 
 StartBridge = Callable[..., NodeProcess]  # of fixture start_bridge
 SERVICES = ('enable', 'disable', 'clear_fault', 'home', 'e_stop', 'inject_fault', 'put_back')
@@ -90,7 +91,8 @@ class BridgeClient:
     def make_ready(self) -> None:
         self.wait_for_mode('idle')
         assert self.call('enable').success
-        self.wait_for_mode('ready')
+        # A controller that answers at once makes the mode another before it is heard.
+        self.wait_for(lambda: self.modes[-1] in HELD)
 
     def _publisher(self) -> rclpy.publisher.Publisher:
         topic = topics.JOINT_COMMAND

@@ -50,7 +50,7 @@ class Mount:
         ValueError
             If there is no such link, or it moves with the arm.
         """
-        model = robot.model
+        model, imu_frame = robot.model, robot.full_name(imu_frame)
         if not model.existFrame(imu_frame):
             names = ', '.join(frame.name for frame in model.frames if frame.parentJoint == 0)
             raise ValueError(f'the URDF has no link {imu_frame!r}; fixed to the base are: {names}')

@@ -188,7 +188,7 @@ class _Selection:
         known = {*self._links, GROUND}
         pairs = set()
         for text in unchecked:
-            names = frozenset(text.split(' to '))
+            names = frozenset(map(self._robot.full_name, text.split(' to ')))
             if len(names) != 2 or not names <= known:
                 raise ExcitationError(
                     f"unchecked_pairs: '{text}' is no pair of links with collision shapes, such "

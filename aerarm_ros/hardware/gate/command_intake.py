@@ -16,7 +16,8 @@ REJECTIONS: dict[str, str] = {
     'not_ready': 'the arm is not ready: enable it, or clear its fault',
     'not_allowed': 'its publisher is not on the list of allowed ones: check allowed_publishers',
     'source': 'another publisher is commanding the arm: stop one of the two',
-    'names': "it does not name each of the arm's joints once: compare with joint_states",
+    'names': "it does not name each of the arm's joints once: compare with joint_states, and "
+    'the tf_prefix of both nodes',
     'length': 'its arrays do not have one value for each name',
     'infinite': 'it holds an infinite value: check the controller',
     'nan': 'it leaves a joint without any reference (NaN everywhere): check the controller',

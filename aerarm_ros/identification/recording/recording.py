@@ -57,6 +57,8 @@ class JointMapping:
         Joints of the bag (after renaming) that the arm doesn't have.
     locked : tuple of str
         Joints of the URDF that don't move; the bag may have them or not.
+    prefix : str
+        What joints of the bag have before their names in the URDF.
     effort_gain : mapping
         Joint to the factor that turns its recorded effort into torque [Nm], e.g. Nm/A.
     """
@@ -65,6 +67,11 @@ class JointMapping:
     ignored: tuple[str, ...] = ()
     locked: tuple[str, ...] = ()
     effort_gain: Mapping[str, float] | None = None
+    prefix: str = ''
+
+    def own_name(self, name: str) -> str:
+        """Return the name in the URDF of a joint of the bag."""
+        return self.rename.get(name, name.removeprefix(self.prefix))
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +201,7 @@ def recording_from_states(
 def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: JointMapping) -> None:
     """Refuse a bag whose arm isn't the one that the locked joints make of the URDF."""
     for name, q in zip(names, position.T, strict=True):
-        joint = mapping.rename.get(name, name)
+        joint = mapping.own_name(name)
         q = q[np.abs(q) < _LARGEST]
         if joint in mapping.locked and len(q) and np.ptp(q) > _LOCKED_MOTION:
             raise IdentificationError(
@@ -220,13 +227,13 @@ def _columns(
         raise IdentificationError(
             f'{bag}: no joint {", ".join(unknown)} to rename: the bag has {", ".join(names)}'
         )
-    renamed = [mapping.rename.get(name, name) for name in names]
+    renamed = [mapping.own_name(name) for name in names]
     missing = [name for name in joint_names if name not in renamed]
     if missing:
         raise IdentificationError(
             f'{bag}: joints {", ".join(missing)} of the URDF are not in the bag, which has '
-            f"{', '.join(names)}: rename the bag's joints (--rename BAG=URDF), lock joints of "
-            'the URDF (--lock JOINT), or give the URDF of the recorded arm'
+            f"{', '.join(names)}: rename the bag's joints (--tf-prefix, --rename BAG=URDF), lock "
+            'joints of the URDF (--lock JOINT), or give the URDF of the recorded arm'
         )
     twice = [name for name in dict.fromkeys(renamed) if renamed.count(name) > 1]
     if twice:

@@ -161,7 +161,9 @@ class HardwareBridge(LifecycleNode):
         try:
             config, robot = load_arm(self.values)
             drone = load_drone(self.values, config, robot)
-            urdf = robot.urdf_text if drone is None else with_drone(robot.urdf_text, drone)
+            urdf = robot.urdf_text
+            if drone is not None:
+                urdf = with_drone(urdf, drone, robot.prefix)
             profile = frame_profile(self.values, config)
             self._config = config
             self._diagnostics.name_arm(config.name)

@@ -10,7 +10,7 @@ from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
-from aerarm_ros.ros.states.base_header import BASE_FRAME, base_header
+from aerarm_ros.ros.states.base_header import base_header
 
 _POSE_PERIOD = 0.02  # [s]
 
@@ -31,6 +31,7 @@ class ToolTopics:
     def __init__(self, controller: ControllerNode, follower: TargetFollower, frame: str) -> None:
         self._controller = controller
         self._follower = follower
+        self._base = controller.arm.robot.base_link
         # An instance of its own: it works in the executor's thread.
         self._kinematics = Kinematics(controller.arm.robot, frame)
         pose = topics.TOOL_POSE
@@ -40,9 +41,9 @@ class ToolTopics:
 
     def _on_target(self, message: PoseStamped, now: float) -> None:
         frame = message.header.frame_id
-        if frame not in ('', BASE_FRAME):
+        if frame not in ('', self._base):
             raise RejectedInputError(
-                f'tool target: it is given in {frame!r}, send it in {BASE_FRAME!r}'
+                f'tool target: it is given in {frame!r}, send it in {self._base!r}'
             )
         p = message.pose.position
         self._follower.set_target([p.x, p.y, p.z], now)
@@ -51,7 +52,7 @@ class ToolTopics:
         state = self._controller.state
         if state is None:
             return
-        message = PoseStamped(header=base_header(self._controller.stamp_ns))
+        message = PoseStamped(header=base_header(self._controller.stamp_ns, self._base))
         transform = self._kinematics.transform(state.q)
         p, r = message.pose.position, message.pose.orientation
         p.x, p.y, p.z = transform[:3, 3].tolist()

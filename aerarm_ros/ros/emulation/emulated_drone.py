@@ -11,7 +11,6 @@ from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
 from aerarm_ros.ros.states.arm_modes import HELD
-from aerarm_ros.ros.states.base_header import BASE_FRAME
 from aerarm_ros.simulation.delayed_sensor import DelayedSensor
 from aerarm_ros.simulation.faulty_imu import ImuReading
 from aerarm_ros.simulation.free_base_plant import FreeBasePlant
@@ -38,7 +37,7 @@ class EmulatedDrone:
         node: Node,
         plant: FreeBasePlant,
         imu: DelayedSensor[ImuReading],
-        imu_frame: str = BASE_FRAME,
+        imu_frame: str,
     ) -> None:
         self._node = node
         self._plant = plant

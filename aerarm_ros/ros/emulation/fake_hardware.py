@@ -106,7 +106,7 @@ class FakeHardware(HardwareBridge):
             if profile == STILL:
                 return None
             base = mount_on_base(transport, robot, BASE_PROFILES[profile])
-            return EmulatedDrone(self, base, drone_parameters.imu(values, base))
+            return EmulatedDrone(self, base, drone_parameters.imu(values, base), robot.base_link)
         if profile != STILL:
             raise ValueError(
                 f'base_motion_profile is {profile} and a drone_file is given: a drone flies by its '
@@ -115,7 +115,7 @@ class FakeHardware(HardwareBridge):
         wind = drone_parameters.gust(values)
         plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
         sensors = (drone_parameters.imu(values, plant), drone_parameters.odometry(values, plant))
-        return FlyingDrone(self, plant, *sensors, LAG[values.pace])
+        return FlyingDrone(self, plant, *sensors, LAG[values.pace], robot.prefix)
 
     @property
     def _flying(self) -> FlyingDrone | None:

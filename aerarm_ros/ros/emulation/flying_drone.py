@@ -10,6 +10,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
+from aerarm_ros.description.drone_urdf import BODY_LINK, IMU_LINK
 from aerarm_ros.hardware.emulation.answer_watch import AnswerWatch
 from aerarm_ros.ros.bridge.bridge_diagnostics import Status
 from aerarm_ros.ros.emulation.emulated_drone import (
@@ -25,7 +26,7 @@ from aerarm_ros.simulation.flying_plant import FlyingPlant
 from aerarm_ros.simulation.noisy_odometry import OdometryReading
 
 _REMEMBERED = 5.0  # [s] for which a rejection is a warning
-WORLD_FRAME, BODY_FRAME, IMU_FRAME = 'odom', 'drone', 'drone_imu'
+WORLD_FRAME = 'odom'
 
 
 class FlyingDrone(EmulatedDrone):
@@ -41,6 +42,8 @@ class FlyingDrone(EmulatedDrone):
         Its sensors.
     lag
         Odometry messages that may be without an answer: see `AnswerWatch`.
+    prefix
+        Before the names of its frames.
     """
 
     def __init__(
@@ -50,14 +53,16 @@ class FlyingDrone(EmulatedDrone):
         imu: DelayedSensor[ImuReading],
         odometry: DelayedSensor[OdometryReading],
         lag: int,
+        prefix: str = '',
     ) -> None:
-        super().__init__(node, plant, imu, IMU_FRAME)
+        super().__init__(node, plant, imu, prefix + IMU_LINK)
         self._flight = plant
         self._odometry = odometry
         topic = topics.ODOMETRY
         self._odometry_publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._told = Odometry()
-        self._told.header.frame_id, self._told.child_frame_id = WORLD_FRAME, BODY_FRAME
+        self._told.header.frame_id = prefix + WORLD_FRAME
+        self._told.child_frame_id = prefix + BODY_LINK
         self._told_ns = 0
         self._commands = RotorCommands(node, plant.drone.rotor_names, self._reject)
         self._watch = AnswerWatch(odometry.period_ns, lag)

@@ -43,6 +43,7 @@ class ViewScene:
     def __init__(self, server: viser.ViserServer, robot: Robot, tool: str = '') -> None:
         self._model = robot.model
         self._data = robot.model.createData()
+        tool = tool and robot.full_name(tool)
         if tool and not robot.model.existFrame(tool):
             known = ', '.join(frame.name for frame in robot.model.frames)
             raise ValueError(f'the URDF has no frame {tool!r}: it has {known}')

@@ -139,7 +139,7 @@ class IdentifierBags:
     def _velocities(
         self, commands: JointStateSeries, recording: Recording
     ) -> DesiredVelocity | None:
-        names = [self._mapping.rename.get(name, name) for name in commands.names]
+        names = [self._mapping.own_name(name) for name in commands.names]
         if any(joint not in names for joint in self._joint_names):
             return None
         dq = commands.velocity[:, [names.index(joint) for joint in self._joint_names]]

@@ -72,6 +72,11 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         'result folder (default: output/identification_...)',
     ),
     ('--truth', {'type': Path, 'metavar': 'FILE'}, 'true parameters of a simulated arm'),
+    (
+        '--tf-prefix',
+        {'default': '', 'metavar': 'TEXT'},
+        "what the bag's joints have before their names in the URDF, as left_",
+    ),
     ('--rename', {'nargs': '+', 'default': [], 'metavar': 'BAG=URDF'}, "names of the bag's joints"),
     (
         '--lock',

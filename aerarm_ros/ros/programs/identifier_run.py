@@ -65,6 +65,7 @@ class IdentifierRun:
         self._robot = self._load_robot()
         mapping = JointMapping(
             rename=dict(_pair(text, '--rename') for text in options.rename),
+            prefix=options.tf_prefix,
             ignored=tuple(options.ignore),
             locked=tuple(options.lock),
             effort_gain={

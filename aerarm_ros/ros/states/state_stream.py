@@ -145,7 +145,10 @@ class StateStream:
             names, sample = decode_joint_state(payload)
             return in_order(names, sample, self._names)
         except ValueError as error:
-            self._reject(f'joint_states: {error}')
+            self._reject(
+                f'joint_states: {error}: give this node and the bridge one config, urdf and '
+                'tf_prefix'
+            )
             return None
 
 

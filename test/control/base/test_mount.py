@@ -26,6 +26,13 @@ def test_reads_the_urdf(robot) -> None:
     np.testing.assert_allclose(mount.imu_position_in_base, [0.02, 0.0, -0.1])
 
 
+def test_the_link_may_be_named_without_the_prefix(robot) -> None:
+    text = robot.urdf_text.replace('</robot>', IMU_LINK)
+    for name in ('imu_link', 'left_imu_link'):
+        mount = Mount.from_robot(load_robot(text, prefix='left_'), name)
+        np.testing.assert_allclose(mount.imu_position_in_base, [0.02, 0.0, -0.1])
+
+
 @pytest.mark.parametrize(('link', 'message'), [('imu', 'no link'), ('link2', 'moves')])
 def test_a_link_that_cannot_hold_the_imu_is_refused(robot, link, message) -> None:
     with pytest.raises(ValueError, match=message):

@@ -67,6 +67,18 @@ def test_renaming_ignoring_and_gains(states) -> None:
         recording_from_states('bag', more, JOINTS, JointMapping({'b': 'joint1'}))
 
 
+def test_a_prefix_is_taken_off(states) -> None:
+    prefixed = replace(states, names=tuple(f'left_{name}' for name in states.names))
+    recording = recording_from_states('bag', prefixed, JOINTS, JointMapping({}, prefix='left_'))
+    assert recording.joint_names == JOINTS
+    with pytest.raises(
+        IdentificationError, match='not in the bag, which has left_joint1.*--tf-pre'
+    ):
+        recording_from_states('bag', prefixed, JOINTS, AS_IS)
+    mapping = JointMapping({'left_joint1': 'joint1'}, prefix='left_')
+    assert recording_from_states('bag', prefixed, JOINTS, mapping).joint_names == JOINTS
+
+
 def test_missing_or_zero_velocities_are_derived_later(states) -> None:
     for value in (np.nan, 0.0):
         without = changed(states, 'velocity', slice(None), slice(None), value)

@@ -36,6 +36,19 @@ def test_gravity_and_joints_are_those_of_the_configuration(tmp_path: Path) -> No
         load_arm(values(config=str(renamed)))
 
 
+def test_the_prefix_is_before_the_names_of_both(tmp_path: Path) -> None:
+    text = resource('config', 'aerarm.yaml').read_text()
+    coupled = tmp_path / 'coupled.yaml'
+    coupled.write_text(text + 'coupled_joints: [[joint4, joint3]]\n')
+    config, robot = load_arm(values(config=str(coupled), tf_prefix='left_'))
+    assert config.joint_names == robot.joint_names
+    assert robot.joint_names[0] == 'left_joint1'
+    assert config.coupled_joints == (('left_joint4', 'left_joint3'),)
+    with pytest.raises(ValueError, match='tf_prefix'):
+        load_arm(values(tf_prefix='/left'))
+    assert load_arm(values())[1].urdf_text == resource('urdf', 'aerarm.urdf').read_text()
+
+
 @pytest.mark.parametrize('name', ['config', 'urdf'])
 def test_a_file_that_is_not_there_is_named(name: str) -> None:
     with pytest.raises(ValueError, match='/nowhere/arm'):
