@@ -24,6 +24,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'pose_config': ['PoseConfig'],
         'resources': ['resource', 'share_directory'],
         'robot': ['Robot', 'load_robot'],
+        'robot_shapes': ['load_shapes'],
         'rotor_config': ['RotorConfig'],
         'urdf_document': ['UrdfDocument', 'UrdfJoint'],
     },

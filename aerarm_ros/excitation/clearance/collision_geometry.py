@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from aerarm_ros.description.description_error import DescriptionError
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.robot_shapes import load_shapes
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.motion.float_array import FloatArray
 
@@ -34,7 +36,8 @@ def build_collision_geometry(
     Raises
     ------
     ExcitationError
-        If the URDF has no collision shape on a moving link, or a mesh cannot be read.
+        If the URDF has no collision shape on a moving link, or a mesh cannot be read or
+        is larger than an arm needs.
     """
     geometry = _read_shapes(robot, package_directories)
     if ground_height is not None:
@@ -43,13 +46,10 @@ def build_collision_geometry(
 
 
 def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.GeometryModel:
-    folders = [str(folder) for folder in package_directories]
-    if robot.path is not None:
-        folders += [str(folder) for folder in Path(robot.path).resolve().parents]
     try:
-        geometry = pin.buildGeomFromUrdfString(
-            robot.model, robot.urdf_text, pin.GeometryType.COLLISION, package_dirs=folders
-        )
+        geometry = load_shapes(robot, pin.GeometryType.COLLISION, package_directories)
+    except DescriptionError as error:
+        raise ExcitationError(str(error)) from error
     except (ValueError, RuntimeError) as error:
         raise ExcitationError(
             f'collision shapes cannot be read: {str(error).strip()}: check the mesh paths of the '

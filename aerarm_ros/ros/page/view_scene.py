@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,9 @@ import pinocchio as pin
 import viser
 from numpy.typing import NDArray
 
+from aerarm_ros.description.description_error import DescriptionError
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.robot_shapes import load_shapes
 
 Array = NDArray[np.float64]
 
@@ -37,7 +38,7 @@ class ViewScene:
     Raises
     ------
     ValueError
-        If there is no such frame.
+        If there is no such frame, or a mesh is larger than an arm needs.
     """
 
     def __init__(self, server: viser.ViserServer, robot: Robot, tool: str = '') -> None:
@@ -122,12 +123,11 @@ class ViewScene:
 
 def _shapes(robot: Robot) -> list[pin.GeometryObject]:
     """Return the visual shapes, else the collision shapes; none where their meshes are missing."""
-    folders = [] if robot.path is None else [str(x) for x in Path(robot.path).resolve().parents]
     for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION):
         try:
-            found = pin.buildGeomFromUrdfString(
-                robot.model, robot.urdf_text, kind, package_dirs=folders
-            )
+            found = load_shapes(robot, kind)
+        except DescriptionError:
+            raise
         except (ValueError, RuntimeError):
             continue
         if len(found.geometryObjects):

@@ -1,0 +1,96 @@
+"""A robot's shapes, its mesh files read within limits."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from pathlib import Path
+
+import pinocchio as pin
+
+from aerarm_ros.description.description_error import DescriptionError
+from aerarm_ros.description.robot import Robot
+
+_MIB = 2**20
+# A mesh of 8 MiB is read and made convex in 10 s and 700 MB; of arms that are published, the
+# largest has 5 MiB, and all of one arm 21.
+_LARGEST = 8 * _MIB
+_LARGEST_TOGETHER = 32 * _MIB
+_MOST = 1000
+# Formats without compression or other files; what their size is, is how much they hold ...
+_FORMATS = ('.dae', '.obj', '.ply', '.stl')
+# ... but for the places of a Collada file that show another place again.
+_INSTANCE, _INSTANCE_OF_NODE = b'<instance_', b'<instance_node'
+_MOST_INSTANCES, _MOST_INSTANCES_OF_NODES = 2000, 16
+
+
+def load_shapes(
+    robot: Robot, kind: pin.GeometryType, package_directories: Sequence[Path] = ()
+) -> pin.GeometryModel:
+    """Return the visual or collision shapes of a robot's links.
+
+    Parameters
+    ----------
+    robot
+        The arm.
+    kind
+        Which shapes.
+    package_directories
+        Where `package://` meshes are looked for, besides the folders above the URDF.
+
+    Raises
+    ------
+    DescriptionError
+        If a mesh is no plain file of a known format, or is larger than an arm needs.
+    ValueError, RuntimeError
+        If a mesh is missing or damaged.
+    """
+    folders = list(package_directories)
+    if robot.path is not None:
+        folders += Path(robot.path).resolve().parents
+    _check_meshes(robot.urdf_text, folders)
+    return pin.buildGeomFromUrdfString(
+        robot.model, robot.urdf_text, kind, package_dirs=[str(folder) for folder in folders]
+    )
+
+
+def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
+    """Look at every mesh file before one is read, as often as it is named."""
+    names = [mesh.get('filename', '') for mesh in ET.fromstring(urdf).iter('mesh')]
+    if len(names) > _MOST:
+        raise DescriptionError(f'the URDF names {len(names)} meshes, no arm has over {_MOST}')
+    together = 0
+    for name in names:
+        path = name.partition('://')[2] if '://' in name else name
+        for file in (Path(path), *(folder / path.lstrip('/') for folder in folders)):
+            if path and file.exists():
+                together += _checked_size(file)
+                break
+    if together > _LARGEST_TOGETHER:
+        raise DescriptionError(
+            f'the meshes of the URDF have {together / _MIB:.0f} MiB together, more than the '
+            f'{_LARGEST_TOGETHER // _MIB} that are read: simplify them'
+        )
+
+
+def _checked_size(file: Path) -> int:
+    """Return the bytes of a mesh file that may be read."""
+    if not file.is_file():
+        raise DescriptionError(f'mesh {file} is no plain file')
+    if file.suffix.lower() not in _FORMATS:
+        raise DescriptionError(f'mesh {file} is none of {", ".join(_FORMATS)}: convert it')
+    size = file.stat().st_size
+    if size > _LARGEST:
+        raise DescriptionError(
+            f'mesh {file} has {size / _MIB:.0f} MiB, more than the {_LARGEST // _MIB} that are '
+            'read: simplify it'
+        )
+    if file.suffix.lower() == '.dae':
+        text = file.read_bytes()
+        of_nodes = text.count(_INSTANCE_OF_NODE)
+        if of_nodes > _MOST_INSTANCES_OF_NODES or text.count(_INSTANCE) > _MOST_INSTANCES:
+            raise DescriptionError(
+                f'mesh {file} shows its parts too often, by <instance_...>: write them out, or '
+                'simplify it'
+            )
+    return size
