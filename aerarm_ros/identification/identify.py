@@ -15,6 +15,7 @@ from aerarm_ros.identification.assessment.plausibility import bound_warnings, er
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.model_choice.filter_choice import choose_filter, condition_once
+from aerarm_ros.identification.model_choice.gravity_direction import find_gravity
 from aerarm_ros.identification.model_choice.model_choice import AUTOMATIC, choose_model
 from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
 from aerarm_ros.identification.parameters.coupled_joints import CoupledJoints
@@ -53,6 +54,8 @@ class IdentificationOptions:
         Of total mass and centres of mass.
     coupled : sequence of (joint, driver)
         Joints that another one's motion drives, besides those of the configuration.
+    tilt : bool
+        Whether gravity may point elsewhere than the robot has it, where the data say so.
     """
 
     conditioning: ConditioningOptions = field(default_factory=ConditioningOptions)
@@ -61,6 +64,7 @@ class IdentificationOptions:
     progress: Callable[[str], None] | None = None
     bounds: LinkBounds = field(default_factory=LinkBounds)
     coupled: CoupledJoints = ()
+    tilt: bool = True
 
 
 def identify(
@@ -91,13 +95,19 @@ def identify(
     IdentificationError
         If a recording is too short, or its motion excites too little.
     """
-    regressor = Regressor(robot)
     cad = ArmParameters.stated(robot, config)
+    level = Regressor(robot)
     with stopwatch.stage('conditioning'):
         conditioner = Conditioner(identification, options.conditioning)
-        choice = choose_filter(regressor, conditioner, identification)
+        choice = choose_filter(level, conditioner, identification)
+        level_bags, gravity = choice.bags, None
+        if options.tilt:
+            gravity = find_gravity(robot, level_bags, cad)
+            robot = robot.with_gravity(gravity.used)
+        if gravity is not None and gravity.tilt > 0.0:
+            choice = choose_filter(Regressor(robot), conditioner, identification)
         held_out = [
-            condition_once(regressor, conditioner, recording, choice.kinematics)
+            condition_once(Regressor(robot), choice.conditioner, recording, choice.kinematics)
             for recording in validation
         ]
     bags = choice.bags
@@ -105,10 +115,9 @@ def identify(
         coupled = (*(config.coupled_joints if config else ()), *options.coupled)
         fit, comparisons = choose_model(robot, bags, cad, options.friction, coupled)
     with stopwatch.stage('regression'):
-        thesis_base = _thesis_base(robot, bags)
-        used_base = find_base_parameters(fit.regression.system().R, fit.regression.columns)
+        thesis_base, used_base = _bases(fit, bags, level_bags)
         warnings = [text for bag in (*identification, *validation) for text in bag.warnings]
-        warnings += conditioner.warnings + excitation_warnings(thesis_base, regressor)
+        warnings += conditioner.warnings + excitation_warnings(thesis_base, level)
     with stopwatch.stage('solvers'):
         estimates = solve_all(fit, cad, bags, options.solvers, options.progress, options.bounds)
     with stopwatch.stage('assessment'):
@@ -119,7 +128,8 @@ def identify(
     return IdentificationResult(
         robot=robot,
         cad=cad,
-        conditioner=conditioner,
+        conditioner=choice.conditioner,
+        gravity=gravity,
         filter_choice=choice,
         validation=held_out,
         thesis_base=thesis_base,
@@ -158,8 +168,18 @@ def _result_warnings(
     ]
 
 
-def _thesis_base(robot: Robot, bags: Sequence[SampleColumns]) -> BaseParameters:
-    """Return the base parameters of links, viscous and Coulomb friction, as the thesis has them."""
-    model = JointModel.uniform(robot.joint_names, robot.link_names, THESIS_TERMS)
-    regression = RegressionBank(bags, THESIS_TERMS).regression(model)
-    return find_base_parameters(regression.system().R, regression.columns)
+def _bases(
+    fit: ModelFit, bags: Sequence[SampleColumns], level_bags: Sequence[SampleColumns]
+) -> tuple[BaseParameters, BaseParameters]:
+    """Return the base parameters of the thesis's columns, and those of all that was fitted.
+
+    Both of a base that stands as stated: under a slight tilt some more parameters have an effect,
+    but so little that they would make any motion look like a poor one.
+    """
+    model = JointModel.uniform(fit.model.joint_names, fit.model.link_names, THESIS_TERMS)
+    regressions = [RegressionBank(level_bags, THESIS_TERMS).regression(model), fit.regression]
+    if level_bags is not bags:
+        own = [term for _, term in fit.model.joint_columns]
+        regressions[1] = RegressionBank(level_bags, own, fit.inertial).regression(fit.model)
+    thesis, used = (find_base_parameters(r.system().R, r.columns) for r in regressions)
+    return thesis, used

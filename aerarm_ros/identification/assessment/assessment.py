@@ -21,19 +21,22 @@ class BagAssessment:
     Attributes
     ----------
     bag : str
-    filtered, raw : float
+    filtered, filtered_measured, raw : float
         `100 |tau - tau_hat| / |tau|` over all joints stacked [%]: for torque and prediction
-        through the same low-pass, and for measured torque as recorded. A joint whose recorded
+        through the same low-pass; for filtered torque and the prediction as it is, which is what
+        most publications quote; and for measured torque as recorded. A joint whose recorded
         effort never changes does not count: nothing was measured of it. Nor does saturated effort.
-    per_joint_filtered, per_joint_raw : (n,) ndarray
+    per_joint_filtered, per_joint_filtered_measured, per_joint_raw : (n,) ndarray
         The same for each joint alone [%]; NaN for one that does not count.
     prediction : Prediction
     """
 
     bag: str
     filtered: float
+    filtered_measured: float
     raw: float
     per_joint_filtered: Array
+    per_joint_filtered_measured: Array
     per_joint_raw: Array
     prediction: Prediction
 
@@ -47,15 +50,25 @@ def assess(estimate: Estimate, bags: Sequence[SampleColumns]) -> list[BagAssessm
         kept = samples.kept
         # 0 near saturation, which leaves these samples out; NaN for a joint without any.
         known = np.where(samples.measured.any(axis=0), samples.measured, np.nan)[kept]
-        filtered, raw = (
+        filtered, filtered_measured, raw = (
             torque_errors(known * measured[kept], known * predicted[kept])
             for measured, predicted in (
                 (samples.tau, prediction.filtered),
+                (samples.tau, prediction.raw),
                 (samples.tau_raw, prediction.raw),
             )
         )
         results.append(
-            BagAssessment(samples.name, filtered[0], raw[0], filtered[1], raw[1], prediction)
+            BagAssessment(
+                bag=samples.name,
+                filtered=filtered[0],
+                filtered_measured=filtered_measured[0],
+                raw=raw[0],
+                per_joint_filtered=filtered[1],
+                per_joint_filtered_measured=filtered_measured[1],
+                per_joint_raw=raw[1],
+                prediction=prediction,
+            )
         )
     return results
 

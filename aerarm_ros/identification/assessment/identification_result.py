@@ -7,6 +7,7 @@ from aerarm_ros.identification.assessment.assessment import BagAssessment
 from aerarm_ros.identification.assessment.bag_demand import BagDemand
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.model_choice.filter_choice import FilterChoice
+from aerarm_ros.identification.model_choice.gravity_direction import GravityDirection
 from aerarm_ros.identification.model_choice.joint_model_selection import Comparison
 from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
@@ -35,6 +36,8 @@ class IdentificationResult:
     ----------
     robot : Robot
     cad : ArmParameters
+    gravity : GravityDirection or None
+        What the data say of it; None if it wasn't asked.
     conditioner : Conditioner
         Cut-off, period and harmonics.
     filter_choice : FilterChoice
@@ -56,6 +59,7 @@ class IdentificationResult:
     robot: Robot
     cad: ArmParameters
     conditioner: Conditioner
+    gravity: GravityDirection | None
     filter_choice: FilterChoice
     validation: list[SampleColumns]
     thesis_base: BaseParameters

@@ -9,11 +9,11 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        'conditioning': ['Conditioner', 'FOLDS'],
+        'conditioning': ['Conditioner'],
         'conditioning_options': ['ConditioningOptions', 'FILTERS'],
         'kinematics_filter': ['KinematicsFilter'],
         'periodicity': ['PeriodicPart', 'count_harmonics', 'find_periodic_part'],
-        'samples': ['Samples'],
+        'samples': ['BLOCKS', 'FOLDS', 'Samples'],
         'spectral_filter': ['SpectralFilter', 'harmonic_gain', 'low_pass_gain'],
         'uniform_motion': ['UniformMotion', 'aperiodic_motion', 'periodic_motion', 'sampling_time'],
     },

@@ -1,6 +1,7 @@
 """From recordings to samples: windows, filters and rates, thesis section 3.5."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.conditioning.kinematics_filter import KinematicsFilter
-from aerarm_ros.identification.conditioning.motion_band import motion_band
+from aerarm_ros.identification.conditioning.motion_band import motion_band, position_band
 from aerarm_ros.identification.conditioning.motion_check import (
     aperiodic_warnings,
     fundamental_warnings,
@@ -20,7 +21,7 @@ from aerarm_ros.identification.conditioning.periodicity import (
     count_harmonics,
     find_periodic_part,
 )
-from aerarm_ros.identification.conditioning.samples import Samples
+from aerarm_ros.identification.conditioning.samples import BLOCKS, Samples
 from aerarm_ros.identification.conditioning.spectral_filter import (
     SETTLING_PERIODS,
     SpectralFilter,
@@ -42,6 +43,14 @@ _CUTOFF_PER_BAND = 10.0
 _CUTOFF_MIN_PER_BAND = 0.5  # below, most of the motion is lost
 # ... but there must be enough samples in a period of the cut-off to differentiate.
 _SAMPLES_PER_CUTOFF = 10.0
+_FEWEST_PER_CUTOFF = 5.0  # of which one could do with, where data say so
+_LEAST_PER_POSITION_BAND = 4.0  # cut-offs below take part of the motion
+# Cut-offs to try, as factors of the one by rule; below, down to the least, by the last one.
+_TRIED = (0.5, 0.7, 1.0, 1.4, 2.0)
+_LOWER = 0.5
+# Trials are compared on samples in common: of no more than this rate, unless the motion is faster.
+_TRIAL_RATE = 30.0  # [Hz]
+_TRIAL_FINE_RATE = 200.0  # [Hz]
 # The filtered torque is kept at five times the cut-off: above the Nyquist rate, 2, with room
 # for the filter's slope.
 _RATE_PER_CUTOFF = 5.0
@@ -51,14 +60,14 @@ _FINE_RATE_PER_CUTOFF = 100.0
 _FINE_RATE_MIN = 400.0  # [Hz]; the motion doesn't slow down with the cut-off
 _SEARCH_RATE = 250.0  # [Hz] is enough to find band and harmonics of any arm's motion
 _EDGE = 0.5  # periods of the cut-off left out at the ends of a motion that isn't periodic
+_EDGE_MOST = 0.1  # share of the motion
 _SPREAD = 1.0  # periods of the cut-off to either side, over which it spreads saturated torque
 _STANDSTILL_SPEED = 5e-3  # share of a joint's top speed
 _STANDSTILL_TIME = 0.3  # [s]
-FOLDS = 5
 
 
 class Conditioner:
-    """Finds cut-off and harmonics on the identification bags, and conditions any bag with them.
+    """Finds band and harmonics on the identification bags, and conditions any bag with them.
 
     Parameters
     ----------
@@ -70,7 +79,10 @@ class Conditioner:
     Attributes
     ----------
     cutoff : float
-        Of the torque's low-pass [Hz].
+        Of the torque's low-pass [Hz]: the given one, else ten times the band, where the choice by
+        data begins.
+    cutoffs : tuple of float
+        Those to choose from, rising [Hz]; only the given one if there is one.
     harmonics : int or None
         N of the excitation; None if a bag isn't periodic.
     fundamental : float or None
@@ -101,8 +113,8 @@ class Conditioner:
                 self.warnings += fundamental_warnings(motion, options.fundamental, needed)
         if all(motion.period for motion in motions):
             found = max(
-                count_harmonics(dq, motion.periods)
-                for dq, motion in zip(velocities, motions, strict=True)
+                min(count_harmonics(dq, motion.periods) for dq in (measured, _slope(motion)))
+                for measured, motion in zip(velocities, motions, strict=True)
             )
             self.fundamental = 1.0 / ((motions[0].period or 1) * motions[0].dt)
             if options.harmonics is not None:
@@ -115,10 +127,24 @@ class Conditioner:
         else:
             self.warnings += aperiodic_warnings(motions, options)
             band = max(
-                motion_band(dq, motion.dt) for dq, motion in zip(velocities, motions, strict=True)
+                motion_band(m.q[m.window], None if m.dq is None else m.dq[m.window], m.dt)
+                for m in motions
             )
         self.band = band
-        self.cutoff = self._choose_cutoff(band, max(map(sampling_time, recordings)))
+        dt = max(map(sampling_time, recordings))
+        positions = max(position_band(m.q[m.window], m.dt) for m in motions)
+        self.cutoff = self._given_cutoff(positions, dt) or self._rule(band, dt)
+        self.cutoffs: tuple[float, ...] = (self.cutoff,)
+        if options.cutoff is None:
+            least = _LEAST_PER_POSITION_BAND * positions
+            self.cutoffs = _tried(self.cutoff, least, 1.0 / (_FEWEST_PER_CUTOFF * dt))
+        self._trial_rate = max(_TRIAL_RATE, _RATE_PER_CUTOFF * self.cutoff)
+
+    def at(self, cutoff: float) -> 'Conditioner':
+        """Return the same with another cut-off [Hz]."""
+        other = copy(self)
+        other.cutoff = cutoff
+        return other
 
     def candidates(self) -> list[KinematicsFilter]:
         """Return the kinematics filters to choose from, the simplest first."""
@@ -126,14 +152,24 @@ class Conditioner:
         filters = [KinematicsFilter(self.cutoff)]
         if self.harmonics is not None and self.fundamental is not None and wanted != 'butterworth':
             known = KinematicsFilter(self.cutoff, self.harmonics)
-            below_cutoff = max(self.harmonics, int(self.cutoff / self.fundamental))
-            all_below = KinematicsFilter(self.cutoff, below_cutoff)
+            all_below = KinematicsFilter(self.cutoff, self._harmonics_below_cutoff())
             filters = [known] if wanted == 'harmonics' else [known, all_below, *filters]
         return [
             replace(f, from_position=source)
             for source in (False, True)
             for f in dict.fromkeys(filters)
         ]
+
+    def adapted(self, kinematics: KinematicsFilter) -> KinematicsFilter:
+        """Return a filter of another cut-off as it is at this one."""
+        harmonics = kinematics.harmonics
+        if harmonics not in (None, self.harmonics):
+            harmonics = self._harmonics_below_cutoff()
+        return replace(kinematics, cutoff=self.cutoff, harmonics=harmonics)
+
+    def _harmonics_below_cutoff(self) -> int:
+        assert self.harmonics is not None and self.fundamental is not None
+        return max(self.harmonics, int(self.cutoff / self.fundamental))
 
     def condition(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
         """Filter one bag.
@@ -143,8 +179,26 @@ class Conditioner:
         IdentificationError
             If the motion in it is too short.
         """
-        factor = _factor(recording, max(_FINE_RATE_PER_CUTOFF * self.cutoff, _FINE_RATE_MIN))
-        step = _factor(recording, _RATE_PER_CUTOFF * self.cutoff * factor)
+        fine = max(_FINE_RATE_PER_CUTOFF * self.cutoff, _FINE_RATE_MIN)
+        return self._at_rates(recording, kinematics, fine, _RATE_PER_CUTOFF * self.cutoff)
+
+    def trial(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
+        """Filter one bag, at instants that are the same whatever the filter and its cut-off.
+
+        Raises
+        ------
+        IdentificationError
+            If the motion in it is too short.
+        """
+        fine = max(_TRIAL_FINE_RATE, self._trial_rate)
+        return self._at_rates(recording, kinematics, fine, self._trial_rate)
+
+    def _at_rates(
+        self, recording: Recording, kinematics: KinematicsFilter, fine: float, coarse: float
+    ) -> Samples:
+        """Filter one bag, with samples at no less than two rates [Hz]."""
+        factor = _factor(recording, fine)
+        step = _factor(recording, coarse * factor)
         return self._samples(self._motion(recording, step, factor), kinematics, step)
 
     def forget_motions(self) -> None:
@@ -167,21 +221,23 @@ class Conditioner:
             self._motions[recording, factor] = known
         return known
 
-    def _choose_cutoff(self, band: float, dt: float) -> float:
-        limit = 0.4 / dt
-        if self._options.cutoff is not None:
-            if self._options.cutoff > limit:
-                raise IdentificationError(
-                    f'cut-off {self._options.cutoff:g} Hz is above {limit:.3g} Hz, which is what '
-                    f"the bag's rate of {1.0 / dt:.3g} Hz allows: choose a lower one"
-                )
-            if self._options.cutoff < _CUTOFF_MIN_PER_BAND * band:
-                raise IdentificationError(
-                    f'cut-off {self._options.cutoff:g} Hz would filter the motion away, which '
-                    f'reaches {band:.3g} Hz: choose a higher one'
-                )
-            return self._options.cutoff
+    def _rule(self, band: float, dt: float) -> float:
         return min(_CUTOFF_PER_BAND * band, 1.0 / (_SAMPLES_PER_CUTOFF * dt))
+
+    def _given_cutoff(self, band: float, dt: float) -> float | None:
+        """Return the user's cut-off, if there is one, checked against that of the positions."""
+        given, limit = self._options.cutoff, 0.4 / dt
+        if given is not None and given > limit:
+            raise IdentificationError(
+                f'cut-off {given:g} Hz is above {limit:.3g} Hz, which is what '
+                f"the bag's rate of {1.0 / dt:.3g} Hz allows: choose a lower one"
+            )
+        if given is not None and given < _CUTOFF_MIN_PER_BAND * band:
+            raise IdentificationError(
+                f'cut-off {given:g} Hz would filter the motion away, which '
+                f'reaches {band:.3g} Hz: choose a higher one'
+            )
+        return given
 
     def _samples(self, motion: UniformMotion, kinematics: KinematicsFilter, step: int) -> Samples:
         q, dq, ddq = kinematics.apply(motion)
@@ -213,15 +269,27 @@ class Conditioner:
             kept=kept,
             measured=measured,
             usable=measured & ~still,
-            fold=_folds(motion, len(time), step),
+            block=_blocks(motion, len(time), step),
         )
 
     def _kept(self, motion: UniformMotion, count: int, dt: float) -> npt.NDArray[np.bool_]:
         kept = np.ones(count, dtype=bool)
-        edge = 0 if motion.period else int(np.ceil(_EDGE / (self.cutoff * dt)))
+        wanted = int(np.ceil(_EDGE / (self.cutoff * dt)))
+        edge = 0 if motion.period else min(wanted, int(_EDGE_MOST * count))
         if edge:
             kept[:edge] = kept[-edge:] = False
         return kept
+
+
+def _tried(rule: float, least: float, highest: float) -> tuple[float, ...]:
+    """Return cut-offs to try [Hz], rising: about the rule, and far below if the motion ends there.
+
+    The rule asks velocities, whose noise may reach much further than the motion.
+    """
+    tried = [factor * rule for factor in _TRIED]
+    while _LOWER * tried[0] >= least:
+        tried.insert(0, _LOWER * tried[0])
+    return tuple(c for c in tried if least <= c <= highest or c == rule)
 
 
 def _factor(recording: Recording, rate: float) -> int:
@@ -231,8 +299,12 @@ def _factor(recording: Recording, rate: float) -> int:
 
 
 def _rough_velocity(motion: UniformMotion) -> Array:
-    dq = motion.dq if motion.dq is not None else np.gradient(motion.q, motion.dt, axis=0)
-    return np.asarray(dq[motion.window])
+    return _slope(motion) if motion.dq is None else motion.dq[motion.window]
+
+
+def _slope(motion: UniformMotion) -> Array:
+    """Return positions differentiated [rad/s]."""
+    return np.asarray(np.gradient(motion.q, motion.dt, axis=0)[motion.window])
 
 
 def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
@@ -259,7 +331,7 @@ def _near(
     return near
 
 
-def _folds(motion: UniformMotion, count: int, step: int) -> npt.NDArray[np.intp]:
+def _blocks(motion: UniformMotion, count: int, step: int) -> npt.NDArray[np.intp]:
     """Return consecutive parts of the motion; a periodic motion's repetitions go together."""
     length = motion.period // step if motion.period else count
-    return np.asarray((np.arange(count) % length) * FOLDS // length, dtype=np.intp)
+    return np.asarray((np.arange(count) % length) * BLOCKS // length, dtype=np.intp)

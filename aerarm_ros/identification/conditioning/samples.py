@@ -9,6 +9,12 @@ from aerarm_ros.identification.conditioning.spectral_filter import SpectralFilte
 
 Array = npt.NDArray[np.float64]
 
+FOLDS = 5
+"""Parts of a motion, of which each is predicted from the others."""
+
+BLOCKS = 5 * FOLDS
+"""Consecutive pieces of a motion, which the parts are made of."""
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -40,8 +46,8 @@ class Samples:
         Kept, and the effort tells the joint's torque: not dead, not near saturation.
     usable : (M, n) ndarray of bool
         Rows to fit: measured, and the joint not standing still.
-    fold : (M,) ndarray of int
-        Part of the motion, for cross-validation.
+    block : (M,) ndarray of int
+        Consecutive part of the motion, 0 .. `BLOCKS` - 1.
     """
 
     name: str
@@ -59,12 +65,21 @@ class Samples:
     kept: npt.NDArray[np.bool_]
     measured: npt.NDArray[np.bool_]
     usable: npt.NDArray[np.bool_]
-    fold: npt.NDArray[np.intp]
+    block: npt.NDArray[np.intp]
 
     @property
     def n(self) -> int:
         """Number of joints."""
         return int(self.q.shape[1])
+
+    @property
+    def fold(self) -> npt.NDArray[np.intp]:
+        """(M,) part for cross-validation, 0 .. `FOLDS` - 1: blocks in turn.
+
+        So every part has something of the whole motion. A fifth in one piece would be predicted
+        from postures that it never takes, and judge extrapolation instead of the model.
+        """
+        return np.asarray(self.block % FOLDS)
 
     @property
     def step(self) -> int:

@@ -71,6 +71,36 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
     return Estimate(str(parameters.get('solver', '')), model, theta)
 
 
+def read_gravity(path: Path, robot: Robot) -> Array:
+    """Return (3,) gravity in the base frame as the identifier found it [m/s^2].
+
+    Parameters
+    ----------
+    path : Path
+        An estimate that `read_estimate` has accepted.
+    robot : Robot
+        Whose gravity it is if the file has none.
+
+    Raises
+    ------
+    IdentificationError
+        If it is not three numbers.
+    """
+    given = read_yaml(path)['/**']['ros__parameters'].get('gravity_in_base')
+    if given is None:
+        return robot.gravity_in_base
+    try:
+        gravity = np.array(given, dtype=float).reshape(3)
+    except (TypeError, ValueError):
+        gravity = np.full(3, np.nan)
+    if not np.isfinite(gravity).all():
+        raise IdentificationError(
+            f'{path}: gravity_in_base is not three numbers: give the file as the identifier has '
+            'written it'
+        )
+    return gravity
+
+
 def _check_joints(path: Path, names: tuple[str, ...], wanted: tuple[str, ...]) -> None:
     if names != wanted:
         raise IdentificationError(

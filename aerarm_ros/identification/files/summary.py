@@ -50,6 +50,7 @@ def summarise(
         'only_prior': list(result.only_prior),
         'excitation': [_demand(demand) for demand in result.demands],
         'conditioning': _conditioning(result),
+        'gravity': _gravity(result),
         'friction': {
             joint: [term_text(term, result.robot.joint_names) for term in terms]
             for joint, terms in zip(result.robot.joint_names, result.fit.model.terms, strict=True)
@@ -91,8 +92,19 @@ def _conditioning(result: IdentificationResult) -> dict[str, Any]:
         'harmonics': conditioner.harmonics,
         'kinematics': choice.kinematics.label,
         'trials': [
-            {'kinematics': trial.kinematics.label, 'error': trial.error} for trial in choice.trials
+            {'cutoff': trial.cutoff, 'kinematics': trial.kinematics.label, 'error': trial.error}
+            for trial in choice.trials
         ],
+    }
+
+
+def _gravity(result: IdentificationResult) -> dict[str, Any]:
+    found = result.gravity
+    used = result.robot.gravity_in_base
+    return {
+        'stated': (used if found is None else found.stated).tolist(),
+        'used': used.tolist(),
+        'tilt': 0.0 if found is None else found.tilt,
     }
 
 
@@ -142,8 +154,10 @@ def _bag(assessment: BagAssessment) -> dict[str, Any]:
     return {
         'bag': assessment.bag,
         'filtered': assessment.filtered,
+        'filtered_measured': assessment.filtered_measured,
         'raw': assessment.raw,
         'per_joint_filtered': _numbers(assessment.per_joint_filtered),
+        'per_joint_filtered_measured': _numbers(assessment.per_joint_filtered_measured),
         'per_joint_raw': _numbers(assessment.per_joint_raw),
     }
 

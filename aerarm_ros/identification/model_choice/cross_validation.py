@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.identification.conditioning.conditioning import FOLDS
+from aerarm_ros.identification.conditioning.samples import FOLDS
 from aerarm_ros.identification.parameters.joint_term import JointTerm
 from aerarm_ros.identification.regression.regression_bank import RegressionBank
 

@@ -1,28 +1,40 @@
-"""Choosing how to clean the kinematics, by the torque error that is left."""
+"""Choosing the cut-off, and how to clean the kinematics, by recorded torque that is held out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.kinematics_filter import KinematicsFilter
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import ROTOR, THESIS_TERMS
+from aerarm_ros.identification.model_choice.simple_fit import SimpleFit
+from aerarm_ros.identification.model_choice.standard_errors import block_sums, standard_errors
+from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
 from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.regression.regression_bank import RegressionBank
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
-from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
 from aerarm_ros.model.regressor import Regressor
 
-_TERMS = (*THESIS_TERMS, ROTOR)
-_ENOUGH = 120.0  # [s] of a long recording, from its middle, decide
+Array = npt.NDArray[np.float64]
+
+_BY_CHANCE = 2.0  # standard errors by which the best of several trials may seem better
+_ENOUGH = 60.0  # [s] of a long recording, from its middle, decide
 
 
 @dataclass(frozen=True)
 class FilterTrial:
-    """A way to clean the kinematics, and the torque error [%] that least squares leaves then."""
+    """A filter that was tried.
 
+    Attributes
+    ----------
+    cutoff : float
+        Of the torque's low-pass [Hz].
+    kinematics : KinematicsFilter
+    error : float
+        Torque error [%] on parts of the motion that were left out of the fit, as recorded.
+    """
+
+    cutoff: float
     kinematics: KinematicsFilter
     error: float
 
@@ -34,13 +46,16 @@ class FilterChoice:
     Attributes
     ----------
     trials : list of FilterTrial
+    conditioner : Conditioner
+        At the chosen cut-off.
     kinematics : KinematicsFilter
-        The one with the least error.
+        The one chosen.
     bags : list of SampleColumns
         The recordings, filtered by it.
     """
 
     trials: list[FilterTrial]
+    conditioner: Conditioner
     kinematics: KinematicsFilter
     bags: list[SampleColumns]
 
@@ -48,11 +63,12 @@ class FilterChoice:
 def choose_filter(
     regressor: Regressor, conditioner: Conditioner, recordings: Sequence[Recording]
 ) -> FilterChoice:
-    """Clean the kinematics in every way that the recordings allow and keep the best.
+    """Try the cut-offs, and the ways to clean the kinematics, that the recordings allow.
 
-    The torque is filtered equally in all trials, so their errors can be compared: real
-    motion has content beyond the commanded harmonics, such as the ripple of dry friction,
-    and measured velocities may lag; which matters more, the data decide.
+    Real motion has content beyond the commanded harmonics, such as the ripple of dry friction;
+    measured velocities may lag, or be noisy. Which matters more, recorded torque decides, in
+    parts of the motion that are left out of the fit: filtered torque would favour whatever filters
+    most. Of cut-offs that are equally good, the nearest to the one by rule stays.
 
     Parameters
     ----------
@@ -66,25 +82,16 @@ def choose_filter(
     IdentificationError
         If a recording is too short.
     """
-    measured = all(recording.dq is not None for recording in recordings)
-    excerpts = [_excerpt(recording) for recording in recordings]
-    trials: list[FilterTrial] = []
-    best: list[SampleColumns] = []
-    for kinematics in conditioner.candidates():
-        if not (measured or kinematics.from_position):
-            continue
-        bags = [SampleColumns(conditioner.condition(e, kinematics), regressor) for e in excerpts]
-        error = _least_error(bags, regressor)
-        if not trials or error < min(trial.error for trial in trials):
-            best = bags
-        trials.append(FilterTrial(kinematics, error))
-    chosen = min(trials, key=lambda trial: trial.error).kinematics
-    bags = [
-        bag if excerpt is whole else condition_once(regressor, conditioner, whole, chosen)
-        for bag, excerpt, whole in zip(best, excerpts, recordings, strict=True)
-    ]
-    conditioner.forget_motions()
-    return FilterChoice(trials, chosen, bags)
+    trials = _Trials(regressor, conditioner, recordings)
+    rule = conditioner.cutoff
+    family = trials.best_at(rule)
+    for cutoff in conditioner.cutoffs:
+        trials.run(cutoff, family)
+    cutoff = trials.nearest(rule)
+    kinematics = family if cutoff == rule else trials.best_at(cutoff)
+    chosen = conditioner.at(cutoff)
+    bags = [condition_once(regressor, chosen, r, kinematics) for r in recordings]
+    return FilterChoice(trials.tried, chosen, kinematics, bags)
 
 
 def condition_once(
@@ -100,15 +107,89 @@ def condition_once(
     return SampleColumns(samples, regressor)
 
 
+class _Trials:
+    """Runs trials, each once, and compares them."""
+
+    def __init__(
+        self, regressor: Regressor, conditioner: Conditioner, recordings: Sequence[Recording]
+    ) -> None:
+        self._regressor = regressor
+        self._conditioner = conditioner
+        self._excerpts = [_excerpt(recording) for recording in recordings]
+        self._measured = all(recording.dq is not None for recording in recordings)
+        self._cad = ArmParameters.stated(regressor.robot, None)
+        self._outcomes: dict[KinematicsFilter, _Outcome] = {}
+
+    def run(self, cutoff: float, like: KinematicsFilter) -> None:
+        """Try a cut-off [Hz] with a way to clean the kinematics."""
+        conditioner = self._conditioner.at(cutoff)
+        kinematics = conditioner.adapted(like)
+        if kinematics not in self._outcomes:
+            samples = [conditioner.trial(excerpt, kinematics) for excerpt in self._excerpts]
+            bags = [SampleColumns(own, self._regressor) for own in samples]
+            self._outcomes[kinematics] = _Outcome(
+                [own.block for own in samples],
+                [own.tau_raw for own in samples],
+                SimpleFit(bags, self._cad).raw_residuals(),
+            )
+
+    def best_at(self, cutoff: float) -> KinematicsFilter:
+        """Try every way to clean the kinematics at one cut-off, and return the best."""
+        candidates = [
+            kinematics
+            for kinematics in self._conditioner.at(cutoff).candidates()
+            if self._measured or kinematics.from_position
+        ]
+        for kinematics in candidates:
+            self.run(cutoff, kinematics)
+        errors = self._squared_errors()
+        return min(candidates, key=lambda kinematics: float(errors[kinematics].sum()))
+
+    def nearest(self, rule: float) -> float:
+        """Return the cut-off nearest to the one by rule among those as good as the best.
+
+        Their difference is within what chance makes of as many trials, judged by how it varies
+        over the blocks of the motion.
+        """
+        errors = self._squared_errors()
+        least = min(errors.values(), key=lambda own: float(own.sum()))
+        good = [k.cutoff for k, e in errors.items() if standard_errors(e - least) <= _BY_CHANCE]
+        return min(good, key=lambda cutoff: abs(np.log(cutoff / rule)))
+
+    @property
+    def tried(self) -> list[FilterTrial]:
+        """What was tried, and what it left."""
+        any_of_them = next(iter(self._outcomes.values()))
+        torque = block_sums(any_of_them.blocks, any_of_them.torques, self._common()).sum()
+        return [
+            FilterTrial(k.cutoff, k, 100.0 * float(np.sqrt(own.sum() / max(torque, 1e-12))))
+            for k, own in self._squared_errors().items()
+        ]
+
+    def _squared_errors(self) -> dict[KinematicsFilter, Array]:
+        """Return the squared error of each block, over the samples that all trials have."""
+        common = self._common()
+        return {
+            kinematics: block_sums(outcome.blocks, outcome.residuals, common)
+            for kinematics, outcome in self._outcomes.items()
+        }
+
+    def _common(self) -> list[npt.NDArray[np.bool_]]:
+        known = [[np.isfinite(own) for own in o.residuals] for o in self._outcomes.values()]
+        return [np.logical_and.reduce(of_bag) for of_bag in zip(*known, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Outcome:
+    """Blocks (M,), torque as recorded (M, n) and what a trial left of it [Nm], of each bag."""
+
+    blocks: list[npt.NDArray[np.intp]]
+    torques: list[Array]
+    residuals: list[Array]
+
+
 def _excerpt(recording: Recording) -> Recording:
     if recording.duration <= _ENOUGH:
         return recording
     share = 0.5 * _ENOUGH / recording.duration
     return recording.part(0.5 - share, 0.5 + share, '')
-
-
-def _least_error(bags: Sequence[SampleColumns], regressor: Regressor) -> float:
-    robot = regressor.robot
-    model = JointModel.uniform(robot.joint_names, robot.link_names, _TERMS)
-    regression = RegressionBank(bags, _TERMS).regression(model)
-    return regression.error(solve_least_squares(regression, np.zeros(len(model.columns))))

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.identification.conditioning.conditioning import FOLDS
+from aerarm_ros.identification.conditioning.samples import FOLDS
 from aerarm_ros.identification.parameters.joint_model import JointModel
 from aerarm_ros.identification.parameters.joint_term import JointTerm
 from aerarm_ros.identification.regression.reduced_regression import (

@@ -40,12 +40,18 @@ class SampleColumns:
     samples : Samples
     regressor : Regressor
         Of the arm.
+
+    Attributes
+    ----------
+    samples : Samples
+    rigid, rigid_raw : (M, n, 10 n) ndarray
+        The links' columns, with and without the torque's low-pass.
     """
 
     def __init__(self, samples: Samples, regressor: Regressor) -> None:
         self.samples = samples
-        self._rigid_raw = regressor.stack_rigid(samples.q, samples.dq, samples.ddq)
-        self.rigid = samples.coarse_filter(self._rigid_raw)
+        self.rigid_raw = regressor.stack_rigid(samples.q, samples.dq, samples.ddq)
+        self.rigid = samples.coarse_filter(self.rigid_raw)
         self._cache: dict[JointTerm, Array] = {}
 
     def term(self, term: JointTerm, inertial: Array | None = None) -> Array:
@@ -93,7 +99,7 @@ class SampleColumns:
         """
         samples = self.samples
         inertial = theta[: 10 * samples.n]
-        raw = self._rigid_raw @ inertial
+        raw = self.rigid_raw @ inertial
         filtered = self.rigid @ inertial
         load = np.abs(raw)
         for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
@@ -109,12 +115,12 @@ class SampleColumns:
 
     def links_torque(self, inertial: Array) -> Array:
         """Return the (M, n) torque on the links [Nm], not filtered, of (10 n,) parameters."""
-        return np.asarray(self._rigid_raw @ inertial)
+        return np.asarray(self.rigid_raw @ inertial)
 
     def _load_column(self, term: JointTerm, joint: int, inertial: Array) -> Array:
         """Return the filtered column (M,) of a joint's load-dependent friction."""
         samples = self.samples
-        torque = self._rigid_raw[:, joint] @ inertial
+        torque = self.rigid_raw[:, joint] @ inertial
         fine = np.arange(len(samples.dq_fine), dtype=float)
         coarse = np.arange(len(torque), dtype=float) * samples.step
         load = np.abs(np.interp(fine, coarse, torque))

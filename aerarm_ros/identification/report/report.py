@@ -113,7 +113,8 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
 
 _METRIC = (
     'Thesis (5.3): 100 |τ − Φθ| / |τ| over all joints stacked, in percent. Filtered: measured '
-    'torque and prediction have passed the same zero-phase low-pass. Raw: torque as recorded.'
+    'torque and prediction have passed the same zero-phase low-pass. Measured filtered: only the '
+    'measured torque has, as in most publications. Raw: torque as recorded.'
 )
 _THESIS = (
     'solver of the thesis, (3.11) with (3.9), (3.12), (3.13), which does not ensure bodies that '

@@ -37,18 +37,18 @@ def bags_of(solution: Solution) -> list[tuple[str, BagAssessment]]:
 
 
 def error_table(result: IdentificationResult) -> Html:
-    """Return table 5.1: errors (5.3) of every solver on every bag, filtered and raw."""
+    """Return table 5.1: errors (5.3) of every solver on every bag, of each kind."""
     bags = bags_of(result.recommended)
     headings: list[object] = ['solver']
     for role, bag in bags:
         name = f'<span class="role">{role}</span><br>{markup(bag.bag)}<br>filtered [%]'
-        headings += [Html(name), 'raw [%]']
+        headings += [Html(name), 'measured filtered [%]', 'raw [%]']
     headings += ['physically consistent', 'smallest pseudo-inertia eigenvalue', 'time [ms]']
     rows = []
     for name, solution in result.solutions.items():
         row: list[object] = [name]
         for _, bag in bags_of(solution):
-            row += [bag.filtered, bag.raw]
+            row += [bag.filtered, bag.filtered_measured, bag.raw]
         estimate = solution.estimate
         row += [
             Html('yes' if estimate.physically_consistent else 'no'),
@@ -73,6 +73,7 @@ def joint_error_table(result: IdentificationResult) -> Html:
         for role, bag in bags_of(solution):
             for kind, values in (
                 ('filtered', bag.per_joint_filtered),
+                ('measured filtered', bag.per_joint_filtered_measured),
                 ('raw', bag.per_joint_raw),
             ):
                 rows.append([bag.bag, role, name, kind, *map(float, values)])
@@ -149,17 +150,16 @@ def conditioning_tables(result: IdentificationResult) -> Html:
         ['motion lies below', f'{conditioner.band:.3g} Hz'],
         ['torque low-pass', f'{conditioner.cutoff:.3g} Hz, zero phase'],
         ['kinematics', result.filter_choice.kinematics.label],
+        ['gravity', _gravity(result)],
     ]
     for name, base in (('thesis', result.thesis_base), ('used', result.used_base)):
         text = f'{len(base.columns)} columns, rank {base.rank}, '
         facts.append([f'regressor, {name}', text + f'condition number {base.condition_number:.4g}'])
     choice = result.filter_choice
-    trials = [[t.kinematics.label, float(t.error)] for t in choice.trials]
+    trials = [[f'{t.cutoff:.3g}', t.kinematics.label, float(t.error)] for t in choice.trials]
     chosen = [i for i, t in enumerate(choice.trials) if t.kinematics == choice.kinematics]
-    return Html(
-        table(['conditioning', ''], facts)
-        + table(['filter of the kinematics', 'error left by least squares [%]'], trials, chosen)
-    )
+    headings = ['cut-off tried [Hz]', 'filter of the kinematics', 'held-out raw error [%]']
+    return Html(table(['conditioning', ''], facts) + table(headings, trials, chosen))
 
 
 def recording_table(facts: Mapping[str, BagFacts]) -> Html:
@@ -182,6 +182,16 @@ def _period(result: IdentificationResult) -> str:
     if conditioner.fundamental is None:
         return 'not periodic'
     return f'f0 = {conditioner.fundamental:.4g} Hz, {conditioner.harmonics} harmonics'
+
+
+def _gravity(result: IdentificationResult) -> str:
+    found = result.gravity
+    if found is None:
+        return 'as stated'
+    share = f'squared error on held-out parts with a tilt: {100.0 * found.error:.0f} %'
+    if found.tilt == 0.0:
+        return f'as stated ({share})'
+    return f'{np.degrees(found.tilt):.2f}° off the stated direction ({share})'
 
 
 def payload_table(payload: Payload) -> Html:

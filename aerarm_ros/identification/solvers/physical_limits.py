@@ -11,6 +11,8 @@ Array = npt.NDArray[np.float64]
 
 # A printed link with motor, screws and cables weighs between half and twice its drawing.
 MASS_FACTOR = 2.0
+# ... and a gear loses no more of the torque than it carries.
+LARGEST_LOAD_FRICTION = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,8 @@ class PhysicalLimits:
         Lengths that make the pseudo-inertia's entries comparable [m].
     nonnegative : (p - 10 n,) ndarray of bool
         Which of the joints' coefficients cannot be negative.
+    load : (p - 10 n,) ndarray of bool, optional
+        Which of them are friction per torque: a gear loses no more than it carries, so not above 1.
     mass_factor : float
         Masses lie within this factor of `mass`, thesis (3.11).
     centre, reach : (n, 3) ndarray, optional
@@ -37,6 +41,7 @@ class PhysicalLimits:
     mass: Array
     size: Array
     nonnegative: npt.NDArray[np.bool_]
+    load: npt.NDArray[np.bool_] | None = None
     mass_factor: float = MASS_FACTOR
     centre: Array | None = None
     reach: Array | None = None

@@ -7,7 +7,7 @@ from aerarm_ros.identification.recording.identification_error import Identificat
 from aerarm_ros.identification.regression.prior import Prior
 from aerarm_ros.identification.regression.reduced_regression import TriangularSystem
 from aerarm_ros.identification.solvers.cone_program import ConeProgram
-from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
+from aerarm_ros.identification.solvers.physical_limits import LARGEST_LOAD_FRICTION, PhysicalLimits
 from aerarm_ros.model.inertia import minimum_eigenvalue, pseudo_inertia
 
 Array = npt.NDArray[np.float64]
@@ -44,6 +44,8 @@ class PhysicalProgram(ConeProgram):
         equations = np.hstack([system.R * prior.std, np.eye(self.count)])
         self.add('ZeroConeT', equations, system.z - system.R @ prior.mean)
         linear = [_mass_bounds(prior, limits), _sign_bounds(prior, limits)]
+        if limits.load is not None and limits.load.any():
+            linear.append(_load_bounds(prior, limits, limits.load))
         if limits.bounds.total_mass is not None:
             linear.append(_total_mass_bounds(prior, limits))
         if limits.bounds.centres:
@@ -85,6 +87,9 @@ class PhysicalProgram(ConeProgram):
         start = 10 * len(self._limits.mass)
         signed, nonnegative = theta[start:], self._limits.nonnegative
         signed[nonnegative] = np.maximum(signed[nonnegative], 0.0)
+        if self._limits.load is not None:
+            load = self._limits.load
+            signed[load] = np.minimum(signed[load], LARGEST_LOAD_FRICTION)
         if minimum_eigenvalue(theta[:start].reshape(-1, 10)) < 0.0:
             raise IdentificationError(
                 'the semidefinite program left its constraints: check the scale of the masses and '
@@ -134,3 +139,13 @@ def _sign_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
     rows = np.zeros((len(index), len(prior.mean)))
     rows[np.arange(len(index)), index] = 1.0
     return rows, prior.mean[index] / prior.std[index]
+
+
+def _load_bounds(
+    prior: Prior, limits: PhysicalLimits, load: npt.NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Return G, h of G x + h >= 0, which keeps a gear from losing more than it carries."""
+    index = 10 * len(limits.mass) + np.flatnonzero(load)
+    rows = np.zeros((len(index), len(prior.mean)))
+    rows[np.arange(len(index)), index] = -prior.std[index]
+    return rows, LARGEST_LOAD_FRICTION - prior.mean[index]

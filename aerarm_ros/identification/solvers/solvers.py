@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
 from aerarm_ros.identification.parameters.inertia_boxes import inertia_boxes
+from aerarm_ros.identification.parameters.joint_term import TermKind
 from aerarm_ros.identification.parameters.link_bounds import LinkBounds
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.regression.model_fit import ModelFit
@@ -129,10 +130,12 @@ def physical_limits(
     """Return what the parameters of a real arm with these joints obey."""
     scale = cad.inertial_scale()
     boxes = inertia_boxes(cad.inertial)
+    terms = [term for _, term in fit.model.joint_columns]
     return PhysicalLimits(
         mass=cad.inertial[:, 0],
         size=scale[:, 1] / scale[:, 0],
-        nonnegative=np.array([term.nonnegative for _, term in fit.model.joint_columns], dtype=bool),
+        nonnegative=np.array([term.nonnegative for term in terms], dtype=bool),
+        load=np.array([term.kind is TermKind.LOAD for term in terms], dtype=bool),
         centre=boxes.centre,
         reach=boxes.reach,
         bounds=bounds or LinkBounds(),

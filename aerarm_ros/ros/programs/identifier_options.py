@@ -98,6 +98,11 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
         'in the base frame [m/s^2]',
     ),
+    (
+        '--exact-gravity',
+        {'action': 'store_true'},
+        'the base stands as it is said to: look for no tilt of it',
+    ),
     ('--fundamental', {'type': float, 'metavar': 'HZ'}, 'f0 of a periodic motion (default: found)'),
     (
         '--harmonics',
@@ -107,7 +112,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--cutoff',
         {'type': float, 'metavar': 'HZ'},
-        'low-pass on torque (default: 10 times the motion)',
+        'low-pass on torque (default: what the data choose)',
     ),
     (
         '--filter',

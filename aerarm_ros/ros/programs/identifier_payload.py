@@ -7,7 +7,7 @@ from pathlib import Path
 
 from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.files.estimate_file import payload_yaml
-from aerarm_ros.identification.files.estimate_reader import read_estimate
+from aerarm_ros.identification.files.estimate_reader import read_estimate, read_gravity
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.payload.identify_payload import weigh_payload
 from aerarm_ros.identification.recording.identification_error import IdentificationError
@@ -34,7 +34,10 @@ class PayloadRun(IdentifierRun):
             )
         default = Path('output') / time.strftime('payload_%Y%m%d_%H%M%S', options.started)
         with ResultDirectory(options.out or default, files=_FILES) as directory:
-            estimate = read_estimate(options.model, self._robot)
+            robot = self._robot
+            estimate = read_estimate(options.model, robot)
+            if options.gravity is None:
+                robot = robot.with_gravity(read_gravity(options.model, robot))
             recordings = [self._recording(path) for path in options.payload]
             conditioning = ConditioningOptions(
                 fundamental=options.fundamental,
@@ -42,7 +45,7 @@ class PayloadRun(IdentifierRun):
                 cutoff=options.cutoff,
                 filter=options.filter,
             )
-            payload = weigh_payload(self._robot, estimate, recordings, conditioning)
+            payload = weigh_payload(robot, estimate, recordings, conditioning)
             directory.write('payload.yaml', payload_yaml(estimate, payload))
             summary = {
                 'model': str(options.model),

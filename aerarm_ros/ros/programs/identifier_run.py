@@ -155,6 +155,7 @@ class IdentifierRun:
             bounds=LinkBounds(
                 tuple(options.total_mass) if options.total_mass else None, options.bound_centres
             ),
+            tilt=not options.exact_gravity,
             progress=lambda solver: _progress(f'solving by {solver}'),
         )
         result = identify(

@@ -36,3 +36,5 @@ def test_assessments_are_those_of_the_predictions(result: IdentificationResult) 
         expected, _ = torque_errors(bag.samples.tau[kept], assessment.prediction.filtered[kept])
         assert assessment.filtered == expected
         assert assessment.raw > assessment.filtered  # the noise cannot be predicted
+        quoted, _ = torque_errors(bag.samples.tau[kept], assessment.prediction.raw[kept])
+        assert assessment.filtered_measured == quoted

@@ -9,6 +9,7 @@ import pytest
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.conditioning.kinematics_filter import KinematicsFilter
+from aerarm_ros.identification.conditioning.samples import BLOCKS
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 
 FREE = ConditioningOptions()
@@ -96,7 +97,8 @@ def test_ends_of_an_aperiodic_motion_are_left_out(recording) -> None:
     samples = conditioner.condition(part, conditioner.candidates()[0])
     edge = np.flatnonzero(samples.kept)[0]
     assert edge * samples.step / 500.0 == pytest.approx(0.5 / conditioner.cutoff, abs=0.05)
-    assert np.all(np.diff(samples.fold) >= 0)
+    assert np.all(np.diff(samples.block) >= 0)
+    assert set(samples.block) == set(range(BLOCKS))
 
 
 def test_rows_of_resting_joints_and_dead_sensors_are_not_fitted(recording) -> None:
@@ -111,6 +113,28 @@ def test_rows_of_resting_joints_and_dead_sensors_are_not_fitted(recording) -> No
     assert not samples.usable[rest, 2].any()
     assert samples.usable[rest, 0].all()
     assert not samples.usable[:, 3].any()
+
+
+def test_cutoffs_to_try_lie_about_the_rule_and_reach_down_to_the_positions(recording) -> None:
+    conditioner = Conditioner([recording], FREE)
+    assert conditioner.cutoffs == pytest.approx((2.5, 3.5, 5.0, 7.0, 10.0))
+    noisy = 0.05 * np.random.default_rng(0).standard_normal(recording.q.shape)
+    smooth = np.apply_along_axis(lambda x: np.convolve(x, np.ones(10) / 10, 'same'), 0, noisy)
+    part = recording.part(0.1, 0.6, '')
+    blurred = replace(part, q=part.q + 0.03 * smooth[: len(part.q)], dq=None)
+    misled = Conditioner([blurred], FREE)
+    assert misled.cutoff > 20.0
+    assert misled.cutoffs[0] < 5.0
+    fixed = Conditioner([blurred], ConditioningOptions(cutoff=6.0))
+    assert fixed.cutoffs == (6.0,)
+
+
+def test_trials_have_their_samples_in_common(recording) -> None:
+    conditioner = Conditioner([recording], FREE)
+    found = [c.trial(recording, c.candidates()[-1]) for c in (conditioner, conditioner.at(2.5))]
+    assert np.array_equal(found[0].time, found[1].time)
+    assert np.array_equal(found[0].tau_raw, found[1].tau_raw)
+    assert not np.allclose(found[0].tau, found[1].tau, atol=1e-3)
 
 
 def test_a_cutoff_below_the_motion_is_refused(recording) -> None:

@@ -3,20 +3,38 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.conditioning.motion_band import motion_band
+from aerarm_ros.identification.conditioning.motion_band import motion_band, position_band
 
 DT = 1.0 / 125.0
 T = DT * np.arange(5000)
+OMEGA = 2 * np.pi * np.array([0.2, 0.8])
+Q = np.sin(np.outer(T, OMEGA)) * [1.0, 0.1]
+DQ = OMEGA * np.cos(np.outer(T, OMEGA)) * [1.0, 0.1]
 
 
-@pytest.mark.parametrize('noise', [0.0, 0.05])
+@pytest.mark.parametrize('noise', [0.0, 0.02])
 def test_the_fastest_joint_decides(noise: float) -> None:
-    dq = np.column_stack([np.sin(2 * np.pi * 0.2 * T), 0.5 * np.sin(2 * np.pi * 0.8 * T)])
-    dq += noise * np.random.default_rng(0).standard_normal(dq.shape)
-    assert motion_band(dq, DT) == pytest.approx(0.8, abs=0.1)
+    dq = DQ + noise * np.random.default_rng(0).standard_normal(DQ.shape)
+    assert motion_band(Q, dq, DT) == pytest.approx(0.8, abs=0.1)
+    assert motion_band(Q, None, DT) == pytest.approx(0.8, abs=0.1)
 
 
 def test_a_joint_at_rest_does_not_matter() -> None:
-    dq = np.column_stack([np.sin(2 * np.pi * 0.3 * T), np.zeros(len(T))])
-    assert motion_band(dq, DT) == pytest.approx(0.3, abs=0.1)
-    assert motion_band(np.zeros((100, 2)), DT) > 0.0
+    at_rest = np.zeros(len(T))
+    moving = [np.column_stack([values[:, 0], at_rest]) for values in (Q, DQ)]
+    assert motion_band(*moving, DT) == pytest.approx(0.2, abs=0.1)
+    assert motion_band(np.zeros((100, 2)), None, DT) > 0.0
+
+
+def test_noise_that_only_velocity_or_only_position_has_is_no_motion() -> None:
+    """Noise of a filtered velocity is not white: only what positions do as well is motion."""
+    noise = np.random.default_rng(1).standard_normal(len(T))
+    low_passed = np.convolve(noise, np.ones(8) / 8, mode='same')
+    noisy_dq, noisy_q = DQ.copy(), Q.copy()
+    noisy_dq[:, 1] += 0.2 * low_passed
+    noisy_q[:, 0] += 0.01 * low_passed
+    assert motion_band(Q, noisy_dq, DT) == pytest.approx(0.8, abs=0.1)
+    assert motion_band(noisy_q, DQ, DT) == pytest.approx(0.8, abs=0.1)
+    # Where both are noisy, the positions themselves still show where the motion is.
+    assert motion_band(noisy_q, noisy_dq, DT) > 0.7
+    assert position_band(noisy_q, DT) < 1.0

@@ -1,6 +1,7 @@
 """An estimate is the same after it was written and read."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.files.estimate_file import estimate_yaml
-from aerarm_ros.identification.files.estimate_reader import read_estimate
+from aerarm_ros.identification.files.estimate_reader import read_estimate, read_gravity
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 
 NOTHING = np.zeros(4)
@@ -25,6 +26,21 @@ def test_it_predicts_the_same_torque(
     bag = result.identification[0]
     wanted = bag.predict(estimate.model, estimate.theta).filtered
     np.testing.assert_allclose(bag.predict(again.model, again.theta).filtered, wanted, atol=1e-9)
+
+
+def test_gravity_is_that_of_the_estimate(
+    result: IdentificationResult, robot: Robot, tmp_path: Path
+) -> None:
+    file = tmp_path / 'estimate.yaml'
+    tilted = replace(result, robot=robot.with_gravity([0.1, 0.2, 9.7]))
+    file.write_text(estimate_yaml(tilted, result.recommended.estimate, NOTHING, NOTHING))
+    assert read_gravity(file, robot) == pytest.approx([0.1, 0.2, 9.7])
+    text = file.read_text()
+    file.write_text(text.replace('gravity_in_base', 'another_key'))
+    assert np.array_equal(read_gravity(file, robot), robot.gravity_in_base)
+    file.write_text(text.replace('[0.1, 0.2, 9.7]', '[0.1, up]'))
+    with pytest.raises(IdentificationError, match='gravity_in_base is not three numbers'):
+        read_gravity(file, robot)
 
 
 @pytest.mark.parametrize(

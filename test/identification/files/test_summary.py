@@ -23,10 +23,13 @@ def test_keys_and_values(result: IdentificationResult) -> None:
             (entry,) = solver[role]
             assert entry['bag'] == bag
             assert entry['filtered'] > 0.0
-            assert entry['raw'] > 0.0
+            assert entry['filtered'] < entry['filtered_measured'] < entry['raw']
             assert len(entry['per_joint_filtered']) == 4
         assert isinstance(solver['physically_consistent'], bool)
         assert isinstance(solver['min_pseudo_inertia_eigenvalue'], float)
+    assert summary['gravity']['tilt'] == 0.0
+    assert summary['gravity']['stated'] == summary['gravity']['used']
+    assert {trial['cutoff'] for trial in summary['conditioning']['trials']} > {5.0}
     assert summary['solvers']['sdp']['physically_consistent']
     assert summary['solvers']['sdp']['validation'][0]['filtered'] == pytest.approx(
         result.recommended.validation[0].filtered

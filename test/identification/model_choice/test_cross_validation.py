@@ -7,8 +7,9 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.conditioning.conditioning import FOLDS, Conditioner
+from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
+from aerarm_ros.identification.conditioning.samples import FOLDS
 from aerarm_ros.identification.model_choice.cross_validation import CrossValidation
 from aerarm_ros.identification.model_choice.joint_model_selection import (
     candidate_terms,

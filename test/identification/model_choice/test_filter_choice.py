@@ -1,5 +1,6 @@
 """The data choose how the kinematics are cleaned."""
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -27,11 +28,13 @@ def test_velocities_that_lag_are_not_used(
     time = recording.time
     late = [np.interp(time - lag, time, column) for column in recording.dq.T]
     choice = choice_for(replace(recording, dq=np.column_stack(late)), robot)
-    errors = {trial.kinematics.from_position: trial.error for trial in choice.trials}
+    by_rule = [trial for trial in choice.trials if trial.cutoff == pytest.approx(5.0)]
+    errors = {trial.kinematics.from_position: trial.error for trial in by_rule}
     if from_position:
         assert choice.kinematics.from_position
-        assert errors[True] < 0.2 * errors[False]
-    assert min(errors.values()) == pytest.approx(0.0, abs=0.02)
+        assert errors[True] < 0.5 * errors[False]
+    # What a drawing that is off weighs against data of which it is said that they are noisy.
+    assert min(errors.values()) < 0.5
 
 
 def test_ripple_beyond_the_commanded_harmonics_is_kept(make_arm: Callable, robot: Robot) -> None:
@@ -52,25 +55,50 @@ def test_ripple_beyond_the_commanded_harmonics_is_kept(make_arm: Callable, robot
     assert choice.bags[0].samples.recorded == 10_000
 
 
-def test_every_candidate_is_tried(make_arm: Callable, robot: Robot) -> None:
+def test_every_candidate_is_tried_at_the_rule_and_one_at_the_other_cutoffs(
+    make_arm: Callable, robot: Robot
+) -> None:
     recording = make_arm(rate=200.0).recording(1)
-    assert len(choice_for(recording, robot).trials) == 6
-    assert len(choice_for(replace(recording, dq=None), robot).trials) == 3
+    choice = choice_for(recording, robot)
+    cutoffs = Counter(round(trial.cutoff, 6) for trial in choice.trials)
+    assert cutoffs == {5.0: 6, 2.5: 1, 3.5: 1, 7.0: 1, 10.0: 1}
+    assert choice.conditioner.cutoff == pytest.approx(5.0)
+    without = choice_for(replace(recording, dq=None), robot)
+    assert all(trial.kinematics.from_position for trial in without.trials)
 
 
 def test_of_a_long_recording_a_part_decides_and_all_is_used(
     make_arm: Callable, robot: Robot
 ) -> None:
     recording = make_arm(rate=100.0).recording(1, periods=14)
-    choice = choice_for(recording, robot)
-    assert len(choice.trials) == 6
-    assert choice.bags[0].samples.recorded == 14_000
+    assert choice_for(recording, robot).bags[0].samples.recorded == 14_000
+
+
+def test_noise_that_misleads_the_rule_is_caught_by_held_out_torque(
+    make_arm: Callable, robot: Robot
+) -> None:
+    """One joint's positions and velocities are noisy far above the motion, which ends at 0.5 Hz."""
+    recording = make_arm(rate=250.0).recording(1, noise=0.5).part(0.15, 0.7, '')
+    random = np.random.default_rng(0)
+    noise = np.convolve(random.standard_normal(len(recording.q)), np.ones(6) / 6, 'same')
+    q, dq = recording.q.copy(), recording.dq.copy()
+    q[:, 2] += 9e-3 * noise
+    dq[:, 2] += 0.9 * noise
+    noisy = replace(recording, q=q, dq=dq)
+    conditioner = Conditioner([noisy], ConditioningOptions())
+    choice = choose_filter(Regressor(robot), conditioner, [noisy])
+    assert conditioner.cutoff > 15.0
+    assert choice.conditioner.cutoff < 7.0
+    errors = {trial.cutoff: trial.error for trial in choice.trials}
+    assert min(errors.values()) < 0.5 * max(errors.values())
 
 
 @pytest.mark.parametrize(('filter', 'counts'), [('harmonics', {5}), ('butterworth', {None})])
-def test_the_filter_can_be_fixed(make_arm: Callable, robot: Robot, filter: str, counts) -> None:
+def test_filter_and_cutoff_can_be_fixed(
+    make_arm: Callable, robot: Robot, filter: str, counts
+) -> None:
     recording = make_arm(rate=200.0).recording(1)
-    conditioner = Conditioner([recording], ConditioningOptions(filter=filter))
+    conditioner = Conditioner([recording], ConditioningOptions(filter=filter, cutoff=6.0))
     choice = choose_filter(Regressor(robot), conditioner, [recording])
     assert {trial.kinematics.harmonics for trial in choice.trials} == counts
-    assert len(choice.trials) == 2
+    assert [trial.cutoff for trial in choice.trials] == [6.0, 6.0]

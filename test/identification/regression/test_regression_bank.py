@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.conditioning.conditioning import FOLDS
+from aerarm_ros.identification.conditioning.samples import FOLDS
 from aerarm_ros.identification.parameters.joint_model import JointModel
 from aerarm_ros.identification.parameters.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
 from aerarm_ros.identification.regression.regression_bank import RegressionBank

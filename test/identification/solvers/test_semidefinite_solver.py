@@ -23,6 +23,17 @@ def test_a_physical_arm_is_recovered(true, system_of, factor, prior, limits) -> 
     assert np.linalg.norm(factor @ (found - true)) < 1e-3 * np.linalg.norm(factor @ true)
 
 
+def test_a_gear_loses_no_more_than_it_carries(true, system_of, prior, limits) -> None:
+    """The twelve coefficients stand for anything here: two of them for friction per torque."""
+    load = np.zeros(12, dtype=bool)
+    load[[1, 6]] = True
+    wanted = true.copy()
+    wanted[[41, 46]] = 2.0, 0.4
+    found = solve_semidefinite(system_of(wanted, 1e2), prior, replace(limits, load=load))
+    assert 0.99 < found[41] <= 1.0
+    assert found[46] == pytest.approx(0.4, abs=0.05)
+
+
 @pytest.mark.parametrize('seed', range(4))
 def test_an_impossible_arm_is_approached_from_the_possible_side(
     system_of, impossible, possible, prior, limits, seed: int

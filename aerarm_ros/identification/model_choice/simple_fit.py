@@ -1,0 +1,155 @@
+"""What a simple model leaves of torque on parts of the motion that it hasn't seen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.conditioning.samples import FOLDS
+from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
+from aerarm_ros.identification.parameters.joint_term import ROTOR, JointTerm, TermKind
+from aerarm_ros.identification.regression.prior import LINK_SPREAD
+from aerarm_ros.identification.regression.sample_columns import SampleColumns
+
+Array = npt.NDArray[np.float64]
+
+_TERMS = (
+    JointTerm(TermKind.VISCOUS),
+    JointTerm(TermKind.COULOMB),
+    ROTOR,
+    JointTerm(TermKind.OFFSET),
+)
+# A model this simple leaves about so much of a joint's torque, as a share, and so many
+# neighbouring samples say the same: that weighs data against the drawing.
+_NOISE = 0.03
+_CORRELATION = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class SharedColumns:
+    """Columns of one bag that every joint feels, besides those of the links.
+
+    Attributes
+    ----------
+    filtered : (M, n, k) ndarray
+        Torque per unit, through the torque's low-pass.
+    spread : (k,) ndarray
+        Standard deviations of the coefficients about 0, before any data.
+    """
+
+    filtered: Array
+    spread: Array
+
+
+class SimpleFit:
+    """Links, friction (2.6), rotors and offsets, fitted without each part of the motion in turn.
+
+    Parameters
+    ----------
+    bags : sequence of SampleColumns
+    cad : ArmParameters
+        Decides what the motion doesn't.
+    shared : sequence of SharedColumns
+        One a bag, or none.
+
+    Attributes
+    ----------
+    theta : (p,) ndarray
+        Fitted to the whole motion: links, shared columns, then the joints' terms.
+    """
+
+    def __init__(
+        self,
+        bags: Sequence[SampleColumns],
+        cad: ArmParameters,
+        shared: Sequence[SharedColumns] = (),
+    ) -> None:
+        self._bags = bags
+        self._filtered = [
+            np.concatenate([bag.rigid, *(own.filtered for own in shared[i : i + 1])], axis=2)
+            for i, bag in enumerate(bags)
+        ]
+        more = shared[0].spread if shared else np.zeros(0)
+        mean = np.concatenate([cad.inertial.ravel(), np.zeros(len(more))])
+        self._common = len(mean)
+        gram, right, spread = self._normal_equations()
+        spread[: self._common] = [*LINK_SPREAD * cad.inertial_scale().ravel(), *more]
+        mean = np.concatenate([mean, np.zeros(len(spread) - len(mean))])
+        # The last one has all parts, the others lack one each.
+        gram = np.concatenate([gram.sum(axis=0) - gram, gram.sum(axis=0, keepdims=True)])
+        right = np.concatenate([right.sum(axis=0) - right, right.sum(axis=0, keepdims=True)])
+        system = gram * np.outer(spread, spread) + np.eye(len(spread))
+        wanted = spread * (right - gram @ mean)
+        solved = mean + spread * np.linalg.solve(system, wanted[..., None])[..., 0]
+        self._parts, self.theta = solved[:-1], solved[-1]
+
+    def raw_residuals(self) -> list[Array]:
+        """Return recorded minus predicted torque of the links and joints, each part held out.
+
+        Fitted is filtered torque, judged is torque as recorded. So trials with different filters
+        can be compared: each has to predict the same.
+
+        Returns
+        -------
+        list of (M, n) ndarray
+            [Nm]; NaN where the torque wasn't measured.
+        """
+        columns = [_joint_columns(bag, raw=True) for bag in self._bags]
+        torques = [bag.samples.tau_raw for bag in self._bags]
+        return self._residuals([bag.rigid_raw for bag in self._bags], columns, torques)
+
+    def residuals(self) -> list[Array]:
+        """Return the same of filtered torque, shared columns included."""
+        columns = [_joint_columns(bag, raw=False) for bag in self._bags]
+        return self._residuals(self._filtered, columns, [bag.samples.tau for bag in self._bags])
+
+    def _normal_equations(self) -> tuple[Array, Array, Array]:
+        """Return products of the columns and with the torque, for each part, and spreads."""
+        n, own = self._bags[0].samples.n, len(_TERMS)
+        common, size = self._common, self._common + n * own
+        gram, right, spread = np.zeros((FOLDS, size, size)), np.zeros((FOLDS, size)), np.ones(size)
+        terms = [_joint_columns(bag, raw=False) for bag in self._bags]
+        for joint in range(n):
+            index = np.concatenate([np.arange(common), common + own * joint + np.arange(own)])
+            used, fold = [], []
+            for bag, links, columns in zip(self._bags, self._filtered, terms, strict=True):
+                rows = bag.samples.usable[:, joint]
+                block = [links[rows, joint], columns[rows, joint], bag.samples.tau[rows, joint]]
+                used.append(np.column_stack(block))
+                fold.append(bag.samples.fold[rows])
+            stacked, part_of = np.vstack(used), np.concatenate(fold)
+            norms = np.linalg.norm(stacked, axis=0)
+            # One standard deviation of a joint's coefficient would explain all of its torque.
+            spread[index[common:]] = norms[-1] / np.maximum(norms[common:-1], 1e-9)
+            unit = _NOISE * np.sqrt(_CORRELATION / max(len(stacked), 1)) * max(norms[-1], 1e-9)
+            stacked /= unit
+            for part in range(FOLDS):
+                rows_of_part = stacked[part_of == part]
+                product = rows_of_part.T @ rows_of_part
+                gram[part][np.ix_(index, index)] += product[:-1, :-1]
+                right[part, index] += product[:-1, -1]
+        return gram, right, spread
+
+    def _residuals(
+        self, links: Sequence[Array], columns: Sequence[Array], torques: Sequence[Array]
+    ) -> list[Array]:
+        residuals = []
+        for bag, common, own, torque in zip(self._bags, links, columns, torques, strict=True):
+            residual, samples = torque.copy(), bag.samples
+            for part, values in enumerate(self._parts):
+                rows = samples.fold == part
+                residual[rows] -= common[rows] @ values[: common.shape[2]]
+                joints = values[self._common :].reshape(samples.n, -1)
+                residual[rows] -= (own[rows] * joints).sum(axis=2)
+            residuals.append(np.where(samples.measured, residual, np.nan))
+        return residuals
+
+
+def _joint_columns(bag: SampleColumns, raw: bool) -> Array:
+    """Return the (M, n, k) columns of the joints' terms, filtered or not."""
+    samples = bag.samples
+    columns = [
+        term.basis(samples.dq, samples.ddq, None) if raw else bag.term(term) for term in _TERMS
+    ]
+    return np.stack(columns, axis=2)
