@@ -1,8 +1,10 @@
 """Fixtures used by the tests of several rooms."""
 
 import csv
+import fcntl
 import os
 import random
+import shutil
 import signal
 import socket
 from collections.abc import Callable, Iterator
@@ -52,6 +54,32 @@ def example_urdf() -> Callable[[str], Path]:
         raise FileNotFoundError(f'example-robot-data has no {name}')
 
     return find
+
+
+@pytest.fixture(scope='session')
+def made_once(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Callable[[str, Callable[[Path], None]], Path]:
+    """Return a function that gives the folder of a name, filled by `fill(folder)` if it is new.
+
+    The processes that share the tests share these folders: for what takes long to make, and is
+    only read.
+    """
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if 'PYTEST_XDIST_WORKER' in os.environ else base
+
+    def make(name: str, fill: Callable[[Path], None]) -> Path:
+        folder, filled = shared / name, shared / f'{name}.filled'
+        with (shared / f'{name}.lock').open('w') as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not filled.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir()
+                fill(folder)
+                filled.touch()
+        return folder
+
+    return make
 
 
 @pytest.fixture(scope='session')

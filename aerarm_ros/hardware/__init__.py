@@ -11,7 +11,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submodules=['frames', 'transports', 'gate', 'boards', 'emulation'],
     submod_attrs={
-        'bridge_cycle': ['BridgeCycle', 'MODES'],
+        'bridge_cycle': ['BridgeCycle'],
+        'bridge_modes': ['MODES'],
         'bridge_report': ['BridgeReport'],
         'stopped_arm': ['StoppedArm', 'way_out'],
     },

@@ -25,24 +25,13 @@ from aerarm_ros.hardware.stopped_arm import StoppedArm, way_out
 from aerarm_ros.hardware.transports.transport import Transport
 from aerarm_ros.model.gravity_load import largest_gravity_load
 
-MODES = (
-    'disconnected',
-    'idle',
-    'aligning',
-    'ready',
-    'homing',
-    'running',
-    'damping',
-    'fault',
-)
-
 _STEP_MAX = 0.005  # [s] longest time over which a reference is moved in one cycle
 
 
 class BridgeCycle:
     """Applies joint commands to the boards and reads the joints, once a cycle.
 
-    `mode` is one of `MODES`:
+    `mode` is one of `bridge_modes.MODES`:
 
     - disconnected: a board does not answer.
     - idle: the boards answer and are off.

@@ -14,7 +14,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-from aerarm_ros.hardware.bridge_cycle import MODES
+from aerarm_ros.hardware.bridge_modes import MODES
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS
 from aerarm_ros.hardware.emulation.fault_request import FORM
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS

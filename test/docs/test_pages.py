@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 from aerarm_msgs_py.topics import TOPICS
-from aerarm_ros.hardware.bridge_cycle import MODES
+from aerarm_ros.hardware.bridge_modes import MODES
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS
 
 ROOT = Path(__file__).resolve().parents[2]

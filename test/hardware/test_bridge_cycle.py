@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.hardware.bridge_cycle import MODES, BridgeCycle
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.bridge_modes import MODES
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.model.dynamics import Dynamics

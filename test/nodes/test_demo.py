@@ -20,16 +20,22 @@ from aerarm_ros.nodes.demo import INCOMPLETE
 DEMO = (sys.executable, '-m', 'aerarm_ros.nodes.demo')
 
 
-@pytest.fixture(scope='module')
-def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    out = tmp_path_factory.mktemp('demo') / 'out'
+def run_demo(folder: Path) -> None:
+    """Run it into `folder/out`, and write what it printed."""
+    out = folder / 'out'
     command = [*DEMO, '--out', str(out), '--periods', '1', '--pace', 'lockstep']
     run = subprocess.run(
         command, env=marked_environment(out), capture_output=True, text=True, timeout=240
     )
     logs = {path.name: path.read_text()[-800:] for path in (out / 'logs').iterdir()}
     assert run.returncode == 0, (run.stdout[-1500:], run.stderr, logs)
-    return run.stdout, out
+    (folder / 'printed').write_text(run.stdout)
+
+
+@pytest.fixture(scope='module')
+def demo(made_once: Callable[[str, Callable[[Path], None]], Path]) -> tuple[str, Path]:
+    folder = made_once('demo', run_demo)
+    return (folder / 'printed').read_text(), folder / 'out'
 
 
 def test_identified_model_beats_the_drawing_and_is_physical(demo: tuple[str, Path]) -> None:
@@ -90,7 +96,7 @@ def test_ended_early_it_leaves_no_process_and_a_marked_folder(
             start_new_session=True,
         ) as process,
     ):
-        wait_for(lambda: 's  excitation' in log.read_text())
+        wait_for(lambda: 's  approach' in log.read_text())
         assert len(processes_of(out)) == 4  # with bridge, recorder and excitation
         os.killpg(process.pid, sent)
         assert process.wait(60.0) == (-signal.SIGKILL if sent is signal.SIGKILL else 130)

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bridge_client import BridgeClient
+from quick_excitation import quick
 from rclpy.node import Node
 
-from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
@@ -22,14 +22,6 @@ from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 START = np.array([0.1, 1.4, -0.1, 0.2])
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
-QUICK = {
-    'fundamental': 0.5,
-    'harmonics': 2,
-    'amplitude': 0.2,
-    'periods': 1,
-    'wait_timeout': 30,
-    'state_timeout': 2.0,  # a machine that tests share may pause
-}
 
 
 @pytest.fixture
@@ -58,14 +50,6 @@ def ideal_arm(tmp_path: Path, environment: dict[str, str], *options: str) -> Ite
         process.send_signal(signal.SIGINT)
         process.wait(10.0)
     seen.update(np.load(out))
-
-
-def quick(tmp_path: Path, **parameters: object) -> dict[str, object]:
-    """Return parameters of a run of a few seconds."""
-    config = tmp_path / 'excitation.yaml'
-    text = resource('config', 'excitation.yaml').read_text()
-    config.write_text(re.sub('ramp_time: [0-9.]+', 'ramp_time: 0.8', text))
-    return {**QUICK, 'excitation_config': config, **parameters}
 
 
 def run(environment, tmp_path, **parameters) -> tuple[int, str]:

@@ -33,9 +33,9 @@ def nominal() -> PlantParameters:
 
 @pytest.fixture(scope='module')
 def motion() -> RampedExcitation:
-    """Return 4 s of a trajectory with harmonics up to 1 Hz."""
-    alpha, beta = np.random.default_rng(2).uniform(-0.07, 0.07, (2, 4, 3))
-    return RampedExcitation(FourierTrajectory(0.333, UPRIGHT, alpha, beta), 1, 0.5)
+    """Return 3 s of a trajectory with harmonics up to 1 Hz."""
+    alpha, beta = np.random.default_rng(2).uniform(-0.1, 0.1, (2, 4, 2))
+    return RampedExcitation(FourierTrajectory(0.5, UPRIGHT, alpha, beta), 1, 0.5)
 
 
 def make_bench(truth: PlantParameters, motion: RampedExcitation) -> ExperimentBench:

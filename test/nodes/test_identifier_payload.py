@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -25,24 +26,30 @@ def identifier(*arguments: object) -> subprocess.CompletedProcess:
     return subprocess.run(command, capture_output=True, text=True, timeout=300)
 
 
-@pytest.fixture(scope='module')
-def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with one bag of the arm alone and one of the arm with the payload."""
+def record_both(folder: Path) -> None:
+    """Record a bag of the arm alone, and one of the arm with the payload."""
     config = load_arm_config()
     robot = load_robot(joint_names=config.joint_names)
     truth = PlantParameters.nominal(config, robot).perturbed(3)
-    folder = tmp_path_factory.mktemp('bags')
     record_excitation(folder / 'without', truth, seed=1)
     record_excitation(folder / 'with', truth.carrying(MASS, CENTRE, 0.03), seed=2)
-    return folder
 
 
 @pytest.fixture(scope='module')
-def run(bags: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp('run') / 'out'
-    done = identifier('--bag', bags / 'without', '--payload', bags / 'with', '--out', out)
-    assert done.returncode == 0, done.stderr
-    return out
+def bags(made_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
+    return made_once('payload_bags', record_both)
+
+
+@pytest.fixture(scope='module')
+def run(bags: Path, made_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
+    """Result folder of a good run."""
+
+    def fill(folder: Path) -> None:
+        payload = ('--payload', bags / 'with')
+        done = identifier('--bag', bags / 'without', *payload, '--out', folder / 'out')
+        assert done.returncode == 0, done.stderr
+
+    return made_once('payload_run', fill) / 'out'
 
 
 def check(file: Path) -> dict:

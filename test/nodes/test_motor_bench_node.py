@@ -17,7 +17,7 @@ QUICK = {
     'joints': ['joint4'],
     'speeds': [0.8, 1.6],
     'span': 1.2,
-    'runs': 2,
+    'runs': 1,
     'wait_timeout': 30,
     # A machine that tests share may pause.
     'state_timeout': 2.0,

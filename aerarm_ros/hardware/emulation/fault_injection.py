@@ -1,15 +1,19 @@
 """Faults of the emulated boards by name, for a parameter, a service or a test."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from math import inf, pi
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from aerarm_ros.hardware.emulation.emulated_board import (
     DRIVER_ERROR,
     TEMPERATURE_ERROR,
     EmulatedBoard,
 )
-from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
+
+if TYPE_CHECKING:  # who only lists the faults loads no physics engine
+    from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 
 
 class Fault(NamedTuple):

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
+from typing import TYPE_CHECKING
 
-from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 from aerarm_ros.hardware.emulation.fault_injection import FaultInjectionError, check, inject
+
+if TYPE_CHECKING:  # as in fault_injection
+    from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 
 FORM = 'NAME[:BOARD[:MOTOR[:VALUE]]]'
 

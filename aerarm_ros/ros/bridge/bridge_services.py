@@ -7,15 +7,14 @@ from collections.abc import Callable, Mapping
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.ros.bridge.cycle_requests import Action
 
 ACTIONS: dict[str, Action] = {
-    'enable': BridgeCycle.enable,
-    'disable': BridgeCycle.disable,
-    'clear_fault': BridgeCycle.clear_fault,
-    'home': BridgeCycle.home,
+    'enable': lambda cycle: cycle.enable(),
+    'disable': lambda cycle: cycle.disable(),
+    'clear_fault': lambda cycle: cycle.clear_fault(),
+    'home': lambda cycle: cycle.home(),
     'e_stop': lambda cycle: cycle.e_stop('service e_stop'),
 }
 # What is done even if it comes late.

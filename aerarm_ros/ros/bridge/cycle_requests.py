@@ -6,11 +6,14 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import TYPE_CHECKING
 
-from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.gate.answer import Answer
 
-Action = Callable[[BridgeCycle], Answer]
+if TYPE_CHECKING:  # who only asks loads no bridge
+    from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+
+Action = Callable[['BridgeCycle'], Answer]
 
 _ANSWER_TIMEOUT = 1.0  # [s]
 

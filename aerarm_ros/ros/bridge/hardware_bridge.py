@@ -54,7 +54,7 @@ from aerarm_ros.ros.process.stop_signals import StopSignals
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 # Long enough for the last frames of a cycle, short enough for a lifecycle client.
 _LOOP_END_TIMEOUT = 2.0
-# The arm's mode while no cycle runs; the others are `bridge_cycle.MODES`.
+# The arm's mode while no cycle runs; the others are `bridge_modes.MODES`.
 INACTIVE = 'inactive'
 PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS)
 _GAINS = {'board_kp', 'board_kd', 'board_ki'}

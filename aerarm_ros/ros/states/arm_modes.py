@@ -1,4 +1,4 @@
-"""The bridge's modes by what they mean to others; all of them are `bridge_cycle.MODES`."""
+"""The bridge's modes by what they mean to others; all of them are `bridge_modes.MODES`."""
 
 HELD = ('ready', 'running')
 """In which the motors hold the arm."""

@@ -18,8 +18,8 @@ from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
-PLAN = BenchPlan(speeds=(0.4, 1.0, 1.6), span=1.6, runs=2)
-GRAVITY_PLAN = BenchPlan(speeds=(0.5, 1.0), span=1.6, runs=0)
+PLAN = BenchPlan(speeds=(0.5, 1.0, 1.6), span=1.6, runs=1)
+GRAVITY_PLAN = BenchPlan(speeds=(0.8, 1.6), span=1.6, runs=0)
 
 
 @pytest.fixture(scope='module')

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from bridge_client import BridgeClient, StartBridge, velocity_command
 from lifecycle_msgs.srv import ChangeState
+from quick_excitation import quick
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -69,7 +70,7 @@ def test_the_world_waits_for_a_controller_that_was_paused(
     client: BridgeClient, tmp_path: Path
 ) -> None:
     client.make_ready()
-    parameters = {'periods': 1, 'fundamental': 0.5, 'harmonics': 2, 'amplitude': 0.1}
+    parameters = quick(tmp_path, amplitude=0.1, return_to_start=False)
     log = tmp_path / 'excitation.log'
     with NodeProcess('excitation', (), parameters, log=log) as excitation:
         client.wait_for_mode('running')
@@ -167,13 +168,7 @@ def lockstep_run(folder: Path, ros_node: Node) -> list[np.ndarray]:
     """Play a short excitation in lockstep; return stamps and numbers of the recorded states."""
     folder.mkdir()
     arm = {'pace': 'lockstep', 'seed': 3}
-    motion = {
-        'periods': 1,
-        'fundamental': 0.5,
-        'harmonics': 2,
-        'amplitude': 0.1,
-        'wait_for_recorder': True,
-    }
+    motion = quick(folder, amplitude=0.1, return_to_start=False, wait_for_recorder=True)
     with NodeProcess('fake_hardware', (), arm, log=folder / 'arm.log'):
         BridgeClient(ros_node).make_ready()
         with NodeProcess('recorder', (), {'bag': folder / 'bag'}, log=folder / 'recorder.log'):
