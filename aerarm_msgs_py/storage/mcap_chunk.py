@@ -75,7 +75,7 @@ class McapChunk:
             if self.size > budget.part_bytes:
                 raise ChunkError(
                     f'it claims to hold {self.size} bytes, more than the {budget.part_bytes} '
-                    'that a chunk may (limit part_bytes)'
+                    'that a chunk may (limits part_bytes and ratio)'
                 )
             check_claim(self.data, self.compression, self.size)
             if self.compression:

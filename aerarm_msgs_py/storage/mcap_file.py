@@ -111,7 +111,7 @@ class McapFile:
                 self._check_magic(stream.read(len(MAGIC)))
                 self._begin(read_summary(stream, size, budget.part_bytes))
                 for run in self._runs(stream, size, budget, topics):
-                    yield from self._blocks_of(run, topics)
+                    yield from self._blocks_of(run, budget, topics)
         except OSError as error:
             raise BagError(f'{self.path} cannot be read: {error.strerror}') from error
         self._report.finish()
@@ -167,7 +167,8 @@ class McapFile:
         if record.length > budget.part_bytes:
             self._report.tell(
                 f'holds a record of {record.length} bytes at byte {record.start}, more than the '
-                f'{budget.part_bytes} that one may have (limit part_bytes): it is left out',
+                f'{budget.part_bytes} that one may have (limits part_bytes and ratio): it is '
+                'left out',
                 record.length,
             )
             return b''
@@ -220,11 +221,13 @@ class McapFile:
         names = [self._topics.name(channel) for channel in indexes.channels]
         return any(name is None or name in topics for name in names)
 
-    def _blocks_of(self, run: RecordRun, topics: Collection[str] | None) -> Iterator[MessageBlock]:
+    def _blocks_of(
+        self, run: RecordRun, budget: ReadBudget, topics: Collection[str] | None
+    ) -> Iterator[MessageBlock]:
         records = run.records
         starts = run.indexes.message_starts(records)
         if starts is None:
-            starts, definitions, unread = walk(records)
+            starts, definitions, unread = walk(records, budget)
             for opcode, content in definitions:
                 self._topics.register(opcode, content)
             self._check_walk(run, starts.tolist(), unread)

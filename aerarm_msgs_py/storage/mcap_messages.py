@@ -9,6 +9,7 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from aerarm_msgs_py.codecs.payloads import elements_at
+from aerarm_msgs_py.storage.read_limits import ReadBudget
 
 RECORD = struct.Struct('<BQ')
 """Opcode and length in front of every record."""
@@ -27,6 +28,7 @@ MESSAGE_HEADER = np.dtype(
 _INDEX_HEADER = struct.Struct('<HI')  # channel, bytes of the entries
 _INDEX_ENTRY = np.dtype([('log_time', '<u8'), ('offset', '<u8')])
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
+_DEFINITION_COST = 500  # bytes that reading one takes, and as long as reading so many of messages
 
 
 class WalkedRecords(NamedTuple):
@@ -114,8 +116,14 @@ class ChunkIndexes:
         return np.array_equal(np.sort(np.concatenate(self._offsets)), starts.astype(np.uint64))
 
 
-def walk(records: bytes) -> WalkedRecords:
-    """Go through records one by one."""
+def walk(records: bytes, budget: ReadBudget) -> WalkedRecords:
+    """Go through records one by one.
+
+    Raises
+    ------
+    BagError
+        If they define more than the limits allow.
+    """
     starts: list[int] = []
     definitions: list[tuple[int, bytes]] = []
     position = 0
@@ -133,6 +141,7 @@ def walk(records: bytes) -> WalkedRecords:
                 break
             starts.append(position)
         elif opcode in _DEFINITIONS:
+            budget.spend(_DEFINITION_COST)
             definitions.append((opcode, records[position + RECORD.size : end]))
         else:
             break

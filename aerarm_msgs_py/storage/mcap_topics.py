@@ -11,7 +11,9 @@ from aerarm_msgs_py.storage.damage_report import DamageReport
 from aerarm_msgs_py.storage.record_fields import RecordFields
 
 _CHANNELS = 2**16
-_MOST_TOPICS = 4096
+MOST_TOPICS = 4096
+"""More than any robot has."""
+
 _NONE = -1
 _CONTRADICTED = -2
 
@@ -106,8 +108,8 @@ class McapTopics:
 
     def _place(self, topic: str, kind: str) -> int:
         if topic not in self.types:
-            if len(self.names) == _MOST_TOPICS:
-                raise BagError(f'the bag has more than {_MOST_TOPICS} topics: is it damaged?')
+            if len(self.names) == MOST_TOPICS:
+                raise BagError(f'the bag has more than {MOST_TOPICS} topics: is it damaged?')
             self._places[topic] = len(self.names)
             self.names.append(topic)
         self.types[topic] = kind

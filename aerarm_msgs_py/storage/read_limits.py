@@ -8,6 +8,7 @@ from aerarm_msgs_py.storage.bag_error import BagError
 
 _FREE = 2**22  # bytes that any bag may take: constant messages compress well
 _MIB = 2**20
+_PART_SHARE = 4  # a part takes up to eight times its bytes while its messages are looked for
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,8 @@ class ReadLimits:
     Attributes
     ----------
     part_bytes
-        Most bytes of one part: a chunk, a message, a run of messages [bytes].
+        Most bytes of one part: a chunk, a message, a run of messages [bytes]. Never more than a
+        quarter of what all of a bag may become.
     ratio
         Most bytes that all of a bag may become in memory, as a multiple of its size.
 
@@ -56,9 +58,9 @@ class ReadBudget:
 
     def __init__(self, path: Path, size: int, limits: ReadLimits | None = None) -> None:
         limits = limits or ReadLimits()
-        self.part_bytes = int(limits.part_bytes)
         self._path, self._size, self._ratio = path, size, limits.ratio
         self._left = max(_FREE, limits.ratio * size)
+        self.part_bytes = int(min(limits.part_bytes, max(_FREE, self._left / _PART_SHARE)))
 
     def spend(self, size: int) -> None:
         """Take bytes that the bag is about to become.

@@ -10,12 +10,14 @@ import numpy as np
 from aerarm_msgs_py.codecs.payloads import Payloads
 from aerarm_msgs_py.storage.bag_error import BagError
 from aerarm_msgs_py.storage.damage_report import DamageReport
+from aerarm_msgs_py.storage.mcap_topics import MOST_TOPICS
 from aerarm_msgs_py.storage.message_block import MessageBlock
 from aerarm_msgs_py.storage.read_limits import ReadBudget
 
 _BLOCK = 1000  # messages
 _BLOCK_BYTES = 2**20
 _TABLES = ('messages', 'topics')
+_DEFINITION_BYTES = 2**20  # of one table's or topic's record
 _STEPS = 1000  # of SQLite's machine between two looks at their number
 _STEPS_A_BYTE = 10  # a sound file takes less than one
 _FREE_STEPS = 10_000_000
@@ -69,11 +71,13 @@ class SqliteFile:
             size = self.path.stat().st_size
             self._check(size)
             budget = self._budget or ReadBudget(self.path, size)
-            connection = self._connect(size, budget)
+            connection = self._connect(size)
         except (OSError, sqlite3.Error) as error:
             raise BagError(f'{self.path} cannot be read: {_said(error)}') from error
         try:
-            names = self._read_topics(connection)
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _DEFINITION_BYTES)
+            names = self._read_topics(connection, budget)
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, budget.part_bytes)
             yield from self._messages(connection, names, topics, budget)
         finally:
             connection.close()
@@ -86,11 +90,10 @@ class SqliteFile:
             if not stream.read(16).startswith(b'SQLite format 3\0'):
                 raise BagError(f'{self.path} is not an SQLite file: check the path')
 
-    def _connect(self, size: int, budget: ReadBudget) -> sqlite3.Connection:
+    def _connect(self, size: int) -> sqlite3.Connection:
         """Open the file for nothing but reading, and let nothing in it run or grow."""
         path = self.path.resolve().as_uri()
         connection = sqlite3.connect(f'{path}?immutable=1&mode=ro', uri=True)
-        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, budget.part_bytes)
         connection.text_factory = lambda text: text.decode(errors='replace')
         steps = 0
 
@@ -104,29 +107,41 @@ class SqliteFile:
         connection.execute('PRAGMA cell_size_check = ON')
         return connection
 
-    def _read_topics(self, connection: sqlite3.Connection) -> dict[int, str]:
+    def _read_topics(self, connection: sqlite3.Connection, budget: ReadBudget) -> dict[int, str]:
         """Return the topic of each number in the file."""
+        names: dict[int, str] = {}
         try:
-            # A view or a virtual table could be endless.
-            tables = connection.execute(
-                "SELECT name, sql FROM sqlite_master WHERE type = 'table' AND rootpage > 0"
-            ).fetchall()
-            missing = [name for name in _TABLES if name not in dict(tables)]
-            if missing:
-                raise BagError(
-                    f'{self.path} has no table {", ".join(missing)}: is it a bag of rosbag2?'
-                )
-            rows = connection.execute('SELECT id, name, type FROM topics NOT INDEXED').fetchall()
+            self._check_tables(connection)
+            for row in connection.execute('SELECT id, name, type FROM topics NOT INDEXED'):
+                budget.spend(_size(row))
+                number, name, kind = row
+                if isinstance(number, int) and isinstance(name, str) and isinstance(kind, str):
+                    names[number] = name
+                    self.types[name] = kind
+                else:
+                    self._report.tell('is damaged: the record of a topic is left out')
+                if len(names) > MOST_TOPICS:
+                    raise BagError(f'the bag has more than {MOST_TOPICS} topics: is it damaged?')
         except (sqlite3.Error, TypeError) as error:
             raise BagError(f'{self.path} cannot be read: {_said(error)}') from error
-        names: dict[int, str] = {}
-        for number, name, kind in rows:
-            if isinstance(number, int) and isinstance(name, str) and isinstance(kind, str):
-                names[number] = name
-                self.types[name] = kind
-            else:
-                self._report.tell('is damaged: the record of a topic is left out')
         return names
+
+    def _check_tables(self, connection: sqlite3.Connection) -> None:
+        """Require the tables of a bag, which hold what they say and compute nothing."""
+        for table in _TABLES:
+            # A view or a virtual table could be endless.
+            found = connection.execute(
+                "SELECT 1 FROM sqlite_master WHERE type = 'table' AND rootpage > 0 AND name = ?",
+                (table,),
+            )
+            if found.fetchone() is None:
+                raise BagError(f'{self.path} has no table {table}: is it a bag of rosbag2?')
+            columns = connection.execute(f'PRAGMA table_xinfo({table})').fetchall()
+            if any(column[-1] for column in columns):  # hidden: generated, of any size
+                raise BagError(
+                    f'{self.path} computes columns of its table {table}, no bag does: is it made '
+                    'to fill the memory?'
+                )
 
     def _messages(
         self,
@@ -137,14 +152,16 @@ class SqliteFile:
     ) -> Iterator[MessageBlock]:
         waiting: dict[str, list[tuple[int, bytes]]] = {}
         held = unknown = 0
-        for number, log_time, payload in self._rows(connection):
+        for row in self._rows(connection):
+            # Whatever becomes of it: pages of the file may be used by many rows.
+            budget.spend(_size(row))
+            number, log_time, payload = row
             if not _is_message(number, log_time, payload) or number not in names:
                 unknown += 1
                 continue
             topic = names[number]
             if topics is not None and topic not in topics:
                 continue
-            budget.spend(len(payload))
             messages = waiting.setdefault(topic, [])
             messages.append((log_time, payload))
             held += len(payload)
@@ -184,6 +201,11 @@ class SqliteFile:
             np.zeros(len(messages), np.int64),
             Payloads.of(payload for _, payload in messages),
         )
+
+
+def _size(row: tuple[Any, ...]) -> int:
+    """Return the bytes of a row's texts and blobs."""
+    return sum(len(value) for value in row if isinstance(value, (str, bytes)))
 
 
 def _said(error: Exception) -> str:

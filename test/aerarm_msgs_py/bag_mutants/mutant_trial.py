@@ -40,11 +40,14 @@ class TrialResult:
         Of the processor [s].
     memory
         Largest resident size of the process [MB].
+    grown
+        By how much it grew while reading [MB].
     """
 
     outcome: str
     time: float
     memory: float
+    grown: float = 0.0
 
 
 def rows_of(path: Path) -> list[bytes]:
@@ -98,7 +101,8 @@ def _run(
     outcome = _outcome(path, original, checked, forged, finished)
     after = resource.getrusage(resource.RUSAGE_SELF)
     time = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    result = TrialResult(outcome, time, after.ru_maxrss / 1024)
+    grown = (after.ru_maxrss - before.ru_maxrss) / 1024
+    result = TrialResult(outcome, time, after.ru_maxrss / 1024, grown)
     os.write(out, json.dumps(asdict(result)).encode())
     os._exit(0)
 

@@ -110,15 +110,25 @@ def test_a_channel_with_two_names_is_believed_neither(file: Path) -> None:
     assert found.sequence.tolist() == list(range(1, COUNT + 1))
 
 
+def bomb(size: int) -> bytes:
+    """Return a chunk of zeros."""
+    data = zstandard.compress(bytes(size))
+    record = struct.pack('<QQQII', 0, 0, size, 0, 4) + b'zstd' + struct.pack('<Q', len(data)) + data
+    return struct.pack('<BQ', 6, len(record)) + record
+
+
 def test_a_bag_larger_than_its_limits_is_refused_or_read_in_part(file: Path) -> None:
-    with pytest.warns(BagWarning, match='limit part_bytes'), pytest.raises(BagError, match='none'):
+    with (
+        pytest.warns(BagWarning, match='limits part_bytes and ratio'),
+        pytest.raises(BagError, match='none'),
+    ):
         read_joint_states(file, limits=ReadLimits(part_bytes=1000))
-    bomb = zstandard.compress(bytes(40_000_000))
-    record = struct.pack('<QQQII', 0, 0, 40_000_000, 0, 4) + b'zstd' + struct.pack('<Q', len(bomb))
-    chunk = struct.pack('<BQ', 6, len(record) + len(bomb)) + record + bomb
     content = file.read_bytes()
     start = chunks(content)[3].start
-    file.write_bytes(content[:start] + chunk + content[start:])
+    file.write_bytes(content[:start] + bomb(40_000_000) + content[start:])
+    with pytest.warns(BagWarning, match='40000000 bytes, more than the 4194304'):
+        assert len(read_joint_states(file)) == COUNT
+    file.write_bytes(content[:start] + 10 * bomb(4_000_000) + content[start:])
     with pytest.raises(BagError, match='more than 100 times its'):
         read_joint_states(file)
     with pytest.warns(BagWarning, match='bytes behind 0 messages are left out'):

@@ -1,13 +1,16 @@
 """Messages of a chunk by its index, checked, or by a walk."""
 
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from aerarm_msgs_py.storage.mcap_messages import ChunkIndexes, walk
+from aerarm_msgs_py.storage.read_limits import ReadBudget
 
 CHANNELS = (1, 2, 1, 3, 1)
+BUDGET = ReadBudget(Path('bag'), 1000)
 
 
 def chunk() -> tuple[bytes, list[int]]:
@@ -38,7 +41,7 @@ def test_index_and_walk_agree() -> None:
     found = indexes(starts)
     assert found.channels == {1, 2, 3}
     assert found.message_starts(records).tolist() == starts
-    walked, definitions, unread = walk(records)
+    walked, definitions, unread = walk(records, BUDGET)
     assert walked.tolist() == starts
     assert (definitions, unread) == ([], 0)
     assert found.messages == len(starts)
@@ -78,11 +81,11 @@ def test_a_broken_index_record_is_incomplete(content: bytes) -> None:
 def test_the_walk_tells_definitions_and_leaves_out_what_is_cut() -> None:
     records, starts = chunk()
     schema = b'\3' + (4).to_bytes(8, 'little') + b'abcd'
-    walked, definitions, unread = walk(schema + records[:-1])
+    walked, definitions, unread = walk(schema + records[:-1], BUDGET)
     assert definitions == [(3, b'abcd')]
     assert walked.tolist() == [start + len(schema) for start in starts[:-1]]
     assert unread == len(records) - 1 - starts[-1]
-    assert np.array_equal(walk(b'').starts, [])
+    assert np.array_equal(walk(b'', BUDGET).starts, [])
 
 
 @pytest.mark.parametrize(
@@ -92,7 +95,7 @@ def test_the_walk_tells_definitions_and_leaves_out_what_is_cut() -> None:
 )
 def test_the_walk_ends_where_nothing_can_be(strange: bytes) -> None:
     records, starts = chunk()
-    walked, _, unread = walk(records + strange + records)
+    walked, _, unread = walk(records + strange + records, BUDGET)
     assert walked.tolist() == starts
     assert unread == len(strange) + len(records)
 

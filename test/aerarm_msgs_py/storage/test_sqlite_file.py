@@ -80,18 +80,29 @@ def test_only_tables_are_read(database: Path, table: str) -> None:
         read_joint_states(database)
 
 
-def test_rows_that_are_computed_count_as_what_they_become(database: Path) -> None:
+@pytest.mark.parametrize('table', ['messages', 'topics'])
+def test_tables_that_compute_are_refused(database: Path, table: str) -> None:
+    """Of a few bytes a row they make as many as they like."""
     with sqlite3.connect(database) as connection:
-        connection.execute('DROP TABLE messages')
+        connection.execute(f'DROP TABLE {table}')
         connection.execute(
-            'CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, timestamp, data AS '
-            '(zeroblob(1000000)))'
+            f'CREATE TABLE {table} (id INTEGER PRIMARY KEY, topic_id, timestamp, type, name AS '
+            '(hex(zeroblob(30000000))), data AS (zeroblob(60000000)))'
         )
+        connection.execute(f'INSERT INTO {table} (type) VALUES (1)')
+    connection.close()
+    with pytest.raises(BagError, match=f'computes columns of its table {table}, no bag does'):
+        read_joint_states(database)
+
+
+def test_topics_have_a_number_and_a_length(database: Path) -> None:
+    with sqlite3.connect(database) as connection:
         connection.executemany(
-            'INSERT INTO messages (topic_id, timestamp) VALUES (1, ?)', [(k,) for k in range(9999)]
+            "INSERT INTO topics VALUES (NULL, ?, 'x', 'cdr', '', '')",
+            [(f'/t{k}',) for k in range(5000)],
         )
     connection.close()
-    with pytest.raises(BagError, match='more than 100 times'):
+    with pytest.raises(BagError, match='more than 4096 topics'):
         read_joint_states(database)
 
 
