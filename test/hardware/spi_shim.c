@@ -39,12 +39,25 @@ static int fail(int error) {
     return -1;
 }
 
+/* A transfer of the kernel's driver is not interrupted by a signal, so neither is this one. */
 static int send_all(int fd, const void *data, size_t size) {
-    return send(fd, data, size, MSG_NOSIGNAL) == (ssize_t)size ? 0 : -1;
+    ssize_t sent;
+    for (size_t done = 0; done < size; done += sent > 0 ? (size_t)sent : 0) {
+        sent = send(fd, (const char *)data + done, size - done, MSG_NOSIGNAL);
+        if (sent < 0 && errno != EINTR)
+            return -1;
+    }
+    return 0;
 }
 
 static int receive_all(int fd, void *data, size_t size) {
-    return recv(fd, data, size, MSG_WAITALL) == (ssize_t)size ? 0 : -1;
+    ssize_t received;
+    for (size_t done = 0; done < size; done += received > 0 ? (size_t)received : 0) {
+        received = recv(fd, (char *)data + done, size - done, 0);
+        if (received == 0 || (received < 0 && errno != EINTR))
+            return -1;
+    }
+    return 0;
 }
 
 static int open_device(const char *path) {
