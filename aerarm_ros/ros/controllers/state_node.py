@@ -176,17 +176,20 @@ class StateNode:
         samples = self._stream.imu_samples()
         thrusts = self._stream.rotor_command()
         before_ns, stamp_ns = self.stamp_ns, newest[0] if newest is not None else self.stamp_ns
+        late = []
         for sample, lead_ns in samples:
-            if lead_ns > 0:
+            if lead_ns <= 0 or round(1e9 * sample.stamp) >= stamp_ns:
+                # By its stamp too: an emulated arm in lockstep may have told its state once more.
+                late.append(sample)
+            else:
                 self._offer(sample, _arrival(before_ns, stamp_ns, lead_ns))
         if newest is not None:
             self.stamp_ns, self.state = newest
             while self._requests:
                 self._try(self._requests.popleft(), stamp_ns)
             self.answer(stamp_ns, self.state)
-        for sample, lead_ns in samples:
-            if lead_ns <= 0:
-                self._offer(sample, stamp_ns)
+        for sample in late:
+            self._offer(sample, stamp_ns)
         if thrusts is not None and isinstance(self.base, FreeBaseEstimator):
             came_ns = _arrival(before_ns, stamp_ns, thrusts.lead_ns)
             self._try(partial(self.base.offer_rotors, *thrusts[:3]), came_ns)
