@@ -8,7 +8,7 @@ from aerarm_msgs_py.storage.bag_error import BagError
 
 _FREE = 2**22  # bytes that any bag may take: constant messages compress well
 _MIB = 2**20
-_PART_SHARE = 4  # a part takes up to eight times its bytes while its messages are looked for
+_PART_SHARE = 5  # a part takes up to nine times its bytes while its messages are looked for
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class ReadLimits:
     ----------
     part_bytes
         Most bytes of one part: a chunk, a message, a run of messages [bytes]. Never more than a
-        quarter of what all of a bag may become.
+        fifth of what all of a bag may become.
     ratio
         Most bytes that all of a bag may become in memory, as a multiple of its size.
 

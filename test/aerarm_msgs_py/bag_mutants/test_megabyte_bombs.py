@@ -9,7 +9,7 @@ import pytest
 from mutant_trial import PART, REFUSED, tried
 
 SIZE = 1_000_000
-PART_BYTES = 24_000_000
+PART_BYTES = 19_500_000
 
 
 def record(opcode: int, content: bytes) -> bytes:
@@ -43,7 +43,7 @@ def chunk(records: bytes) -> bytes:
 def mcap(path: Path, unit: bytes) -> None:
     """Write a bag of 1 MB, mostly filling, whose chunks are as large as they may be."""
     records = unit * (PART_BYTES // len(unit))
-    chunks = chunk(HEAD + records) + 3 * chunk(records)
+    chunks = chunk(HEAD + records) + 4 * chunk(records)
     start, end = b'\x89MCAP0\r\n' + record(1, text('ros2') + text('')), record(2, bytes(20))
     filling = record(12, bytes(SIZE - len(start + chunks + end) - 9 - 8))
     path.write_bytes(start + chunks + filling + end + b'\x89MCAP0\r\n')
@@ -64,6 +64,6 @@ def test_a_bag_of_a_megabyte_takes_no_more_than_promised(tmp_path: Path, unit: b
     mcap(path, unit)
     result = tried(path, [], checked=True, forged=True, finished=True)
     assert result.outcome in (PART, REFUSED, 'forged'), result
-    assert result.time < 2.0
-    # The reader's: the tests' own process, of which it is a child, counts besides.
-    assert result.grown < 270.0
+    assert result.time < 4.0  # 2 s of a processor that has nothing else to do
+    # A program that reads bags has 31 to 80 MB of its own.
+    assert result.grown < 220.0
