@@ -11,12 +11,17 @@ from aerarm_ros.identification.assessment.identification_result import (
     IdentificationResult,
     Solution,
 )
-from aerarm_ros.identification.assessment.plausibility import bound_warnings, error_warnings
+from aerarm_ros.identification.assessment.plausibility import (
+    bound_warnings,
+    error_warnings,
+    joint_warnings,
+)
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.model_choice.filter_choice import choose_filter, condition_once
 from aerarm_ros.identification.model_choice.gravity_direction import find_gravity
 from aerarm_ros.identification.model_choice.model_choice import AUTOMATIC, choose_model
+from aerarm_ros.identification.model_choice.nil_terms import without_nil_terms
 from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
 from aerarm_ros.identification.parameters.coupled_joints import CoupledJoints
 from aerarm_ros.identification.parameters.joint_model import JointModel
@@ -35,6 +40,8 @@ from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import FAST, RECOMMENDED, solve_all
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.regressor import Regressor
+
+_ROUNDS = 2  # without one term another one may turn out to be nil
 
 
 @dataclass(frozen=True)
@@ -107,23 +114,23 @@ def identify(
         if gravity is not None and gravity.tilt > 0.0:
             choice = choose_filter(Regressor(robot), conditioner, identification)
         held_out = [
-            condition_once(Regressor(robot), choice.conditioner, recording, choice.kinematics)
+            condition_once(Regressor(robot), choice.conditioner, recording, choice.kinematics, True)
             for recording in validation
         ]
     bags = choice.bags
     with stopwatch.stage('model selection'):
         coupled = (*(config.coupled_joints if config else ()), *options.coupled)
         fit, comparisons = choose_model(robot, bags, cad, options.friction, coupled)
+    with stopwatch.stage('solvers'):
+        fit, estimates, left_out, held = _solved(fit, cad, bags, options)
     with stopwatch.stage('regression'):
         thesis_base, used_base = _bases(fit, bags, level_bags)
         warnings = [text for bag in (*identification, *validation) for text in bag.warnings]
         warnings += conditioner.warnings + excitation_warnings(thesis_base, level)
-    with stopwatch.stage('solvers'):
-        estimates = solve_all(fit, cad, bags, options.solvers, options.progress, options.bounds)
     with stopwatch.stage('assessment'):
         solutions = _assessed(estimates, bags, held_out)
+        warnings += _result_warnings(solutions, fit, bags) + held
         demands = [[bag_demand(fit, bags, bag) for bag in group] for group in (bags, held_out)]
-        warnings += _result_warnings(solutions, fit, cad, bags)
         warnings += extrapolation_warnings(fit, *demands)
     return IdentificationResult(
         robot=robot,
@@ -137,6 +144,7 @@ def identify(
         fit=fit,
         comparisons=comparisons,
         solutions=solutions,
+        left_out=left_out,
         demands=demands[0] + demands[1],
         warnings=list(dict.fromkeys(warnings)),
     )
@@ -153,18 +161,36 @@ def _assessed(
     }
 
 
-def _result_warnings(
-    solutions: dict[str, Solution],
+def _solved(
     fit: ModelFit,
     cad: ArmParameters,
     bags: list[SampleColumns],
+    options: IdentificationOptions,
+) -> tuple[ModelFit, dict[str, Estimate], list[str], list[str]]:
+    """Solve, and again without the terms that come out as nil; say which, and what that means."""
+    left_out: list[str] = []
+    warnings: list[str] = []
+    for _ in range(_ROUNDS):
+        estimates = solve_all(fit, cad, bags, options.solvers, options.progress, options.bounds)
+        warnings += bound_warnings(estimates[RECOMMENDED], fit, cad.inertial[:, 0])
+        fit, nil = without_nil_terms(fit, estimates[RECOMMENDED], bags, cad)
+        left_out += nil
+        if not nil:
+            break
+    else:
+        estimates = solve_all(fit, cad, bags, options.solvers, options.progress, options.bounds)
+    return fit, estimates, left_out, warnings
+
+
+def _result_warnings(
+    solutions: dict[str, Solution], fit: ModelFit, bags: list[SampleColumns]
 ) -> list[str]:
     """Return what the estimates say about themselves and about their input."""
-    recommended = solutions[RECOMMENDED].estimate
+    recommended = solutions[RECOMMENDED]
     return [
-        *recommended.notes,
+        *recommended.estimate.notes,
         *error_warnings(solutions, bags, fit.model.joint_names),
-        *bound_warnings(recommended, fit, cad.inertial[:, 0]),
+        *joint_warnings(recommended, bags, fit.model.joint_names),
     ]
 
 

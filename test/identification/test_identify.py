@@ -157,3 +157,18 @@ def test_joints_at_rest_are_reported_and_the_rest_identified(
     assert moving.max() < 0.5
     estimate = result.recommended.estimate
     assert estimate.joint_values('fs')[[0, 1, 3]] == pytest.approx(arm.coulomb[[0, 1, 3]], rel=0.05)
+
+
+def test_what_is_only_predicted_may_be_short(arm, robot: Robot, config: ArmConfig) -> None:
+    """A second and a half says little of a model, but as much as it can."""
+    other = arm.recording(2, noise=1.0)
+    middle = 12.0 / other.duration
+    short = other.part(middle, middle + 1.5 / other.duration, ' [short]')
+    first = arm.recording(1, noise=1.0)
+    result = run(robot, config, first, [short], 'coulomb')
+    (found,) = result.recommended.validation
+    assert found.filtered < 3.0
+    assert result.validation[0].samples.kept.sum() > 20
+    tiny = other.part(middle, middle + 0.2 / other.duration, ' [tiny]')
+    with pytest.raises(IdentificationError, match=r'too short to be filtered'):
+        run(robot, config, first, [tiny], 'coulomb')

@@ -12,7 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'assessment': ['BagAssessment', 'assess', 'torque_errors'],
         'bag_demand': ['BagDemand', 'extrapolation_warnings'],
         'identification_result': ['IdentificationResult', 'Solution'],
-        'plausibility': ['bound_warnings', 'error_warnings', 'held_at_zero'],
+        'plausibility': ['bound_warnings', 'error_warnings', 'joint_warnings'],
         'truth': ['InertialTorqueError', 'Truth', 'inertial_torque_errors', 'load_truth'],
     },
 )

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.assessment.assessment import BagAssessment
 from aerarm_ros.identification.assessment.bag_demand import BagDemand
@@ -51,6 +54,8 @@ class IdentificationResult:
         Friction models tried.
     solutions : dict of str to Solution
         By solver.
+    left_out : list of str
+        Columns that the data had no use for: at their bound 0.
     demands : list of BagDemand
         What each bag, of identification and then of validation, asks of the model.
     warnings : list of str
@@ -67,6 +72,7 @@ class IdentificationResult:
     fit: ModelFit
     comparisons: list[Comparison]
     solutions: dict[str, Solution]
+    left_out: list[str]
     demands: list[BagDemand]
     warnings: list[str]
 
@@ -88,6 +94,23 @@ class IdentificationResult:
             return ()
         pairs = zip(self.fit.model.columns, determined, strict=True)
         return tuple(name for name, share in pairs if share < _UNKNOWN)
+
+    @property
+    def only_in_sums(self) -> tuple[str, ...]:
+        """Parameters that have an effect, but none of their own: the data determine a sum."""
+        base = self.used_base
+        mixed = base.combination != 0.0
+        index = [*base.independent[mixed.any(axis=1)], *base.dependent[mixed.any(axis=0)]]
+        return tuple(base.columns[i] for i in sorted(index))
+
+    @property
+    def base_deviations(self) -> npt.NDArray[np.float64]:
+        """(r,) standard deviations of the base parameters by the data alone."""
+        weights = self.fit.noise.information_weights
+        factor = self.fit.regression.system(weights).R[:, self.used_base.independent]
+        scale = np.linalg.norm(factor, axis=0)
+        inverse = np.linalg.pinv(factor / scale)
+        return np.asarray(np.sqrt((inverse**2).sum(axis=1)) / scale)
 
     @property
     def samples(self) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.identification.assessment.identification_result import Solution
-from aerarm_ros.identification.parameters.joint_term import TermKind
+from aerarm_ros.identification.parameters.joint_term import COUPLED, JointTerm, TermKind
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
@@ -24,7 +24,9 @@ _OPPOSITE = -0.5  # correlation of measured and drawn torque
 _OTHER_UNIT = 5.0  # factor between their sizes
 _AT_BOUND = 0.01  # share of a mass
 _CLEARLY_NEGATIVE = 3.0  # standard deviations
-_NEGLIGIBLE = 1e-3  # standard deviations
+
+_FAR_OFF = 20.0  # [%] of a joint's own torque
+_FOLLOWS = 0.5  # share of a residual that two columns of another joint's motion explain
 
 _CHECK = (
     'check the sign and unit of the effort (--effort-gain JOINT=Nm/A for amperes, =-1 for the '
@@ -64,6 +66,73 @@ def error_warnings(
     return warnings
 
 
+def joint_warnings(
+    recommended: Solution, bags: list[SampleColumns], joints: tuple[str, ...]
+) -> list[str]:
+    """Return which joints' torque is hardly explained, and what might explain it.
+
+    Parameters
+    ----------
+    recommended : Solution
+    bags : list of SampleColumns
+        The identification bags.
+    joints : tuple of str
+    """
+    warnings = []
+    errors = np.max([bag.per_joint_filtered for bag in recommended.identification], axis=0)
+    far_off = [
+        f'{name} {error:.0f} %'
+        for name, error in zip(joints, errors, strict=True)
+        if error > _FAR_OFF
+    ]
+    if far_off:
+        warnings.append(
+            f'of the torque of some joints much is not explained ({", ".join(far_off)} of it): '
+            'their friction and the parameters that only they feel are not to be relied on'
+        )
+    for joint, (driver, share) in _followed(recommended, bags).items():
+        if driver is not None and share > _FOLLOWS and errors[joint] > _LARGE:
+            pair = f'{joints[joint]}={joints[driver]}'
+            warnings.append(
+                f"the residual of {joints[joint]} follows {joints[driver]}'s velocity or "
+                f'acceleration ({100.0 * share:.0f} % of it): if the drive of one passes the '
+                f'other, give --coupled {pair}'
+            )
+    return warnings
+
+
+def _followed(
+    recommended: Solution, bags: list[SampleColumns]
+) -> dict[int, tuple[int | None, float]]:
+    """Return for each joint the one whose motion explains most of its residual, and how much."""
+    n = bags[0].samples.n
+    couplings = {(k, kind): JointTerm(kind, driver=k) for k in range(n) for kind in COUPLED}
+    found: dict[int, tuple[int | None, float]] = {}
+    for joint in range(n):
+        rows = [bag.samples.usable[:, joint] for bag in bags]
+        pairs = list(zip(bags, recommended.identification, rows, strict=True))
+        residual = np.concatenate(
+            [(b.samples.tau - a.prediction.filtered)[row, joint] for b, a, row in pairs]
+        )
+        best: tuple[int | None, float] = (None, 0.0)
+        known = recommended.estimate.model.terms[joint]
+        for other in range(n):
+            if other == joint or couplings[other, COUPLED[0]] in known or not len(residual):
+                continue
+            columns = np.concatenate(
+                [
+                    np.column_stack([b.term(couplings[other, kind])[row, 0] for kind in COUPLED])
+                    for b, _, row in pairs
+                ]
+            )
+            solved, *_ = np.linalg.lstsq(columns, residual, rcond=None)
+            left = residual - columns @ solved
+            share = 1.0 - float(left @ left) / max(float(residual @ residual), 1e-300)
+            best = max(best, (other, share), key=lambda pair: pair[1])
+        found[joint] = best
+    return found
+
+
 def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[str]:
     """Return which parameters of the recommended estimate are held by their bounds.
 
@@ -87,8 +156,16 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
                 'masses in the URDF and the unit of the effort'
             )
     start = 10 * fit.model.n
+    loads = [term.kind is TermKind.LOAD for _, term in fit.model.joint_columns]
+    too_much = np.array(loads, dtype=bool) & (estimate.theta[start:] > 1.0 - _AT_BOUND)
+    if too_much.any():
+        at_bound = np.array(fit.model.columns[start:])[too_much]
+        warnings.append(
+            f'{", ".join(at_bound)} at the bound 1: a gear that loses all that it carries is none; '
+            'something else that grows with the load is in the torque of these joints'
+        )
     std = fit.prior.std if estimate.std is None else estimate.std
-    asked_for_less = held_at_zero(estimate) & (fit.theta < -_CLEARLY_NEGATIVE * std)
+    asked_for_less = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)
     held = [
         (name, term.kind)
         for name, (_, term), less in zip(
@@ -100,27 +177,22 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
         if less
     ]
     if held:
-        dry = any(kind is TermKind.COULOMB for _, kind in held)
-        warnings.append(
-            f'{", ".join(name for name, _ in held)} held at the bound 0, the data ask for less: '
-            + (
-                'check the sign of the effort of these joints'
-                if dry
-                else 'the model of these joints is not exact, or their measured velocities lag '
+        kinds = {kind for _, kind in held}
+        if TermKind.COULOMB in kinds:
+            check = 'check the sign of the effort of these joints'
+        elif kinds == {TermKind.ROTOR}:
+            check = (
+                'right where torque sensors sit behind the gears; else velocities may lag, or the '
+                'model of these joints is not exact'
+            )
+        else:
+            check = (
+                'the model of these joints is not exact, or their measured velocities lag '
                 'behind; check the errors joint by joint'
             )
-        )
+        names = ', '.join(name for name, _ in held)
+        warnings.append(f'{names} left out, as the data ask for less than 0: {check}')
     return warnings
-
-
-def held_at_zero(estimate: Estimate) -> npt.NDArray[np.bool_]:
-    """Return (p,) which parameters of an estimate with standard deviations lie at their bound 0."""
-    signed = np.array([term.nonnegative for _, term in estimate.model.joint_columns], dtype=bool)
-    held = np.zeros(len(estimate.theta), dtype=bool)
-    if estimate.std is not None:
-        start = 10 * estimate.model.n
-        held[start:] = signed & (estimate.theta[start:] < _NEGLIGIBLE * estimate.std[start:])
-    return held
 
 
 def _suspects(cad: Solution, bags: list[SampleColumns], joints: tuple[str, ...]) -> list[str]:

@@ -28,6 +28,7 @@ from aerarm_ros.identification.conditioning.spectral_filter import (
     low_pass_gain,
 )
 from aerarm_ros.identification.conditioning.uniform_motion import (
+    SHORTEST,
     UniformMotion,
     aperiodic_motion,
     periodic_motion,
@@ -60,6 +61,7 @@ _FINE_RATE_PER_CUTOFF = 100.0
 _FINE_RATE_MIN = 400.0  # [Hz]; the motion doesn't slow down with the cut-off
 _SEARCH_RATE = 250.0  # [Hz] is enough to find band and harmonics of any arm's motion
 _EDGE = 0.5  # periods of the cut-off left out at the ends of a motion that isn't periodic
+_FEWEST_PERIODS = 3.0  # of the cut-off in a motion that is only predicted
 _EDGE_MOST = 0.1  # share of the motion
 _SPREAD = 1.0  # periods of the cut-off to either side, over which it spreads saturated torque
 _STANDSTILL_SPEED = 5e-3  # share of a joint's top speed
@@ -171,8 +173,18 @@ class Conditioner:
         assert self.harmonics is not None and self.fundamental is not None
         return max(self.harmonics, int(self.cutoff / self.fundamental))
 
-    def condition(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
+    def condition(
+        self, recording: Recording, kinematics: KinematicsFilter, predicted: bool = False
+    ) -> Samples:
         """Filter one bag.
+
+        Parameters
+        ----------
+        recording : Recording
+        kinematics : KinematicsFilter
+        predicted : bool
+            Whether its torque is only to be predicted: then it need not excite anything, and may be
+            as short as the filter allows.
 
         Raises
         ------
@@ -180,7 +192,9 @@ class Conditioner:
             If the motion in it is too short.
         """
         fine = max(_FINE_RATE_PER_CUTOFF * self.cutoff, _FINE_RATE_MIN)
-        return self._at_rates(recording, kinematics, fine, _RATE_PER_CUTOFF * self.cutoff)
+        shortest = min(SHORTEST, _FEWEST_PERIODS / self.cutoff) if predicted else SHORTEST
+        coarse = _RATE_PER_CUTOFF * self.cutoff
+        return self._at_rates(recording, kinematics, (fine, coarse), shortest)
 
     def trial(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
         """Filter one bag, at instants that are the same whatever the filter and its cut-off.
@@ -191,21 +205,27 @@ class Conditioner:
             If the motion in it is too short.
         """
         fine = max(_TRIAL_FINE_RATE, self._trial_rate)
-        return self._at_rates(recording, kinematics, fine, self._trial_rate)
+        return self._at_rates(recording, kinematics, (fine, self._trial_rate), SHORTEST)
 
     def _at_rates(
-        self, recording: Recording, kinematics: KinematicsFilter, fine: float, coarse: float
+        self,
+        recording: Recording,
+        kinematics: KinematicsFilter,
+        rates: tuple[float, float],
+        shortest: float,
     ) -> Samples:
-        """Filter one bag, with samples at no less than two rates [Hz]."""
-        factor = _factor(recording, fine)
-        step = _factor(recording, coarse * factor)
-        return self._samples(self._motion(recording, step, factor), kinematics, step)
+        """Filter one bag, with fine and coarse samples at no less than two rates [Hz]."""
+        factor = _factor(recording, rates[0])
+        step = _factor(recording, rates[1] * factor)
+        return self._samples(self._motion(recording, step, factor, shortest), kinematics, step)
 
     def forget_motions(self) -> None:
         """Free what is kept of recordings between one filter and the next."""
         self._motions.clear()
 
-    def _motion(self, recording: Recording, multiple: int, factor: int) -> UniformMotion:
+    def _motion(
+        self, recording: Recording, multiple: int, factor: int, shortest: float = SHORTEST
+    ) -> UniformMotion:
         """Return the motion with a whole number of decimated samples a period; found once."""
         if recording not in self._parts:
             fundamental = self._options.fundamental
@@ -214,7 +234,7 @@ class Conditioner:
         known = self._motions.get((recording, factor))
         if known is None or (known.period or 0) % multiple:
             known = (
-                aperiodic_motion(recording, factor)
+                aperiodic_motion(recording, factor, shortest)
                 if part is None
                 else periodic_motion(recording, part, multiple, factor)
             )

@@ -16,7 +16,9 @@ from aerarm_ros.identification.recording.recording import Recording
 
 Array = npt.NDArray[np.float64]
 
-_SHORTEST = 3.0  # [s] of motion: a shorter one excites next to nothing
+SHORTEST = 3.0
+"""Motion [s] to identify from: a shorter one excites next to nothing."""
+
 _ANTI_ALIASING = 0.4  # cut-off of the low-pass before decimation, per new sampling rate
 _STANDSTILL = 0.02  # share of the fastest joint's top speed
 
@@ -108,13 +110,23 @@ def periodic_motion(
     return _resampled(recording, np.asarray(time), dt, factor, window, count // factor)
 
 
-def aperiodic_motion(recording: Recording, factor: int = 1) -> UniformMotion:
+def aperiodic_motion(
+    recording: Recording, factor: int = 1, shortest: float = SHORTEST
+) -> UniformMotion:
     """Resample at the recorded rate, decimated; leave out standing still at both ends.
+
+    Parameters
+    ----------
+    recording : Recording
+    factor : int
+        Of decimation.
+    shortest : float
+        Least motion [s].
 
     Raises
     ------
     IdentificationError
-        If the motion is shorter than 3 s.
+        If the motion is shorter.
     """
     dt = sampling_time(recording)
     time = recording.time[0] + dt * np.arange(int(recording.duration / dt + 1e-6) + 1)
@@ -124,10 +136,15 @@ def aperiodic_motion(recording: Recording, factor: int = 1) -> UniformMotion:
     moving = np.flatnonzero(speed > _STANDSTILL * speed.max())
     window = slice(int(moving[0]), int(moving[-1]) + 1)
     duration = (window.stop - window.start) * motion.dt
-    if duration < _SHORTEST:
+    if duration < shortest:
+        what_for, better = (
+            ('excite the parameters', ' (better 20 s)')
+            if shortest == SHORTEST
+            else ('be filtered', '')
+        )
         raise IdentificationError(
             f'{recording.name}: only {duration:.2f} s of motion: too '
-            f'short to excite the parameters, record at least {_SHORTEST:g} s (better 20 s)'
+            f'short to {what_for}, record at least {shortest:.2g} s{better}'
         )
     return replace(motion, window=window)
 

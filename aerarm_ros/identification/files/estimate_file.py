@@ -23,8 +23,10 @@ _HEADER = """\
 # width 0, and a(dq) = tanh(dq / asymmetry_width).
 # coupled_joints, where given: for each column its joint, the joint that drives it, cv (torque per
 # velocity of the driver) or ca (per acceleration), and its coefficient.
-# from_data: share of each value that comes from data (1) rather than from CAD (0).
-# base_parameters: the sums that the torque depends on, which the data determine.
+# from_data: share of each value that comes from data (1) rather than from CAD (0). A parameter that
+# stands in one of the sums below is shared out by CAD, however much the data say of the sum.
+# base_parameters: the sums that the torque depends on, which the data determine, with their
+# standard deviations by the data alone.
 """
 
 _PAYLOAD_HEADER = """\
@@ -90,6 +92,7 @@ def estimate_yaml(
         parameters['base_parameters'] = {
             'expressions': result.used_base.expressions(),
             'values': _floats(result.used_base.values(estimate.theta)),
+            'standard_deviations': _floats(result.base_deviations),
         }
     document = {'/**': {'ros__parameters': parameters}}
     return _HEADER + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)

@@ -48,6 +48,8 @@ def summarise(
         },
         'base_parameters': result.used_base.expressions(),
         'only_prior': list(result.only_prior),
+        'only_in_sums': list(result.only_in_sums),
+        'left_out': list(result.left_out),
         'excitation': [_demand(demand) for demand in result.demands],
         'conditioning': _conditioning(result),
         'gravity': _gravity(result),

@@ -99,10 +99,11 @@ def condition_once(
     conditioner: Conditioner,
     recording: Recording,
     kinematics: KinematicsFilter,
+    predicted: bool = False,
 ) -> SampleColumns:
     """Return the columns of a bag that won't be filtered again, with no more memory than needed."""
     conditioner.forget_motions()
-    samples = conditioner.condition(recording, kinematics)
+    samples = conditioner.condition(recording, kinematics, predicted)
     conditioner.forget_motions()
     return SampleColumns(samples, regressor)
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from aerarm_ros.identification.recording.faulty_effort import saturated_effort, without_spikes
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.recording.stamps import sound_messages
+from aerarm_ros.identification.recording.units import check_units
 from aerarm_ros.identification.recording.used_span import UsedSpan, moving_span
 
 Array = npt.NDArray[np.float64]
@@ -160,7 +161,7 @@ def recording_from_states(
     ------
     IdentificationError
         If there are too few messages, a joint is missing or unknown, a locked one moves, stamps
-        repeat or jump, position or effort is missing or NaN, or nothing moves.
+        repeat or jump, position or effort is missing or NaN, nothing moves, or units are wrong.
     """
     order = np.array(_columns(name, states.names, joint_names, mapping))
     if len(states.stamp) < _FEWEST_MESSAGES:
@@ -185,6 +186,7 @@ def recording_from_states(
     if mapping.effort_gain:
         tau = tau * np.array([mapping.effort_gain.get(joint, 1.0) for joint in joint_names])
     dq = _velocity(name, measured_dq, warnings)
+    check_units(name, joint_names, stamp, q, dq)
     dead = _check_content(name, joint_names, q, tau, warnings)
     tau, spikes = without_spikes(name, joint_names, tau)
     saturated, limits = saturated_effort(name, joint_names, q, tau)

@@ -145,7 +145,9 @@ _BOXES = (
 _PARAMETERS = (
     "About the frame of each link's joint, in the order of thesis (3.3), (3.5). From data: 0 % "
     'means that only the prior about CAD determines the value, 100 % that only the measured '
-    'torque does. Unidentifiable parameters of ols are those of CAD.'
+    'torque does. In a sum: the torque depends on it together with others only, so that the prior '
+    'shares it out, however much the data say of the sum. Unidentifiable parameters of ols are '
+    'those of CAD.'
 )
 _BASE = (
     'Combinations that the torque depends on, each named after its first parameter. Standard '

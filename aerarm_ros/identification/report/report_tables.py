@@ -3,14 +3,12 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from aerarm_ros.identification.assessment.assessment import BagAssessment
 from aerarm_ros.identification.assessment.identification_result import (
     IdentificationResult,
     Solution,
 )
-from aerarm_ros.identification.assessment.plausibility import held_at_zero
 from aerarm_ros.identification.assessment.truth import InertialTorqueError, Truth
 from aerarm_ros.identification.files.summary import term_text
 from aerarm_ros.identification.parameters.joint_term import JointTerm
@@ -93,12 +91,13 @@ def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
         true = np.where(truth.names(estimate.model), truth.vector(estimate.model), np.nan)
     std = estimate.std if estimate.std is not None else np.full(len(cad), np.nan)
     known = estimate.determined if estimate.determined is not None else np.full(len(cad), np.nan)
-    at_bound = held_at_zero(estimate)
+    in_sums = result.only_in_sums
     rows = []
     for i, name in enumerate(estimate.model.columns):
         row: list[object] = [name, Html(units[i]), float(cad[i]), float(ols[i])]
-        # The share of the data is that without constraints, which says nothing of a bound.
-        source = 'at its bound 0' if at_bound[i] else number(100.0 * float(known[i]), 3)
+        source = number(100.0 * float(known[i]), 3)
+        if name in in_sums:
+            source += ', in a sum'
         row += [float(estimate.theta[i]), float(std[i]), Html(source)]
         if truth:
             row.append(float(true[i]))
@@ -111,7 +110,7 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
     base = result.used_base
     solutions = result.solutions
     columns = {name: base.values(solutions[name].estimate.theta) for name in ('cad', 'ols', 'sdp')}
-    std = base_deviations(result)
+    std = result.base_deviations
     prior = np.sqrt(
         result.fit.prior.std[base.independent] ** 2
         + base.combination**2 @ result.fit.prior.std[base.dependent] ** 2
@@ -130,15 +129,6 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
             row += [float(true[i]), float(shown[i]), float(off)]
         rows.append(row)
     return table(headings, rows)
-
-
-def base_deviations(result: IdentificationResult) -> npt.NDArray[np.float64]:
-    """Return the (r,) standard deviations of the base parameters by the data alone."""
-    fit = result.fit
-    factor = fit.regression.system(fit.noise.information_weights).R[:, result.used_base.independent]
-    scale = np.linalg.norm(factor, axis=0)
-    inverse = np.linalg.pinv(factor / scale)
-    return np.asarray(np.sqrt((inverse**2).sum(axis=1)) / scale)
 
 
 def conditioning_tables(result: IdentificationResult) -> Html:

@@ -10,6 +10,8 @@ from aerarm_ros.model.inertia import minimum_eigenvalue
 
 Array = npt.NDArray[np.float64]
 
+_NEGLIGIBLE = 1e-3  # standard deviations
+
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
@@ -65,6 +67,17 @@ class Estimate:
             and np.all(self.inertial[:, 0] > 0.0)
             and np.all(joint_values[np.array(signs, dtype=bool)] >= 0.0)
         )
+
+    @property
+    def held_at_zero(self) -> npt.NDArray[np.bool_]:
+        """(p,) which coefficients of a joint lie at their bound 0; none without deviations."""
+        start = 10 * self.model.n
+        held = np.zeros(len(self.theta), dtype=bool)
+        if self.std is not None:
+            signed = [term.nonnegative for _, term in self.model.joint_columns]
+            held[start:] = self.theta[start:] < _NEGLIGIBLE * self.std[start:]
+            held[start:] &= np.array(signed, dtype=bool)
+        return held
 
     def joint_values(self, symbol: str) -> Array:
         """Return the (n,) coefficients of one kind of term, 0 where a joint lacks it."""

@@ -146,7 +146,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         {
             'nargs': '+',
             'choices': ('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', 'sdp'),
-            'default': ['wls'],
+            'default': [],
             'metavar': 'NAME',
         },
         'besides cad, ols and sdp: wls (default), huber, entropic, slsqp, annealing (the last two '
@@ -162,6 +162,8 @@ def identifier_parser(name: str, description: str) -> OneLineParser:
     """
     parser = OneLineParser(prog=name, description=description.splitlines()[0])
     for option, details, text in _OPTIONS:
-        parser.add_argument(option, help=text, **details)
+        # A list given twice adds up: the second one is no slip of which nobody would hear.
+        more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}
+        parser.add_argument(option, help=text, **more, **details)
     parser.set_defaults(started=time.localtime())
     return parser

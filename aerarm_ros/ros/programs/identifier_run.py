@@ -33,6 +33,7 @@ from aerarm_ros.identification.recording.recording import (
     Recording,
 )
 from aerarm_ros.identification.report.report import ReportExtras, report_html
+from aerarm_ros.identification.solvers.solvers import FAST
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags, RecordedBag
 from aerarm_ros.ros.programs.identifier_table import terminal_table
@@ -151,7 +152,7 @@ class IdentifierRun:
             ),
             friction=options.friction,
             coupled=tuple(_pair(text, '--coupled') for text in options.coupled),
-            solvers=tuple(options.solvers),
+            solvers=tuple(options.solvers) or FAST,
             bounds=LinkBounds(
                 tuple(options.total_mass) if options.total_mass else None, options.bound_centres
             ),

@@ -11,6 +11,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.assessment.plausibility import bound_warnings
 from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.parameters.joint_term import JointTerm, TermKind
 from aerarm_ros.identification.stopwatch import Stopwatch
 
 
@@ -57,4 +58,31 @@ def test_bounds_that_hold_an_estimate(result: IdentificationResult) -> None:
     held, wanted = np.array(estimate.theta), np.array(fit.theta)
     held[first], wanted[first] = 0.0, -1.0
     (text,) = bound_warnings(replace(estimate, theta=held), replace(fit, theta=wanted), mass)
-    assert text.startswith(f'{fit.model.columns[first]} held at the bound 0')
+    assert text.startswith(f'{fit.model.columns[first]} left out, as the data ask for less than 0')
+
+
+def test_friction_that_takes_all_of_the_load(result: IdentificationResult) -> None:
+    estimate, fit = result.recommended.estimate, result.fit
+    load = JointTerm(TermKind.LOAD)
+    terms = tuple((load, *own) if joint == 1 else own for joint, own in enumerate(fit.model.terms))
+    model = replace(fit.model, terms=terms)
+    index = model.columns.index('fl_joint2')
+    theta, std = (np.insert(values, index, 1.0) for values in (estimate.theta, estimate.std))
+    full = replace(estimate, model=model, theta=theta, std=std)
+    (text,) = bound_warnings(full, replace(fit, model=model, theta=theta), full.inertial[:, 0])
+    assert text.startswith('fl_joint2 at the bound 1')
+
+
+def test_a_joint_that_another_one_drives(
+    make_arm: Callable, robot: Robot, config: ArmConfig
+) -> None:
+    """The residual says whose motion it follows, until the coupling is given."""
+    plain = make_arm(rate=100.0).recording(1)
+    recording = replace(plain, tau=plain.tau + 8.0 * plain.dq[:, [1]] * [0.0, 0.0, 0.0, 1.0])
+    options = IdentificationOptions(friction='coulomb')
+    for coupled, said in (((), True), ((('joint4', 'joint2'),), False)):
+        chosen = replace(options, coupled=coupled)
+        found = identify(robot, config, [recording], [], chosen, Stopwatch())
+        text = ' '.join(found.warnings)
+        assert ('--coupled joint4=joint2' in text) == said
+        assert ('much is not explained (joint4' in text) == said

@@ -12,7 +12,6 @@ from aerarm_ros.identification.assessment.truth import Truth, inertial_torque_er
 from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
-from aerarm_ros.identification.report.report_tables import base_deviations
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.simulation.plant_parameters import PlantParameters
@@ -95,7 +94,7 @@ def test_identified_base_parameters_are_those_that_currents_show(
     found = identify(robot, config, [recording], [], options, Stopwatch())
     truth = truth_of(arm, found.fit.model, gains)
     values = found.used_base.values(found.recommended.estimate.theta)
-    std = base_deviations(found)
+    std = found.base_deviations
     off = np.abs(values - truth.measured_base_values(found.fit, found.used_base)) / std
     assert off.max() < 4.0
     unscaled = np.abs(values - truth.base_values(found.fit, found.used_base)) / std

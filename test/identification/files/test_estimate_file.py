@@ -27,6 +27,13 @@ def test_values_survive_exactly(result: IdentificationResult, parameters: dict) 
     )
 
 
+def test_base_parameters_have_deviations(result: IdentificationResult, parameters: dict) -> None:
+    base = parameters['base_parameters']
+    assert np.array_equal(base['standard_deviations'], result.base_deviations)
+    assert len(base['values']) == len(base['expressions']) == len(base['standard_deviations'])
+    assert min(base['standard_deviations']) > 0.0
+
+
 def test_lists_have_one_type(parameters: dict) -> None:
     """ROS refuses a list in which 0.0 was written as an integer."""
 

@@ -17,7 +17,6 @@ from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
 from aerarm_ros.identification.report.html_text import number
 from aerarm_ros.identification.report.report import ReportExtras, report_html
 from aerarm_ros.identification.report.report_tables import (
-    base_deviations,
     base_parameter_table,
     parameter_table,
 )
@@ -130,7 +129,7 @@ def test_base_parameters_are_compared_as_currents_show_them(
     base = result.used_base
     truth = replace(extras.truth, measured_per_true_torque=np.full(4, 1.02))
     sdp = base.values(result.recommended.estimate.theta)
-    off = (sdp - 1.02 * truth.base_values(result.fit, base)) / base_deviations(result)
+    off = (sdp - 1.02 * truth.base_values(result.fit, base)) / result.base_deviations
     rows = base_parameter_table(result, truth).split('<tr>')[2:]
     for row, value in zip(rows, off, strict=True):
         assert f'<td>{number(value)}</td></tr>' in row
@@ -153,19 +152,15 @@ def test_it_can_do_without_extras(result: IdentificationResult) -> None:
     assert not any('True: of the simulated arm' in text for text in page.texts)
 
 
-def test_a_parameter_at_its_bound_is_not_said_to_be_measured(result: IdentificationResult) -> None:
-    recommended = result.recommended
-    first = 10 * result.fit.model.n
-    theta = np.array(recommended.estimate.theta)
-    theta[first] = 0.0
-    held = replace(recommended, estimate=replace(recommended.estimate, theta=theta))
-    changed = replace(result, solutions={**result.solutions, 'sdp': held})
-    for table, at_bound in (
-        (parameter_table(result, None), 0),
-        (parameter_table(changed, None), 1),
-    ):
-        (row,) = (r for r in table.split('<tr>') if f'>{result.fit.model.columns[first]}<' in r)
-        assert ('at its bound 0' in row) == at_bound
+def test_parameters_that_only_a_sum_is_known_of_are_told_apart(
+    result: IdentificationResult,
+) -> None:
+    """Joint 1 turns about one axis: link 1's inertia about it and the rotor's are one number."""
+    rows = {r.split('>')[1]: r for r in parameter_table(result, None).split('<tr><td')[1:]}
+    shared = [name for name in result.fit.model.columns if 'in a sum' in rows[f'{name}</td']]
+    assert shared == list(result.only_in_sums)
+    assert {'Izz_link1', 'Ja_joint1'} <= set(shared)
+    assert not {'fv_joint1', 'fs_joint3'} & set(shared)
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason='chromium is not installed: apt install chromium')
