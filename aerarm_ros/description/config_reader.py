@@ -8,32 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
-import yaml
-
 from aerarm_ros.description.config_error import ConfigError
-from aerarm_ros.description.plain_yaml import LOADER, read_plain
+from aerarm_ros.description.plain_yaml import read_plain
 from aerarm_ros.description.resources import resource
 
 Config = TypeVar('Config')
 
 _FRACTION = re.compile(r'([-+]?\d{1,15})/(\d{1,15})')
 _LONGEST_SHOWN = 100  # characters of a wrong value in a message
-
-
-class _UniqueKeyLoader(LOADER):  # type: ignore[misc]
-    """Reads plain data only, and refuses a key given twice (YAML forbids it, PyYAML doesn't)."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Build a mapping, after a look for repeated keys."""
-        seen = set()
-        for key_node, _ in node.value:
-            key = getattr(key_node, 'value', None)
-            if isinstance(key, str) and key in seen:
-                line = key_node.start_mark.line + 1
-                raise ConfigError(f'line {line}: key {key} is given twice')
-            seen.add(key if isinstance(key, str) else id(key_node))
-        found: dict[Any, Any] = super().construct_mapping(node, deep)
-        return found
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
@@ -45,7 +27,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         If it can't be read, isn't plain YAML, repeats a key or holds something else.
     """
     try:
-        document = read_plain(path, _UniqueKeyLoader)
+        document = read_plain(path)
     except OSError as error:
         reason = error.strerror or str(error)
         raise ConfigError(f'{path}: {reason}: check the path and its permissions') from None

@@ -19,7 +19,23 @@ _OPENING = (yaml.MappingStartEvent, yaml.SequenceStartEvent)
 _CLOSING = (yaml.MappingEndEvent, yaml.SequenceEndEvent)
 
 
-def read_plain(path: Path, loader: Any = LOADER) -> Any:
+class UniqueKeyLoader(LOADER):  # type: ignore[misc]
+    """Reads plain data only, and refuses a key given twice (YAML forbids it, PyYAML doesn't)."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Build a mapping, after a look for repeated keys."""
+        seen = set()
+        for key_node, _ in node.value:
+            key = getattr(key_node, 'value', None)
+            if isinstance(key, str) and key in seen:
+                line = key_node.start_mark.line + 1
+                raise ConfigError(f'line {line}: key {key[:100]} is given twice')
+            seen.add(key if isinstance(key, str) else id(key_node))
+        found: dict[Any, Any] = super().construct_mapping(node, deep)
+        return found
+
+
+def read_plain(path: Path, loader: Any = UniqueKeyLoader) -> Any:
     """Read a YAML file, see `plain_data`.
 
     Raises
@@ -37,7 +53,7 @@ def read_plain(path: Path, loader: Any = LOADER) -> Any:
         raise ConfigError(f'not valid YAML: {error}') from None
 
 
-def plain_data(text: str, loader: Any = LOADER) -> Any:
+def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
     """Return what a YAML text means.
 
     Parameters
@@ -49,7 +65,7 @@ def plain_data(text: str, loader: Any = LOADER) -> Any:
     Raises
     ------
     ConfigError
-        If it isn't YAML, or has anchors or aliases (by which a small text becomes endless data),
+        If it isn't YAML, gives a key twice, or has anchors or aliases (by which a small text becomes endless data),
         more bytes, deeper nesting or longer numbers than any configuration.
     """
     if len(text) > _LARGEST:
