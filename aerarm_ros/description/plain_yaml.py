@@ -65,8 +65,8 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
     Raises
     ------
     ConfigError
-        If it isn't YAML, gives a key twice, or has anchors or aliases (by which a small text becomes endless data),
-        more bytes, deeper nesting or longer numbers than any configuration.
+        If it isn't YAML, gives a key twice, has anchors or aliases (by which a small text becomes
+        endless data), more bytes, deeper nesting or longer numbers than any configuration.
     """
     if len(text) > _LARGEST:
         raise ConfigError(f'has more than {_LARGEST} bytes, which no configuration has')
