@@ -11,11 +11,12 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'drive_train': ['DriveTrain'],
-        'dynamics': ['Dynamics', 'carry', 'checked_payload'],
+        'dynamics': ['Dynamics', 'checked_rotor_inertia'],
         'friction': ['viscous_coulomb'],
         'gravity_load': ['largest_gravity_load'],
         'inertia': [
             'barycentric_inertia',
+            'checked_body',
             'from_pseudo_inertia',
             'inertia_about_origin',
             'is_physically_consistent',
@@ -25,6 +26,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             'pseudo_inertia',
         ],
         'kinematics': ['Kinematics', 'dh_forward', 'dh_transform'],
+        'last_link': ['LastLink', 'checked_payload'],
         'regressor': ['Regressor'],
         'whole_body_dynamics': ['WholeBodyDynamics'],
     },

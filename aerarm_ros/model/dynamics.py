@@ -1,17 +1,13 @@
 """Inverse and direct dynamics of an arm, thesis (2.5)."""
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.inertia import is_physically_consistent
+from aerarm_ros.model.last_link import LastLink
 
 Array = npt.NDArray[np.float64]
-
-_ROUNDING = 1e-9  # of a payload's pseudo-inertia: what writing it in decimals costs
 
 
 class Dynamics:
@@ -37,17 +33,12 @@ class Dynamics:
     """
 
     def __init__(self, robot: Robot, rotor_inertia: npt.ArrayLike = 0.0) -> None:
-        inertia = np.asarray(rotor_inertia, dtype=float)
-        if inertia.shape not in ((), (robot.n,)):
-            raise ValueError(f'{inertia.size} rotor inertias for {robot.n} joints')
-        if not np.all(np.isfinite(inertia) & (inertia >= 0.0)):
-            raise ValueError(f'rotor inertias {inertia} must be finite and not negative [kg m^2]')
         self.robot = robot
         self._model = robot.model.copy()
         # Pinocchio adds the armature in rnea, crba and aba.
-        self._model.armature = np.broadcast_to(inertia, (robot.n,)).copy()
+        self._model.armature = checked_rotor_inertia(rotor_inertia, robot.n)
         self._data = self._model.createData()
-        self._last_link = pin.Inertia(self._model.inertias[self._model.njoints - 1])
+        self._last_link = LastLink(self._model)
 
     @property
     def rotor_inertia(self) -> Array:
@@ -67,7 +58,7 @@ class Dynamics:
         ValueError
             If no body has them.
         """
-        carry(self._model, self._last_link, payload)
+        self._last_link.carry(payload)
 
     def inertia_matrix(self, q: Array) -> Array:
         """Return B(q), (n, n) [kg m^2], symmetric, rotors included."""
@@ -128,28 +119,17 @@ class Dynamics:
         return float(pin.computePotentialEnergy(self._model, self._data, q))
 
 
-def carry(model: Any, last_link: Any, payload: npt.ArrayLike) -> None:
-    """Set the inertia of a model's last body: that of its link alone plus a payload's.
+def checked_rotor_inertia(rotor_inertia: npt.ArrayLike, n: int) -> Array:
+    """Return the rotors' inertia at n joints, (n,) [kg m^2], one number being that of all.
 
-    Parameters
-    ----------
-    model : pin.Model
-    last_link : pin.Inertia
-        Of the link alone.
-    payload : (10,) array_like
-        As in `Dynamics.carry`, which raises the same.
+    Raises
+    ------
+    ValueError
+        If one is negative or not finite, or their number isn't n.
     """
-    whole = last_link.toDynamicParameters() + checked_payload(payload)
-    model.inertias[model.njoints - 1] = pin.Inertia.FromDynamicParameters(whole)
-
-
-def checked_payload(payload: npt.ArrayLike) -> Array:
-    """Return a payload's (10,) inertial parameters; raises ValueError if no body has them."""
-    values = np.array(payload, dtype=float)
-    numbers = values.shape == (10,) and bool(np.isfinite(values).all())
-    if not numbers or not is_physically_consistent(values, _ROUNDING):
-        raise ValueError(
-            f'payload {values.tolist()}: no body has these inertial parameters: give the ten of '
-            'payload.yaml'
-        )
-    return values
+    inertia = np.asarray(rotor_inertia, dtype=float)
+    if inertia.shape not in ((), (n,)):
+        raise ValueError(f'{inertia.size} rotor inertias for {n} joints')
+    if not np.all(np.isfinite(inertia) & (inertia >= 0.0)):
+        raise ValueError(f'rotor inertias {inertia} must be finite and not negative [kg m^2]')
+    return np.broadcast_to(inertia, (n,)).copy()

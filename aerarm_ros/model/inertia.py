@@ -15,6 +15,8 @@ Array = npt.NDArray[np.float64]
 
 PARAMETER_NAMES = ('m', 'mcx', 'mcy', 'mcz', 'Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz', 'Izz')
 
+_ROUNDING = 1e-9  # of a pseudo-inertia: what writing parameters in decimals costs
+
 # Where Ixx, Ixy, Iyy, Ixz, Iyz, Izz stand in the tensor.
 _ROWS = np.array([0, 0, 1, 0, 1, 2])
 _COLUMNS = np.array([0, 1, 1, 2, 2, 2])
@@ -191,6 +193,21 @@ def is_physically_consistent(pi: npt.ArrayLike, tolerance: float = 0.0) -> bool:
         How far below zero an eigenvalue may lie and still count as rounding.
     """
     return minimum_eigenvalue(pi) >= -tolerance
+
+
+def checked_body(name: str, pi: npt.ArrayLike, advice: str = '') -> Array:
+    """Return a body's inertial parameters, (10,); zeros are no body, and all right.
+
+    Raises
+    ------
+    ValueError
+        If no body has them; it begins with `name` and ends with `advice`.
+    """
+    values = np.array(pi, dtype=float)
+    numbers = values.shape == (10,) and bool(np.isfinite(values).all())
+    if not numbers or not is_physically_consistent(values, _ROUNDING):
+        raise ValueError(f'{name} {values.tolist()}: no body has these inertial parameters{advice}')
+    return values
 
 
 def _parameters(pi: npt.ArrayLike) -> Array:

@@ -7,12 +7,11 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.dynamics import Dynamics, carry
-from aerarm_ros.model.inertia import is_physically_consistent
+from aerarm_ros.model.dynamics import checked_rotor_inertia
+from aerarm_ros.model.inertia import checked_body
+from aerarm_ros.model.last_link import LastLink
 
 Array = npt.NDArray[np.float64]
-
-_ROUNDING = 1e-9  # of a carrier's pseudo-inertia
 
 
 class WholeBodyDynamics:
@@ -63,32 +62,21 @@ class WholeBodyDynamics:
         self.robot = robot
         self.n = robot.n
         self._model = _on_free_joint(robot)
-        rotors = Dynamics(robot, rotor_inertia).rotor_inertia
+        rotors = checked_rotor_inertia(rotor_inertia, robot.n)
         self._model.armature = np.concatenate([np.zeros(6), rotors])
         if carrier is not None:
-            whole = self._model.inertias[1].toDynamicParameters() + _checked(carrier)
+            whole = self._model.inertias[1].toDynamicParameters() + checked_body('carrier', carrier)
             self._model.inertias[1] = pin.Inertia.FromDynamicParameters(whole)
         self.mass = float(pin.computeTotalMass(self._model))
         self._data = self._model.createData()
-        self._last_link = pin.Inertia(self._model.inertias[self._model.njoints - 1])
+        self._last_link = LastLink(self._model)
         self._q = pin.neutral(self._model)
         self._dq = np.zeros(6 + self.n)
         self._ddq = np.zeros(6 + self.n)
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Add a body to the last link, in place of one added before.
-
-        Parameters
-        ----------
-        payload : (10,) array_like
-            Inertial parameters (3.3) in the frame of the last link's joint; zeros for nothing.
-
-        Raises
-        ------
-        ValueError
-            If no body has them.
-        """
-        carry(self._model, self._last_link, payload)
+        """Add a body to the last link, see `Dynamics.carry`."""
+        self._last_link.carry(payload)
         self.mass = float(pin.computeTotalMass(self._model))
 
     def inertia_matrix(self, q: Array) -> Array:
@@ -216,11 +204,3 @@ def _on_free_joint(robot: Robot) -> Any:
         model.appendBodyToJoint(parent, source.inertias[index], pin.SE3.Identity())
     model.gravity = pin.Motion.Zero()
     return model
-
-
-def _checked(carrier: npt.ArrayLike) -> Array:
-    values = np.array(carrier, dtype=float)
-    numbers = values.shape == (10,) and bool(np.isfinite(values).all())
-    if not numbers or not is_physically_consistent(values, _ROUNDING):
-        raise ValueError(f'carrier {values.tolist()}: no body has these inertial parameters')
-    return values

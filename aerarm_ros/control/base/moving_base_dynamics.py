@@ -32,12 +32,8 @@ class MovingBaseDynamics:
 
     Parameters
     ----------
-    robot : Robot
-    rotor_inertia : float or (n,) array_like
-        Rotor inertia at the joints [kg m^2].
-    carrier : (10,) array_like, optional
-        Inertial parameters of what carries the arm, in the arm's base frame, for a base that
-        answers.
+    robot, rotor_inertia, carrier
+        As for `WholeBodyDynamics`; the carrier is that of a base that answers.
 
     Attributes
     ----------
@@ -51,8 +47,7 @@ class MovingBaseDynamics:
     Raises
     ------
     ValueError
-        If a rotor inertia is negative or not finite, or their number isn't n, or no body has
-        the carrier's parameters.
+        As `WholeBodyDynamics`.
     """
 
     def __init__(
@@ -73,18 +68,7 @@ class MovingBaseDynamics:
         self._zero = np.zeros(robot.n)
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Add a body to the last link, in place of one added before.
-
-        Parameters
-        ----------
-        payload : (10,) array_like
-            Inertial parameters (3.3) in the frame of the last link's joint; zeros for nothing.
-
-        Raises
-        ------
-        ValueError
-            If no body has them; nothing is changed then.
-        """
+        """Add a body to the last link, see `Dynamics.carry`; nothing is changed if it raises."""
         self._arm.carry(payload)
         if self.whole is not self._arm:
             self.whole.carry(payload)

@@ -33,7 +33,7 @@ from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.dynamics import checked_payload
+from aerarm_ros.model.last_link import checked_payload
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
 from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
