@@ -66,9 +66,9 @@ def _record(node: Node, folder: Path, bag: Path, seed: int) -> None:
     world = {'pace': 'lockstep', 'seed': seed}
     motion = {'seed': 1, 'periods': 2, 'subscribers': 2, 'wait_for_recorder': True}
     with NodeProcess('fake_hardware', (), world, log=folder / 'hardware.log'):
-        arm.wait_for_mode(['idle'], 60.0)
+        arm.wait_for_mode(['idle'], _PATIENCE)
         arm.call('enable')
-        arm.wait_for_mode(['ready'], 60.0)
+        arm.wait_for_mode(['ready'], _PATIENCE)
         with NodeProcess('recorder', (), {'bag': bag}, log=folder / 'recorder.log'):
             log = folder / 'excitation.log'
             with NodeProcess('excitation', (), motion, log=log) as excitation:

@@ -24,6 +24,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 
 LEAD = 2.5  # [s]
+PATIENCE = 300.0  # [s] of the host, which may be busy
 
 
 class FlightListener:
@@ -36,7 +37,7 @@ class FlightListener:
 
     def next(self) -> tuple[float, np.ndarray]:
         """Return time [s] and joint angles of the next state."""
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
             self._reader.wait(0.1)
             odometry = self._reader.take_newest(1)
@@ -47,7 +48,7 @@ class FlightListener:
             sample = self._codec.unpack(message[0]) if message else None
             if sample is not None and sample.position is not None:
                 return sample.stamp_ns * 1e-9, np.array(sample.position)
-        raise TimeoutError('no joint states for 20 s')
+        raise TimeoutError(f'no joint states for {PATIENCE:g} s')
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""
@@ -79,8 +80,8 @@ class FlightBench:
             world['drone_file'] = write_drone(drone, folder / 'true.yaml')
             wrong = drone.with_errors(case.believed, case.believed)
             law['drone_file'] = write_drone(wrong, folder / 'believed.yaml')
-            flight = {key: law[key] for key in ('drone_file', 'urdf') if key in law}
-            self._start(stack, 'flight_control', flight)
+            # It knows the arm as drawn.
+            self._start(stack, 'flight_control', {'drone_file': law['drone_file']})
         else:
             law['config'] = world['config'] = _hanging(folder / 'arm.yaml')
         # Of a late IMU the controller does not know.
@@ -105,15 +106,15 @@ class FlightBench:
         while now < begin * 1e-9 + motion.duration:
             now, q = self.listener.next()
             samples.append((now - begin * 1e-9, q))
-        self.client.wait_for_mode(['running'], 2.0)
+        self.client.wait_for_mode(['running'], 20.0)
         times = np.array([when for when, _ in samples])
         moving = motion.is_moving(times)
         q = np.array([angles for _, angles in samples])[moving]
         return times[moving], 1e3 * (q - motion.evaluate(times[moving])[0])
 
     def _get_ready(self, is_flying: bool) -> None:
-        self.client.wait_for_mode(['idle'], 60.0)
-        deadline = time.monotonic() + 60.0
+        self.client.wait_for_mode(['idle'], PATIENCE)
+        deadline = time.monotonic() + PATIENCE
         while not self.publisher.get_subscription_count():
             if self.law.returncode is not None:
                 raise ValueError(self.law.tail(1))
@@ -123,7 +124,7 @@ class FlightBench:
         if is_flying:
             self._wait_for_pilot()
         self.client.call('enable')
-        self.client.wait_for_mode(['running'], 60.0)
+        self.client.wait_for_mode(['running'], PATIENCE)
 
     def _start(
         self, stack: ExitStack, name: str, values: dict, arguments: tuple[str, ...] = ()
@@ -134,7 +135,7 @@ class FlightBench:
     def _wait_for_pilot(self) -> None:
         """Wait until the flight controller answers, so that every run begins alike."""
         reader = RawReader(self.node, topics.ROTOR_COMMAND)
-        deadline = time.monotonic() + 60.0
+        deadline = time.monotonic() + PATIENCE
         while not (reader.wait(0.1) and reader.take_newest()):
             if time.monotonic() > deadline:
                 raise TimeoutError('flight_control does not answer')
