@@ -54,9 +54,9 @@ def _serve(name: str) -> int:
 def _do(name: str) -> int:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
-        # Extension modules make an ImportError of a KeyboardInterrupt. There is nothing to leave
-        # in order yet: the signal may end the process, which shells call status 130.
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        # Extension modules make an ImportError of a KeyboardInterrupt, and there is nothing to
+        # leave in order yet.
+        signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
     main = importlib.import_module(f'aerarm_ros.nodes.{name}').main
     signal.signal(signal.SIGINT, before)
     status: int = main()

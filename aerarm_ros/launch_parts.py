@@ -33,6 +33,7 @@ from launch_ros.substitutions import FindPackageShare
 
 from aerarm_ros.launch_requirements import missing
 from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
+from aerarm_ros.ros.process.exit_status import INTERRUPTED
 
 SHARE = FindPackageShare('aerarm_ros')
 CONTROLLERS = ('gravity_compensation', 'computed_torque', 'impedance_control', 'kinematic_control')
@@ -184,11 +185,16 @@ def end(reason: str) -> EmitEvent:
 def after(
     process: Action, what: str, if_good: Action | None = None, condition: Condition | None = None
 ) -> RegisterEventHandler:
-    """Let an action follow a process; if that fails, launch ends with exit status 1."""
+    """Let an action follow a process; if that fails, launch ends with exit status 1.
+
+    To be cut short is no failure while launch itself is being ended.
+    """
 
     def choose(event: ProcessExited, context: LaunchContext) -> Action | None:
+        if context.is_shutdown and event.returncode in (0, INTERRUPTED):
+            return None
         if event.returncode == 0:
-            return None if context.is_shutdown else if_good
+            return if_good
         return OpaqueFunction(function=_fail, args=[f'{what}: exit status {event.returncode}'])
 
     handler = OnProcessExit(target_action=process, on_exit=choose)

@@ -28,7 +28,7 @@ from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
 from aerarm_ros.ros.playback.motion_playback import MotionPlayback
-from aerarm_ros.ros.process.exit_status import INTERRUPTED
+from aerarm_ros.ros.process.exit_status import INTERRUPTED, print_error
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.stop_signals import StopSignals
 from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
@@ -124,6 +124,7 @@ class ExcitationNode:
         start = self._playback.wait_for_arm(self._parameters.wait_timeout)
         if start is None:
             self.status = INTERRUPTED
+            print_error(NAME, 'interrupted before the motion began')
             return
         motion = self._setup.planner.plan(
             self._trajectory,

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
 from aerarm_ros.experiment.experiment_bench import ExperimentBench
 from aerarm_ros.experiment.experiment_case import ExperimentCase, all_cases
 from aerarm_ros.experiment.experiment_report import ExperimentReport
+from aerarm_ros.ros.process.exit_status import INTERRUPTED, print_error
+from aerarm_ros.ros.process.stop_signals import StopSignals
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 NAME = 'experiment'
@@ -43,8 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     bench, report = ExperimentBench(config, robot, truth, motion), ExperimentReport(robot)
     print(f'{len(cases)} runs of {motion.duration:.0f} s; plant: {origin}', flush=True)
     try:
-        for index, case in enumerate(cases, start=1):
-            _run(bench, report, case, f'{index}/{len(cases)}')
+        with StopSignals(_interrupt):
+            for index, case in enumerate(cases, start=1):
+                _run(bench, report, case, f'{index}/{len(cases)}')
+    except KeyboardInterrupt:
+        print_error(NAME, 'interrupted, no page was written')
+        return INTERRUPTED
     except RuntimeError as error:
         print(f'{NAME}: {error}', file=sys.stderr)
         return 1
@@ -59,6 +66,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     report.write(path, note)
     print(f'\nPage      {path}')
     return 0
+
+
+def _interrupt() -> NoReturn:
+    raise KeyboardInterrupt
 
 
 def _cases(text: str) -> list[ExperimentCase]:

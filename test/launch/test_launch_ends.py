@@ -37,13 +37,14 @@ class Launched:
 
     def until(self, said: str) -> None:
         assert self.process.stdout
-        for line in self.process.stdout:
+        while said not in self.output:
+            line = self.process.stdout.readline()
+            assert line, f'{said!r} was not said:\n{self.output}'
             self.output += line
             if 'process started with pid [' in line:
                 self.started.append(int(line.rpartition('[')[2].rstrip(']\n')))
-            if said in line:
-                return
-        pytest.fail(f'{said!r} was not said:\n{self.output}')
+        # A signal while launch is printing would lose it the process it prints of.
+        time.sleep(0.5)
 
     def rest(self) -> str:
         self.output += self.process.communicate(timeout=60.0)[0]
@@ -124,6 +125,21 @@ def test_two_signals_are_an_ordinary_end(launched: Launched, pause: float) -> No
     output = launched.rest()
     assert launched.process.returncode == 0, output
     assert 'has died' not in output
+    assert 'Traceback' not in output
+
+
+def test_a_motion_that_is_cut_short_is_an_ordinary_end(
+    tmp_path: Path, ros_domain: dict[str, str]
+) -> None:
+    launched = Launched('identification.launch.py', f'out:={tmp_path / "run"}')
+    launched.until('[fake_hardware]: running')
+    for pid in [launched.process.pid, *launched.started]:  # as a terminal does
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGINT)
+    output = launched.rest()
+    assert launched.process.returncode == 0, output
+    assert 'excitation: stopped' in output
+    assert 'identifier' not in output
     assert 'Traceback' not in output
 
 

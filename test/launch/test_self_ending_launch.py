@@ -89,6 +89,13 @@ def test_without_a_bridge_nobody_waits_for_the_arm(
     assert 'Caught exception in launch (see debug for traceback): bridge: exit status 1' in output
 
 
+def test_real_boards_are_of_the_given_urdf(renamed_urdf: Path, ros_domain: dict[str, str]) -> None:
+    # The packaged configuration: the bridge must miss its joints there.
+    status, output = ros2_launch('bringup', 'hardware:=spi', f'urdf:={renamed_urdf}')
+    assert status == 1, output[-3000:]
+    assert f'not configured: {renamed_urdf}: ' in output
+
+
 @pytest.mark.parametrize(
     ('file', 'argument', 'choices'),
     [

@@ -142,6 +142,11 @@ class MotionPlayback:
                 self._answer(player, *newest, listener)
                 if progress.due(newest[0], player.stage):
                     progress.show(_progress_text(player))
+        except ExcitationError as error:
+            if not self.stop_asked:
+                raise
+            # Who ends everything at once ends the bridge too, which waits for nobody.
+            self._logger.info(f'stopped, and not brought to rest: {error}')
         finally:
             self.damping.end(time.time_ns())
             progress.close()

@@ -125,10 +125,12 @@ def _run_node(
             node = create()
         except ValueError as error:
             return _report(name, error)
-        if interruption.is_asked and node.status:
-            node.status = INTERRUPTED
         interruption.during(node.run)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except KeyboardInterrupt:
+        if node is not None and node.status:  # it had something to do
+            node.status = INTERRUPTED
+            print_error(name, 'interrupted before it was done')
+    except ExternalShutdownException:
         pass
     except (RCLInvalidROSArgsError, UnknownROSArgsError) as error:
         return _report(name, error, USER_ERROR)

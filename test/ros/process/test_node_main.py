@@ -50,6 +50,14 @@ def test_ordinary_ends(ros_domain, action) -> None:
     assert not rclpy.ok()
 
 
+def test_what_had_something_to_do_was_cut_short(ros_domain, capsys) -> None:
+    node = Script(raising(KeyboardInterrupt()))
+    node.status = 1
+    assert run_node('script', lambda: node, []) == 130
+    assert capsys.readouterr().err == 'script: interrupted before it was done\n'
+    assert node.closed == 1
+
+
 def test_the_status_of_the_node_is_the_exit_status(ros_domain) -> None:
     node = Script(lambda: setattr(node, 'status', 3))
     assert run_node('script', lambda: node, []) == 3
