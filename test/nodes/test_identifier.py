@@ -4,6 +4,7 @@ import json
 import shutil
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 import rclpy
@@ -13,7 +14,7 @@ from identifier_process import JOINTS, identifier, measured, motion, write_bag, 
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.model.inertia import from_pseudo_inertia, is_physically_consistent
 
-FILES = ['estimate.yaml', 'identified.urdf', 'report.html', 'summary.json']
+FILES = ['estimate.yaml', 'identified.urdf', 'identified.xml', 'report.html', 'summary.json']
 
 
 @pytest.fixture(scope='module')
@@ -89,6 +90,15 @@ def test_a_payload_is_weighed_and_slow_solvers_run_on_demand(
     assert summary['payload']['mass'] == payload['payload']['mass']
     assert set(summary['solvers']) == {'cad', 'ols', 'huber', 'sdp'}
     assert 'carried by link4' in (out / 'report.html').read_text()
+
+
+def test_mujoco_loads_what_was_identified(run: tuple[str, Path], robot: Robot) -> None:
+    model = mujoco.MjModel.from_xml_path(str(run[1] / 'identified.xml'))
+    identified = load_robot(run[1] / 'identified.urdf')
+    parameters = yaml.safe_load((run[1] / 'estimate.yaml').read_text())['/**']['ros__parameters']
+    assert model.body_mass[1:] == pytest.approx(identified.inertial_parameters[:, 0])
+    assert model.dof_damping == pytest.approx(identified.viscous)
+    assert model.dof_armature == pytest.approx(parameters['rotor_inertia'])
 
 
 def test_urdf_reloads_and_is_physical(run: tuple[str, Path], robot: Robot) -> None:

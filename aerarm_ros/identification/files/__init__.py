@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'estimate_file': ['estimate_yaml', 'payload_yaml'],
-        'estimate_reader': ['read_estimate'],
+        'estimate_reader': ['read_estimate', 'read_gravity'],
         'identified_urdf': ['IdentifiedUrdf'],
         'result_directory': ['MARKER', 'ResultDirectory'],
         'summary': ['summarise', 'term_text'],

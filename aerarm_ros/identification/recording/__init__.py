@@ -16,6 +16,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'identification_error': ['IdentificationError'],
         'recording': ['JointMapping', 'JointStates', 'Recording', 'recording_from_states'],
         'stamps': ['sound_messages'],
+        'table_file': ['TABLES', 'TableOptions', 'TableStates', 'read_table'],
         'units': ['check_units'],
         'used_span': ['RUNNING', 'UsedSpan', 'commanded_span', 'moving_span', 'running_span'],
     },

@@ -22,6 +22,7 @@ from aerarm_ros.identification.recording.recording import (
     Recording,
     recording_from_states,
 )
+from aerarm_ros.identification.recording.table_file import TABLES, TableOptions, read_table
 from aerarm_ros.identification.recording.used_span import commanded_span, running_span
 
 _COMMAND, _MODE, _DIAGNOSTICS = 'joint_command', 'arm_mode', 'diagnostics'
@@ -51,6 +52,8 @@ class IdentifierBags:
         From the bags' joints to the arm's.
     limits : ReadLimits, optional
         What reading a bag may take, whatever it holds.
+    table : TableOptions, optional
+        What tables don't say of themselves.
 
     Attributes
     ----------
@@ -69,7 +72,9 @@ class IdentifierBags:
         joint_names: tuple[str, ...],
         mapping: JointMapping,
         limits: ReadLimits | None = None,
+        table: TableOptions | None = None,
     ) -> None:
+        self._table = table or TableOptions()
         self._topic = '/' + topic.lstrip('/')
         self._joint_names = joint_names
         self._mapping = mapping
@@ -88,7 +93,7 @@ class IdentifierBags:
         Parameters
         ----------
         path : Path
-            rosbag2 directory or .mcap file.
+            rosbag2 directory, .mcap or .db3 file; or a table, .csv or .npz.
         name : str
             For tables and messages.
 
@@ -99,6 +104,8 @@ class IdentifierBags:
         IdentificationError
             If what it holds can't be identified from.
         """
+        if path.suffix.lower() in TABLES and path.is_file():
+            return self._read_table(path, name)
         told: list[str] = []
         others = [self._beside(topic) for topic in (_COMMAND, _MODE, _DIAGNOSTICS)]
         try:
@@ -122,6 +129,12 @@ class IdentifierBags:
         self.messages += facts.warnings(name, len(states) + contents.left_out)
         desired = None if commands is None else self._velocities(commands, recording)
         return RecordedBag(recording, facts, desired)
+
+    def _read_table(self, path: Path, name: str) -> RecordedBag:
+        states = read_table(path, self._joint_names, self._table)
+        recording = recording_from_states(name, states, self._joint_names, self._mapping)
+        used = recording.span.text if recording.span else 'whole table'
+        return RecordedBag(recording, BagFacts(used), None)
 
     def _beside(self, topic: str) -> str:
         return f'{self._topic.rpartition("/")[0]}/{topic}'

@@ -19,7 +19,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--bag',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
-        'bags to identify from',
+        'bags to identify from; also .mcap, .db3, .csv and .npz files',
     ),
     (
         '--validation',
@@ -55,6 +55,16 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         '--topic',
         {'default': '/joint_states', 'metavar': 'NAME'},
         'JointState topic (default: %(default)s)',
+    ),
+    (
+        '--rate',
+        {'type': float, 'metavar': 'HZ'},
+        'of the rows of a .csv or .npz without a column of time',
+    ),
+    (
+        '--degrees',
+        {'action': 'store_true'},
+        'positions and velocities of .csv and .npz are in degrees',
     ),
     (
         '--bag-ratio',

@@ -19,10 +19,12 @@ from aerarm_ros.identification.assessment.truth import inertial_torque_errors, l
 from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.files.equivalent_friction import equivalent_friction
 from aerarm_ros.identification.files.estimate_file import estimate_yaml, payload_yaml
+from aerarm_ros.identification.files.identified_mjcf import identified_mjcf
 from aerarm_ros.identification.files.identified_urdf import identified_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.parameters.joint_term import TermKind
 from aerarm_ros.identification.parameters.link_bounds import LinkBounds
 from aerarm_ros.identification.payload.identify_payload import identify_payload
 from aerarm_ros.identification.payload.payload import Payload
@@ -32,6 +34,7 @@ from aerarm_ros.identification.recording.recording import (
     JointMapping,
     Recording,
 )
+from aerarm_ros.identification.recording.table_file import TableOptions
 from aerarm_ros.identification.report.report import ReportExtras, report_html
 from aerarm_ros.identification.solvers.solvers import FAST
 from aerarm_ros.identification.stopwatch import Stopwatch
@@ -39,7 +42,10 @@ from aerarm_ros.ros.programs.identifier_bags import IdentifierBags, RecordedBag
 from aerarm_ros.ros.programs.identifier_table import terminal_table
 
 _MB = 2**20  # bytes
-_FILES = ('estimate.yaml', 'identified.urdf', 'payload.yaml', 'report.html', MARKER)
+_FILES = (
+    *('estimate.yaml', 'identified.urdf', 'identified.xml', 'payload.yaml', 'report.html'),
+    MARKER,
+)
 
 
 class IdentifierRun:
@@ -75,7 +81,8 @@ class IdentifierRun:
             },
         )
         limits = ReadLimits(_MB * options.bag_part, options.bag_ratio)
-        self._bags = IdentifierBags(options.topic, self._robot.joint_names, mapping, limits)
+        table = TableOptions(options.rate, options.degrees)
+        self._bags = IdentifierBags(options.topic, self._robot.joint_names, mapping, limits, table)
         self._read_bags: dict[str, RecordedBag] = {}
 
     def execute(self) -> str:
@@ -190,6 +197,9 @@ class IdentifierRun:
             tell(urdf.warnings)
             result.warnings.extend(urdf.warnings)
             directory.write('identified.urdf', urdf.text)
+            rotors = estimate.joint_values(TermKind.ROTOR.value)
+            mjcf = identified_mjcf(result.robot, estimate.inertial, viscous, coulomb, rotors)
+            directory.write('identified.xml', mjcf)
             if payload is not None:
                 directory.write('payload.yaml', payload_yaml(estimate, payload))
             extras = replace(self._extras(result), payload=payload)

@@ -15,6 +15,7 @@ from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.storage.bag_error import BagError
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.recording.recording import JointMapping
+from aerarm_ros.identification.recording.table_file import TableOptions
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags
 
 JOINTS = ('a', 'b')
@@ -62,6 +63,21 @@ def test_states_and_desired_velocities(bag: Path) -> None:
     wanted = np.interp(desired.time, recording.time, recording.dq[:, 0])
     assert np.allclose(desired.dq[:, 0], 2.0 * wanted, atol=1e-3)
     assert not reader.messages
+
+
+def test_a_table_is_a_bag_without_commands(tmp_path: Path) -> None:
+    angle = 0.05 * np.arange(COUNT)
+    values = np.column_stack([np.degrees(np.sin(angle)), np.degrees(np.cos(angle)), angle, -angle])
+    path = tmp_path / 'motion.CSV'
+    np.savetxt(path, values, header='q_a,q_b,tau_a,tau_b', comments='', delimiter=',')
+    table = TableOptions(rate=100.0, degrees=True)
+    reader = IdentifierBags('/joint_states', JOINTS, JointMapping({}), table=table)
+    read = reader.read(path, 'motion')
+    assert read.desired is None
+    assert read.recording.dq is None
+    assert np.allclose(np.diff(read.recording.time), 0.01)
+    assert np.ptp(read.recording.q, axis=0) == pytest.approx([2.0, 2.0], abs=0.01)
+    assert read.facts.lost is None
 
 
 @pytest.mark.parametrize(('missed', 'said'), [(20, ['4.8 %']), (4, [])])

@@ -1,0 +1,118 @@
+"""Tables are read as bags are, and what they lack is said."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.recording.table_file import TableOptions, read_table
+
+JOINTS = ('shoulder_pan', 'elbow')
+T = np.arange(0.0, 1.0, 0.01)
+Q = np.column_stack([np.sin(T), np.cos(T)])
+DQ = np.column_stack([np.cos(T), -np.sin(T)])
+TAU = np.column_stack([T, 2.0 * T])
+
+
+def csv(path: Path, header: str, *columns: np.ndarray, delimiter: str = ',') -> Path:
+    np.savetxt(path, np.column_stack(columns), header=header, comments='', delimiter=delimiter)
+    return path
+
+
+@pytest.mark.parametrize(
+    ('header', 'delimiter'),
+    [
+        (
+            'time,q_shoulder_pan,q_elbow,dq_shoulder_pan,dq_elbow,tau_shoulder_pan,tau_elbow',
+            ',',
+        ),
+        ('"t";q1;q2;dq1;dq2;tau1;tau2', ';'),
+        ('Time\tq[0]\tq[1]\tqd[0]\tqd[1]\ttorque[0]\ttorque[1]', '\t'),
+        (
+            'stamp, shoulder_pan.position [rad], elbow.position [rad], shoulder_pan.velocity, '
+            'elbow.velocity, shoulder_pan.effort (Nm), elbow.effort (Nm)',
+            ',',
+        ),
+    ],
+)
+def test_columns_are_known_by_their_names(tmp_path: Path, header: str, delimiter: str) -> None:
+    path = csv(tmp_path / 'a.csv', header, T, Q, DQ, TAU, delimiter=delimiter)
+    states = read_table(path, JOINTS)
+    assert states.names == JOINTS
+    for found, true in (
+        (states.stamp, T),
+        (states.position, Q),
+        (states.velocity, DQ),
+        (states.effort, TAU),
+    ):
+        np.testing.assert_allclose(found, true, atol=1e-15)
+
+
+def test_other_columns_are_passed_over_and_what_is_missing_is_unknown(tmp_path: Path) -> None:
+    header = 'cycle,tau1,temperature_elbow,tau2,q2,q1'
+    path = csv(tmp_path / 'a.csv', header, T, TAU[:, 0], T, TAU[:, 1], Q[:, 1], Q[:, 0])
+    states = read_table(path, JOINTS, TableOptions(rate=100.0))
+    order = [states.names.index(name) for name in JOINTS]
+    np.testing.assert_allclose(states.position[:, order], Q)
+    np.testing.assert_allclose(states.stamp, T, atol=1e-12)
+    assert np.isnan(states.velocity).all()
+
+
+@pytest.mark.parametrize(('unit', 'degrees'), [('', True), (' [deg]', False)])
+def test_degrees_become_radians(tmp_path: Path, unit: str, degrees: bool) -> None:
+    header = f'time,q1{unit},q2{unit},dq1{unit},dq2{unit},tau1,tau2'
+    path = csv(tmp_path / 'a.csv', header, T, np.degrees(Q), np.degrees(DQ), TAU)
+    states = read_table(path, JOINTS, TableOptions(degrees=degrees))
+    np.testing.assert_allclose(states.position, Q)
+    np.testing.assert_allclose(states.velocity, DQ)
+    np.testing.assert_allclose(states.effort, TAU)
+
+
+@pytest.mark.parametrize('names', [None, ('elbow', 'shoulder_pan')])
+def test_arrays(tmp_path: Path, names: tuple[str, str] | None) -> None:
+    more = {} if names is None else {'joint_names': np.array(names)}
+    np.savez(tmp_path / 'a.npz', time=T, q=Q, velocity=DQ, torques=TAU, other=np.eye(7), **more)
+    states = read_table(tmp_path / 'a.npz', JOINTS)
+    assert states.names == (names or JOINTS)
+    np.testing.assert_array_equal(states.position, Q)
+    np.testing.assert_array_equal(states.velocity, DQ)
+    np.testing.assert_array_equal(states.effort, TAU)
+
+
+@pytest.mark.parametrize(
+    ('header', 'columns', 'words'),
+    [
+        ('q1,q2,tau1,tau2', (Q, TAU), 'no column of time: .*--rate'),
+        ('time,q1,q2,tau1', (T, Q, T), 'no effort of elbow: name its column tau_elbow'),
+        ('time,a,b', (T, Q), 'no position of any joint'),
+        ('0.0,1.0,2.0', (T, Q), 'the first line must name the columns'),
+        ('time,q1,q2', (T, Q, TAU), '3 names for 5 columns'),
+        ('time,q1,q1,tau1,tau2', (T, Q, TAU), 'more than one column is the position of'),
+    ],
+)
+def test_what_is_wrong_is_said(tmp_path: Path, header: str, columns, words: str) -> None:
+    path = csv(tmp_path / 'a.csv', header, *columns)
+    with pytest.raises(IdentificationError, match=words):
+        read_table(path, JOINTS)
+
+
+def test_files_that_are_none(tmp_path: Path) -> None:
+    with pytest.raises(IdentificationError, match='check the path'):
+        read_table(tmp_path / 'none.csv', JOINTS)
+    for name, content in (('a.csv', b'time,q1\n1.0,two\n'), ('a.npz', b'PK nothing')):
+        path = tmp_path / name
+        path.write_bytes(content)
+        with pytest.raises(IdentificationError, match='is no table of numbers'):
+            read_table(path, JOINTS)
+    np.savez(tmp_path / 'b.npz', time=T, q=Q[:, :1], tau=TAU)
+    with pytest.raises(IdentificationError, match=r'q is \(100, 1\), not \(M, 2\)'):
+        read_table(tmp_path / 'b.npz', JOINTS)
+    np.savez(tmp_path / 'c.npz', time=T[:50], q=Q, tau=TAU)
+    with pytest.raises(IdentificationError, match='differ in length'):
+        read_table(tmp_path / 'c.npz', JOINTS)
+    np.savez(tmp_path / 'd.npz', time=T, q=np.array([{}], dtype=object), tau=TAU)
+    with pytest.raises(IdentificationError, match='is no table of numbers'):
+        read_table(tmp_path / 'd.npz', JOINTS)
+    with pytest.raises(IdentificationError, match='--rate 0 must be'):
+        TableOptions(rate=0.0)
