@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from aerarm_msgs_py import topics
+from aerarm_ros.control.base.feedback_check import largest_delay
 from aerarm_ros.control.checks.gains import non_negative
 from aerarm_ros.control.compensation.error_integral import ErrorIntegral
 from aerarm_ros.control.control_loop import ControlLoop
@@ -66,6 +67,7 @@ class ComputedTorqueNode(ControllerNode):
             self.law = ComputedTorque(dynamics, kp, kd, integral, friction)
         else:
             self.law = BoardComputedTorque(dynamics, integral, friction)
+        self._feedback_gain = arm.feedback_gain(values)
         self.follower = arm.follower(values)
         observer = arm.observer(values, dynamics, friction)
         limit = arm.compensation_max(values)
@@ -93,9 +95,16 @@ class ComputedTorqueNode(ControllerNode):
             non_negative(name, one_or_each(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
-        """Say how the motion goes."""
-        motion = {'motion': self.follower.status, 'last motion': self.follower.outcome}
-        return {**super().describe(), **motion}
+        """Say how the motion goes, and under a drone what delay of a command is borne."""
+        values: dict[str, object] = {
+            'motion': self.follower.status,
+            'last motion': self.follower.outcome,
+        }
+        if self.arm.drone is not None and isinstance(self.law, ComputedTorque):
+            gains = zip(self.law.kp.tolist(), self.law.kd.tolist(), strict=True)
+            delay = min(largest_delay(self._feedback_gain, *pair) for pair in gains)
+            values['delay borne [ms]'] = round(1e3 * delay, 1)
+        return {**super().describe(), **values}
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -74,6 +74,13 @@ def dynamics(robot: Robot, config: ArmConfig) -> MovingBaseDynamics:
 
 
 @pytest.fixture
+def carried(robot: Robot, config: ArmConfig) -> MovingBaseDynamics:
+    """Return the arm under a body of 2 kg, which is at the base's origin."""
+    carrier = [2.0, 0.0, 0.0, 0.0, 0.02, 0.0, 0.02, 0.0, 0.0, 0.03]
+    return MovingBaseDynamics(robot, config.column('reflected_inertia'), carrier)
+
+
+@pytest.fixture
 def parameters(config: ArmConfig, robot: Robot) -> PlantParameters:
     """Return the plant's parameters: the model's own."""
     return PlantParameters.nominal(config, robot)

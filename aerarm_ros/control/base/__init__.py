@@ -17,7 +17,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'base_reaction': ['BaseReaction'],
         'answer_correction': ['AnswerCorrection'],
         'drone_in_base': ['carrier_parameters', 'wrench_per_thrust'],
-        'feedback_check': ['check_feedback', 'largest_feedback_gain'],
+        'feedback_check': ['check_feedback', 'largest_delay', 'largest_feedback_gain'],
         'free_base_estimator': ['FreeBaseEstimator'],
         'free_base_motion': ['FreeBaseMotion'],
         'frame_conversion': [

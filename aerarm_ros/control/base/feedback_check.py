@@ -38,3 +38,24 @@ def check_feedback(drone: DroneConfig, robot: Robot, rotor_inertia: npt.ArrayLik
             f"arm's torque does to the drone comes back by the IMU {gain:.2g} times as large, and "
             f"{LARGEST_GAIN:g} is safe: use 'free', or 'attitude'"
         )
+
+
+def largest_delay(gain: float, kp: float, kd: float) -> float:
+    """Return the delay [s] up to which feedback of computed torque is stable on a free base.
+
+    A base that gives way makes joints lighter than the law takes them for, by up to `1 + gain`. The
+    loop is then `(1 + gain) (kd s + kp) / s^2`, and this is its phase margin over its crossover.
+
+    Parameters
+    ----------
+    gain : float
+        `WholeBodyDynamics.feedback_gain`; 0 for a fixed base.
+    kp, kd : float
+        [1/s^2], [1/s]; without both there is no feedback, and any delay will do.
+    """
+    stiffness, damping = (1.0 + gain) * kp, (1.0 + gain) * kd
+    half = 0.5 * damping**2
+    crossover = np.sqrt(half + np.hypot(half, stiffness))
+    if crossover == 0.0:
+        return np.inf
+    return float(np.arctan2(damping * crossover, stiffness) / crossover)

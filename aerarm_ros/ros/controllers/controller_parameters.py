@@ -19,7 +19,7 @@ from aerarm_ros.control.base.base_motion_estimator import (
     BaseMotionEstimator,
 )
 from aerarm_ros.control.base.drone_in_base import carrier_parameters
-from aerarm_ros.control.base.feedback_check import check_feedback
+from aerarm_ros.control.base.feedback_check import check_feedback, largest_feedback_gain
 from aerarm_ros.control.base.free_base_estimator import FREE, FreeBaseEstimator
 from aerarm_ros.control.base.mount import Mount
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
@@ -187,6 +187,15 @@ class ControlledArm:
     def hovering_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
         """Return the estimator for what tells a drone of the arm: it must not be fed back."""
         return self._moved_base(values, HOVER)
+
+    def feedback_gain(self, values: SimpleNamespace) -> float:
+        """Return how much lighter than on a fixed base joints may be, less one; 0 if unknown."""
+        if self.drone is None:
+            return 0.0
+        carrier = carrier_parameters(self.drone)
+        return largest_feedback_gain(
+            WholeBodyDynamics(self.robot, self._rotor_inertia(values), carrier)
+        )
 
     def _free_base(self, values: SimpleNamespace) -> FreeBaseEstimator:
         drone = self.drone

@@ -58,13 +58,6 @@ def test_torques_match_the_physics_engine_on_a_moving_base(dynamics, make_flying
         np.testing.assert_allclose(dynamics.inverse(*joints, base), engine, atol=1e-9)
 
 
-@pytest.fixture
-def carried(robot, config) -> MovingBaseDynamics:
-    """Return the arm under the body of `make_flying_arm`, which is at the base's origin."""
-    carrier = [2.0, 0.0, 0.0, 0.0, 0.02, 0.0, 0.02, 0.0, 0.0, 0.03]
-    return MovingBaseDynamics(robot, config.column('reflected_inertia'), carrier)
-
-
 def samples(seed: int) -> list:
     """Return attitude, twist and acceleration (6,), q, dq, ddq (3, 4), ten times."""
     random = np.random.default_rng(seed)

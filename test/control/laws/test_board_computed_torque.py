@@ -1,6 +1,7 @@
 """Feed-forward from the host, feedback on the boards."""
 
 import numpy as np
+from answering_base import answering_base, joint_acceleration
 
 from aerarm_ros.control.compensation.error_integral import ErrorIntegral
 from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
@@ -19,6 +20,14 @@ def test_commands_the_reference_and_the_torque_that_makes_it(dynamics) -> None:
     np.testing.assert_array_equal(command.dq, reference.dq)
     # Applied to the arm on the reference, it gives the wanted acceleration.
     ddq = dynamics.fixed.forward(reference.q, reference.dq, command.tau)
+    np.testing.assert_allclose(ddq, reference.ddq, atol=1e-9)
+
+
+def test_on_a_free_base_it_is_the_torque_that_makes_it_there(carried) -> None:
+    reference = JointReference(UPRIGHT + 0.1, np.full(4, 0.3), np.full(4, 2.0))
+    state = ArmState(UPRIGHT, np.zeros(4), np.zeros(4))
+    command = BoardComputedTorque(carried).update(state, reference, CYCLE, answering_base())
+    ddq = joint_acceleration(carried, reference.q, reference.dq, command.tau)
     np.testing.assert_allclose(ddq, reference.ddq, atol=1e-9)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from answering_base import answering_base, joint_acceleration
 
 from aerarm_ros.control.laws.cartesian_impedance import CartesianImpedance
 from aerarm_ros.model.kinematics import Kinematics
@@ -113,3 +114,16 @@ def test_torques_stay_bounded_at_the_singular_wrist(robot, dynamics, postures) -
 def test_negative_stiffness_is_refused(dynamics, kinematics) -> None:
     with pytest.raises(ValueError, match='stiffness'):
         CartesianImpedance(dynamics, kinematics, -1.0, DAMPING, START)
+
+
+def test_on_a_free_base_the_tool_is_the_same_spring(carried, kinematics) -> None:
+    """What the base's answer does to the tool, seen from the base, is in the law."""
+    law = CartesianImpedance(
+        carried, kinematics, STIFFNESS, DAMPING, START, rest_stiffness=0.0, regularisation=1e-4
+    )
+    wanted = np.array([0.8, -0.5, 0.3])
+    reference = TaskReference(kinematics.position(START), np.zeros(3), wanted)
+    state = ArmState(START, np.zeros(4), np.zeros(4))
+    tau = law.update(state, reference, CYCLE, answering_base()).tau
+    ddq = joint_acceleration(carried, START, np.zeros(4), tau)
+    np.testing.assert_allclose(kinematics.position_jacobian(START) @ ddq, wanted, atol=1e-5)
