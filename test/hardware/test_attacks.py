@@ -38,6 +38,24 @@ def test_joint_2_with_the_rated_payload_stops_before_its_limit(config, robot, mo
     assert abs(log.dq[-1, 1]) < 0.05
 
 
+@pytest.mark.parametrize('mode', ['full law', 'effort'])
+def test_a_base_that_is_turned_over_makes_no_joint_too_fast(config, robot, mode):
+    # All that the bridge knows of the weight, with the rated payload, is the wrong way round.
+    start, up = [0.0, -0.3, 0.0, 0.0], [0.0, 0.0, 9.81]
+    payload = config.rated_payload[0]
+    rig = AttackRig(config, robot, posture=start, payload=payload, gravity=up).bring_up()
+    ahead, push = np.array([0.0, 0.4, 0.0, 0.0]), np.array([0.0, PUSH, 0.0, 0.0])
+
+    def offer(rig: AttackRig) -> Offer:
+        if mode == 'effort':
+            return Offer(effort=push)
+        return Offer(rig.bridge.q + ahead, 0.5 * push, push)
+
+    log = rig.run(0.7, offer)
+    assert 1.0 < log.speed_ratio(config)[1] < 1.09
+    assert log.beyond(config).max() < BEYOND_MAX
+
+
 def test_a_joint_may_be_led_up_to_its_limit(config, robot):
     top = config.column('position_max')
     start = [0.0, np.pi / 2, 0.0, top[3] - 0.3]

@@ -14,9 +14,16 @@ _FASTEST = 250.0
 # The approach to a limit is this much slower than what holds the joint to it.
 _APPROACH_SHARE = 0.25
 # What the arm carries beyond what is known of it is found from how it moves: with this time
-# constant [s], up to this share of the largest torque.
+# constant [s], up to this share of the largest torque, ...
 _DISTURBANCE_TIME = 5e-3
 _DISTURBANCE_SHARE = 0.15
+# ... and of what is beyond that a part at a time, while the joint is faster than this share of its
+# limit, to which it would add. A base turned over, which nobody tells the bridge, takes twice the
+# arm's weight from a joint. At a slow joint counts of the encoder look like that: it fades [s].
+_TURNED_PART = 0.2
+_TURNED_SHARE = 2.0  # of the largest torque, which holds the weight
+_TURNED_SPEED_SHARE = 0.5
+_TURNED_FADING = 0.03
 # Between two measurements further apart [s] the torque was another one than is known.
 _APART = 5e-3
 _SPEED_NOISE = 0.15  # [rad/s] of a speed made of counts, without its low-pass
@@ -79,6 +86,8 @@ class JointBarrier:
         '_position_min',
         '_return',
         '_speed',
+        '_turned',
+        '_turned_max',
         'dq',
         'far',
         'filtered',
@@ -101,6 +110,7 @@ class JointBarrier:
         self._return = _RETURN_SHARE * joint.velocity_max
         self._lag = settings.velocity_lag
         self._disturbance_max = _DISTURBANCE_SHARE * joint.effort_max
+        self._turned_max = _TURNED_SHARE * joint.effort_max
         self._gain_max = joint.effort_max / (_FULL_TORQUE_SHARE * joint.velocity_max)
         slowest = min(_FASTEST, self._gain_max / inertia_max)
         self._approach = min(joint.velocity_max / settings.soft_zone, _APPROACH_SHARE * slowest)
@@ -117,7 +127,7 @@ class JointBarrier:
         """Forget what the joint did: its speed is taken as measured."""
         self._is_known = False  # how fast it was, and what pulled at it
         self._last_speed, self._speed, self._acceleration = 0.0, 0.0, 0.0
-        self._disturbance = 0.0
+        self._disturbance = self._turned = 0.0
 
     def speed(self, distance: float) -> float:
         """Return the speed [rad/s] from which the joint stops within a distance [rad]."""
@@ -157,7 +167,7 @@ class JointBarrier:
         if interval > 0.0 or not self._is_known:
             self._take(dq, inertia, interval)
         speed = self._speed
-        self.load = load = load + self._disturbance
+        self.load = load = load + self._disturbance + self._turned
         acceleration = (effort - load) / inertia
         # After a pause nobody knows what torque the last reference made of the motion.
         led = min(age, _APART) * acceleration
@@ -183,11 +193,16 @@ class JointBarrier:
 
     def _observe(self, speed: float, inertia: float, interval: float) -> None:
         """Learn from a speed [rad/s] what the torque of the last interval [s] did not do."""
-        missing = self._acceleration - (speed - self._speed) / interval
-        share = interval / (_DISTURBANCE_TIME + interval)
+        missing = inertia * (self._acceleration - (speed - self._speed) / interval)
+        learned = self._disturbance + interval / (_DISTURBANCE_TIME + interval) * missing
         largest = self._disturbance_max
-        learned = self._disturbance + share * inertia * missing
         self._disturbance = min(max(learned, -largest), largest)
+        if abs(speed) > _TURNED_SPEED_SHARE * self._fastest:
+            turned = self._turned + _TURNED_PART * (learned - self._disturbance)
+            largest = self._turned_max
+            self._turned = min(max(turned, -largest), largest)
+        else:
+            self._turned *= _TURNED_FADING / (_TURNED_FADING + interval)
 
     def _without_lag(self, dq: float, interval: float) -> float:
         """Return the speed now [rad/s] of the board's low-passed one, an interval [s] later."""

@@ -102,6 +102,23 @@ def test_an_unknown_load_is_learned_from_the_motion():
 
 def test_what_is_learned_is_bounded():
     assert seen(effort=9.0, load=0.0).load == pytest.approx(0.15 * JOINT.effort_max)
+    assert seen(dq=4.0, effort=99.0).load == pytest.approx(2.15 * JOINT.effort_max)
+    assert seen(dq=-4.0, effort=-99.0).load == pytest.approx(-2.15 * JOINT.effort_max)
+
+
+def test_of_a_fast_joint_more_is_learned_which_fades_when_it_is_slow():
+    """On a base turned over: 6 Nm less than known, of which 1.4 are learned at any speed."""
+    barrier = make_barrier()
+    for _ in range(100):  # 6 Nm of torque on 0 of load, and it does not get faster
+        barrier.update(0.0, 4.0, 6.0, 0.0, INERTIA, DT, DT)
+    assert barrier.load == pytest.approx(6.0, abs=0.3)
+    assert barrier.highest == pytest.approx(6.0 + 250.0 * INERTIA * (5.25 - 4.0), abs=0.4)
+    loads = []
+    for _ in range(100):
+        barrier.update(0.0, 1.0, 6.0, 0.0, INERTIA, DT, DT)
+        loads.append(barrier.load)
+    assert loads[-1] == pytest.approx(0.15 * JOINT.effort_max, abs=0.2)
+    assert loads[20] - loads[-1] == pytest.approx(2.0 * (loads[41] - loads[-1]), rel=0.15)
 
 
 def test_a_pause_teaches_nothing_and_is_looked_beyond():
