@@ -1,1 +1,18 @@
-"""ROS 2 suite for a light four-joint arm that hangs under a drone."""
+"""ROS 2 suite for a light four-joint arm that hangs under a drone.
+
+From Python, for any serial arm: `read_bag`, `from_arrays`, `identify`, `load_robot` and `Dynamics`;
+`docs/reference/python.md` shows them.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        'description.robot': ['load_robot'],
+        'model.dynamics': ['Dynamics'],
+        'ros.library.identification': ['identify'],
+        'ros.library.identified_arm': ['IdentifiedArm'],
+        'ros.library.motions': ['from_arrays', 'read_bag'],
+    },
+)

@@ -17,6 +17,7 @@ return as messages. The rooms, in the order of their imports:
 - recording: from topics to a bag
 - page: the arm in a browser
 - programs: runs of the identifier, the designer and the demo
+- library: what `import aerarm_ros` offers to a program or a notebook
 
 Beside `aerarm_ros.nodes` only this room imports rclpy.
 """
@@ -40,6 +41,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'recording',
         'page',
         'programs',
+        'library',
     ],
     submod_attrs={
         'parameters.parameter': ['Parameter'],

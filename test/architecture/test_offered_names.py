@@ -55,4 +55,6 @@ def test_importing_a_package_imports_none_of_its_modules() -> None:
 def test_the_suite_imports_from_modules(folder: str) -> None:
     for path in python_files(folder):
         packages = {name for name in imported_modules(path) if is_package(name)}
+        if path.is_relative_to(ROOT / 'test' / 'ros' / 'library'):  # it does what users do
+            packages.discard('aerarm_ros')
         assert not packages, f'{path} imports from {packages}: name the module'

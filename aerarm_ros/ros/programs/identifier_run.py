@@ -17,14 +17,9 @@ from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.assessment.truth import inertial_torque_errors, load_truth
 from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.files.equivalent_friction import equivalent_friction
-from aerarm_ros.identification.files.estimate_file import estimate_yaml, payload_yaml
-from aerarm_ros.identification.files.identified_mjcf import identified_mjcf
-from aerarm_ros.identification.files.identified_urdf import identified_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.parameters.joint_term import TermKind
 from aerarm_ros.identification.parameters.link_bounds import LinkBounds
 from aerarm_ros.identification.payload.identify_payload import identify_payload
 from aerarm_ros.identification.payload.payload import Payload
@@ -35,17 +30,14 @@ from aerarm_ros.identification.recording.recording import (
     Recording,
 )
 from aerarm_ros.identification.recording.table_file import TableOptions
-from aerarm_ros.identification.report.report import ReportExtras, report_html
+from aerarm_ros.identification.report.report import ReportExtras
 from aerarm_ros.identification.solvers.solvers import FAST
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags, RecordedBag
+from aerarm_ros.ros.programs.identifier_files import RESULT_FILES, write_result
 from aerarm_ros.ros.programs.identifier_table import terminal_table
 
 _MB = 2**20  # bytes
-_FILES = (
-    *('estimate.yaml', 'identified.urdf', 'identified.xml', 'payload.yaml', 'report.html'),
-    MARKER,
-)
 
 
 class IdentifierRun:
@@ -95,7 +87,7 @@ class IdentifierRun:
         """
         options = self._options
         default = Path('output') / time.strftime('identification_%Y%m%d_%H%M%S', options.started)
-        with ResultDirectory(options.out or default, files=_FILES) as directory:
+        with ResultDirectory(options.out or default, files=RESULT_FILES) as directory:
             identification, validation = self._read()
             result = self._identify(identification, validation)
             payload = self._payload(result)
@@ -190,20 +182,8 @@ class IdentifierRun:
     ) -> None:
         _progress('writing the report')
         with self._stopwatch.stage('writing'):
-            estimate = result.recommended.estimate
-            viscous, coulomb = equivalent_friction(estimate, result.identification)
-            directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
-            urdf = identified_urdf(self._robot, estimate.inertial, viscous, coulomb)
-            tell(urdf.warnings)
-            result.warnings.extend(urdf.warnings)
-            directory.write('identified.urdf', urdf.text)
-            rotors = estimate.joint_values(TermKind.ROTOR.value)
-            mjcf = identified_mjcf(result.robot, estimate.inertial, viscous, coulomb, rotors)
-            directory.write('identified.xml', mjcf)
-            if payload is not None:
-                directory.write('payload.yaml', payload_yaml(estimate, payload))
             extras = replace(self._extras(result), payload=payload)
-            directory.write('report.html', report_html(result, extras))
+            tell(write_result(result, directory, extras))
         summary = summarise(
             result, self._stopwatch.seconds, extras.truth_errors, payload, extras.facts
         )

@@ -1,0 +1,107 @@
+"""The interface for programs: arrays or bags in, an arm that says what it is worth out."""
+
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identifier_process import measured, motion, write_bag
+
+import aerarm_ros
+from aerarm_ros.identification.identify import IdentificationOptions
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.ros.library.identified_arm import IdentifiedArm
+
+OPTIONS = IdentificationOptions(friction='coulomb')
+
+
+@pytest.fixture(scope='module')
+def arrays() -> tuple[np.ndarray, ...]:
+    stamp, q, dq, ddq = motion(1)
+    return stamp, q, dq, measured(aerarm_ros.load_robot(), q, dq, ddq)
+
+
+@pytest.fixture(scope='module')
+def arm(arrays: tuple[np.ndarray, ...]) -> IdentifiedArm:
+    """Identified from lists."""
+    stamp, q, dq, tau = (values.tolist() for values in arrays)
+    return aerarm_ros.identify(
+        aerarm_ros.from_arrays(stamp, q, tau, dq), holdout=0.4, options=OPTIONS
+    )
+
+
+def test_three_calls_from_a_bag_to_a_model(
+    arrays: tuple[np.ndarray, ...], arm: IdentifiedArm, tmp_path: Path
+) -> None:
+    stamp, q, dq, tau = arrays
+    path = write_bag(tmp_path / 'bag', stamp, (q, dq, tau))
+    states = aerarm_ros.read_bag(path)
+    assert states.position == pytest.approx(q)
+    assert states.effort == pytest.approx(tau)
+    for bag in (path, states):
+        found = aerarm_ros.identify([bag], holdout=0.4, options=OPTIONS)
+        assert found.parameters == pytest.approx(arm.parameters, rel=1e-4, abs=1e-6)
+
+
+def test_it_says_what_it_is_worth(arm: IdentifiedArm) -> None:
+    assert arm.errors[0].filtered < 0.2 * arm.result.solutions['cad'].validation[0].filtered
+    assert f'{arm.errors[0].filtered:.2f} % filtered' in repr(arm)
+    text = arm.summary()
+    assert [line.split()[0] for line in text.splitlines()[3:7]] == ['cad', 'ols', 'wls', 'sdp']
+    assert arm.as_dict()['joints'] == ['joint1', 'joint2', 'joint3', 'joint4']
+    assert set(arm.parameters) == set(arm.estimate.model.columns)
+    page = HTMLParser()
+    page.feed(arm._repr_html_())
+    assert 'fv_joint3' in arm._repr_html_()
+
+
+def test_its_dynamics_are_those_identified(arm: IdentifiedArm) -> None:
+    dynamics = aerarm_ros.Dynamics(arm.robot, arm.estimate.joint_values('Ja'))
+    (bag,) = arm.result.identification
+    row = 100
+    samples, inertial = bag.samples, arm.estimate.inertial.ravel()
+    found = dynamics.inverse(samples.q[row], samples.dq[row], samples.ddq[row])
+    rotors = arm.estimate.joint_values('Ja') * samples.ddq[row]
+    assert found == pytest.approx(bag.links_torque(inertial)[row] + rotors, abs=1e-9)
+
+
+def test_it_is_saved_as_the_identifier_does(arm: IdentifiedArm, tmp_path: Path) -> None:
+    folder = arm.save(tmp_path / 'result')
+    assert sorted(path.name for path in folder.iterdir()) == [
+        *('estimate.yaml', 'identified.urdf', 'identified.xml', 'report.html', 'summary.json')
+    ]
+    assert json.loads((folder / 'summary.json').read_text()) == json.loads(
+        json.dumps(arm.as_dict())
+    )
+    assert arm.save(folder) == folder
+
+
+def test_shapes_are_checked_with_a_sentence() -> None:
+    time, q = np.arange(5.0), np.zeros((5, 4))
+    for given, words in (
+        ((q, q, q), r'time has the shape \(5, 4\): give \(M,\)'),
+        ((time, q[:4], q), r'q has the shape \(4, 4\): give \(M, n\) with M = 5'),
+        ((time, q, q[:, :3]), r'tau has the shape \(5, 3\): give \(5, 4\)'),
+        ((time, q, [[1.0], [2.0, 3.0]]), 'tau must be numbers, in rows of equal length'),
+    ):
+        with pytest.raises(IdentificationError, match=words):
+            aerarm_ros.from_arrays(*given)
+    with pytest.raises(IdentificationError, match='2 names for 4 joints'):
+        aerarm_ros.from_arrays(time, q, q, names=['a', 'b'])
+    with pytest.raises(IdentificationError, match='holdout = 1.5'):
+        aerarm_ros.identify([], holdout=1.5)
+    with pytest.raises(IdentificationError, match='no bag to identify from'):
+        aerarm_ros.identify([])
+
+
+def test_tables_are_read_too(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:
+    stamp, q, dq, tau = arrays
+    np.savez(tmp_path / 'a.npz', time=stamp, q=q, dq=dq, tau=tau, joint_names=list('abcd'))
+    states = aerarm_ros.read_bag(tmp_path / 'a.npz')
+    assert states.names == ('a', 'b', 'c', 'd')
+    header = ','.join(f'{word}{joint}' for word in ('q', 'tau') for joint in range(1, 5))
+    np.savetxt(tmp_path / 'a.csv', np.hstack([q, tau]), header=header, delimiter=',', comments='')
+    numbered = aerarm_ros.read_bag(tmp_path / 'a.csv', rate=200.0)
+    assert numbered.names == ('joint1', 'joint2', 'joint3', 'joint4')
+    assert numbered.position == pytest.approx(q)
