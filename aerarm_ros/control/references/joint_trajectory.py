@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from aerarm_ros.control.checks.joint_limits import JointLimits
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.motion.joint_reference import JointReference
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 
 Array = npt.NDArray[np.float64]
@@ -71,6 +72,17 @@ class JointTrajectory:
         """Whether it is one point for now: a streamed reference."""
         return len(self.times) == 1 and self.times[0] == 0.0
 
+    def posture(self) -> JointReference:
+        """Return the last point, where the arm is to stay.
+
+        Raises
+        ------
+        RejectedInputError
+            If it has a velocity.
+        """
+        self._check_end()
+        return JointReference.at_rest(self.q[-1])
+
     def path(self, start: Array, interpolation: str) -> PolynomialPath:
         """Return the motion along the points.
 
@@ -96,10 +108,7 @@ class JointTrajectory:
             q = np.vstack([start, q])
             dq = None if dq is None else np.vstack([np.zeros_like(start), dq])
             ddq = None if ddq is None else np.vstack([np.zeros_like(start), ddq])
-        if dq is not None and np.any(np.abs(dq[-1]) > 1e-3 * self._limits.velocity_max):
-            raise RejectedInputError(
-                'trajectory: the last point has a velocity: end at rest, or stream single points'
-            )
+        self._check_end()
         if dq is None:
             dq = _slopes(times, q)
         if interpolation == 'quintic':
@@ -112,6 +121,12 @@ class JointTrajectory:
         self._limits.check_velocity('trajectory between its points', samples.dq)
         self._limits.check_acceleration('trajectory between its points', samples.ddq)
         return path
+
+    def _check_end(self) -> None:
+        if self.dq is not None and np.any(np.abs(self.dq[-1]) > 1e-3 * self._limits.velocity_max):
+            raise RejectedInputError(
+                'trajectory: the last point has a velocity: end at rest, or stream single points'
+            )
 
 
 def _check_times(times: Sequence[float]) -> Array:

@@ -69,6 +69,7 @@ class TrajectoryFollower:
         self.end = MotionEnd.STOPPED
         self.status = 'holding'
         self.motion = 0
+        self._until = np.inf  # when the reference is at the motion's goal [s]
         self.take_over(np.zeros(limits.n))
 
     @property
@@ -101,6 +102,7 @@ class TrajectoryFollower:
         now: float,
         start: float | None = None,
         tolerances: FollowerTolerances | None = None,
+        is_goal: bool = False,
     ) -> None:
         """Start a trajectory, or take a streamed point.
 
@@ -113,22 +115,27 @@ class TrajectoryFollower:
             When its time zero is [s], if that isn't now. What lies in the past is skipped.
         tolerances : FollowerTolerances, optional
             Path, goal and goal time of this motion, if they aren't those of the follower.
+        is_goal : bool
+            Whether a single point for now is where to stay, and not the first of a stream.
 
         Raises
         ------
         RejectedInputError
             If it starts too far from the present reference or leaves the limits.
         """
-        if trajectory.is_single_point:
+        is_streamed = trajectory.is_single_point and not is_goal
+        if is_streamed:
             zero = np.zeros(self._limits.n)
             rows = (trajectory.q, trajectory.dq, trajectory.ddq)
             point = JointReference(*(zero if row is None else row[0] for row in rows))
             motion: _Motion = StreamedPoint(point, self._tolerances.stream_timeout)
+        elif trajectory.is_single_point:
+            motion = StreamedPoint(trajectory.posture(), 0.0)
         else:
             motion = trajectory.path(self.reference.q, self.interpolation)
         begin = now if start is None else start
         self._check_start(motion.evaluate(now - begin).q)
-        status = 'streaming' if trajectory.is_single_point else 'moving'
+        status = 'streaming' if is_streamed else 'moving'
         self._replace(motion, now, status, begin)
         self._used = tolerances or self._tolerances
 
@@ -166,7 +173,7 @@ class TrajectoryFollower:
         self.reference = self._evaluate(now)
         self._elapsed = now - self._start
         if self.status != 'holding':
-            self._watch(q, now, self._elapsed)
+            self._watch(q, now)
         return self.reference
 
     def _evaluate(self, now: float) -> JointReference:
@@ -201,16 +208,20 @@ class TrajectoryFollower:
         self._replaced = now
         self.end = MotionEnd.REPLACED
         self._begin(motion, begin, status)
+        if status == 'moving':
+            # Until the old motion is blended out the reference is not at the goal.
+            self._until = max(self._until, now + self._blend.duration)
 
     def _begin(self, motion: _Motion, start: float, status: str) -> None:
         self._motion = motion
         self._start = start
+        self._until = start + motion.duration
         self._elapsed = 0.0
         self.status = status
         self.motion += 1
         self._used = self._tolerances
 
-    def _watch(self, q: Array, now: float, elapsed: float) -> None:
+    def _watch(self, q: Array, now: float) -> None:
         """End the motion at its goal, when its stream falls silent, or when the arm lags."""
         error, used = np.abs(self.reference.q - q), self._used
         if np.any(error > used.path):
@@ -219,14 +230,14 @@ class TrajectoryFollower:
             reason = f'stopped: {self._limits.names[joint]} {error[joint]:.3g} rad off path'
             self.stop(now, reason, q)
             self.end = MotionEnd.OFF_PATH
-        elif elapsed < self._motion.duration:
+        elif now < self._until:
             return
         elif self.status == 'streaming':
             self.stop(now, 'stopped: no streamed point in time')
         elif np.all(error <= used.goal):
             self.status, self.end = 'holding', MotionEnd.REACHED
             self.outcome = f'reached, error {error.max():.2g} rad'
-        elif elapsed > self._motion.duration + used.goal_time:
+        elif now > self._until + used.goal_time:
             joint = int(np.argmax(error / used.goal))
             self.status, self.end = 'holding', MotionEnd.OFF_GOAL
             self.outcome = f'missed: {self._limits.names[joint]} {error[joint]:.3g} rad off goal'

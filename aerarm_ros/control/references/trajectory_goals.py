@@ -84,7 +84,7 @@ class TrajectoryGoals:
         RejectedInputError
             If it cannot start; nothing has changed then.
         """
-        self._follower.follow(trajectory, now, start, tolerances)
+        self._follower.follow(trajectory, now, start, tolerances, is_goal=True)
         text = 'another goal has taken its place'
         before = self._end(GoalResult(ABORTED, ResultCode.INVALID_GOAL, text))
         self.active, self._motion = goal, self._follower.motion

@@ -103,6 +103,32 @@ def test_an_arm_that_comes_within_the_goal_time_succeeds(arm: FollowingArm) -> N
     assert only(arm) == ('a', SUCCEEDED, ResultCode.SUCCESSFUL)
 
 
+@pytest.mark.parametrize('distance', [0.0, 0.08])
+def test_a_goal_of_one_point_for_now_is_a_posture_and_no_stream(
+    arm: FollowingArm, distance: float
+) -> None:
+    # As planners send it for an arm that is where it shall be.
+    arm.start('a', HOME + distance, 0.0)
+    arm.run(1.0)
+    assert only(arm) == ('a', SUCCEEDED, ResultCode.SUCCESSFUL)
+    arm.run(1.0)
+    np.testing.assert_allclose(arm.follower.reference.q, HOME + distance, atol=1e-9)
+    with pytest.raises(RejectedInputError, match='end at rest'):
+        moving = JointTrajectory(arm.limits, NAMES, [0.0], [HOME + distance], [[0.5] * 4])
+        arm.goals.start('b', moving, arm.now)
+
+
+def test_a_goal_is_reached_when_the_motion_before_it_is_blended_out(arm: FollowingArm) -> None:
+    arm.start('a', AWAY, 0.6)
+    arm.run(0.3)
+    there = arm.follower.reference.q.copy()
+    arm.start('b', there, 0.05)
+    arm.ended.clear()
+    arm.run(2.0, until=lambda: arm.ended)
+    assert only(arm) == ('b', SUCCEEDED, ResultCode.SUCCESSFUL)
+    np.testing.assert_allclose(arm.follower.reference.q, there, atol=1e-9)
+
+
 def test_tolerances_of_a_goal_are_of_that_goal_alone(arm: FollowingArm) -> None:
     tight = FollowerTolerances.uniform(4, path=0.02, goal=0.001, goal_time=0.5)
     arm.lag[:] = 0.03
