@@ -10,13 +10,27 @@ import yaml
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import IfElseSubstitution, LaunchConfiguration
+from launch.substitutions import EqualsSubstitution, IfElseSubstitution, LaunchConfiguration
 from launch_ros.actions import Node
 
-from aerarm_ros.launch_parts import ON_SPI, after, bringup, check_first, controller_argument
+from aerarm_ros.launch_parts import ON_SPI, after, bringup, check_first, switch_argument
 
 ARGUMENTS = (
-    controller_argument('computed_torque'),
+    DeclareLaunchArgument(
+        'controller',
+        default_value='computed_torque',
+        choices=['computed_torque'],
+        description='computed_torque: the one that config/moveit sends plans to',
+    ),
+    switch_argument(
+        'use_sim_time',
+        'MoveIt takes /clock; false with real boards, and with pace: real_time',
+        IfElseSubstitution(
+            EqualsSubstitution(LaunchConfiguration('hardware', default='fake'), 'spi'),
+            'false',
+            'true',
+        ),
+    ),
     DeclareLaunchArgument(
         'namespace', default_value='', choices=[''], description='none: MoveIt is global'
     ),
@@ -50,6 +64,16 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _move_group(context: LaunchContext) -> list:
+    move_group = Node(
+        package='moveit_ros_move_group',
+        executable='move_group',
+        parameters=_parameters(context),
+        output='screen',
+    )
+    return [move_group, after(move_group, 'move_group')]
+
+
+def _parameters(context: LaunchContext) -> list[dict]:
     urdf = IfElseSubstitution(
         ON_SPI, LaunchConfiguration('urdf'), LaunchConfiguration('plant_urdf')
     ).perform(context)
@@ -58,17 +82,14 @@ def _move_group(context: LaunchContext) -> list:
         (below, yaml.safe_load((folder / f'{name}.yaml').read_text()))
         for name, below in SETTINGS.items()
     ]
-    move_group = Node(
-        package='moveit_ros_move_group',
-        executable='move_group',
-        parameters=[
-            {
-                'robot_description': Path(urdf).read_text(),
-                'robot_description_semantic': (folder / 'aerarm.srdf').read_text(),
-                'publish_robot_description_semantic': True,
-            },
-            *({below: given} if below else given for below, given in settings),
-        ],
-        output='screen',
-    )
-    return [move_group, after(move_group, 'move_group')]
+    return [
+        {
+            'robot_description': Path(urdf).read_text(),
+            'robot_description_semantic': (folder / 'aerarm.srdf').read_text(),
+            'publish_robot_description_semantic': True,
+            # The states' stamps are the emulated world's time, which falls behind on a busy host;
+            # MoveIt refuses to move an arm whose state is older than a second.
+            'use_sim_time': LaunchConfiguration('use_sim_time').perform(context) == 'true',
+        },
+        *({below: given} if below else given for below, given in settings),
+    ]
