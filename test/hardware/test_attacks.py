@@ -56,6 +56,13 @@ def test_a_base_that_is_turned_over_makes_no_joint_too_fast(config, robot, mode)
     assert log.beyond(config).max() < BEYOND_MAX
 
 
+def test_friction_that_grows_with_the_weight_is_no_stuck_encoder():
+    # On a tilted base joint 1 carries weight too: led on slowly, it stands while its current falls.
+    outcome = run('velocity', 19, seconds=1.3)
+    assert outcome.faults == ()
+    assert outcome.beyond <= BEYOND_MAX
+
+
 def test_a_joint_may_be_led_up_to_its_limit(config, robot):
     top = config.column('position_max')
     start = [0.0, np.pi / 2, 0.0, top[3] - 0.3]

@@ -13,7 +13,7 @@ _JUMP_ALLOWANCE = 0.05  # [rad] motor side, 33 counts
 # A joint at rest stays there while its torque goes from minus to plus its dry friction: twice
 # the friction, and as much again because the friction is not known well.
 _FRICTION_FACTOR = 4.0
-_LOAD_SHARE = 0.1  # a gear's friction grows with the torque that it transmits
+_LOAD_SHARE = 0.2  # a gear's friction grows by a tenth of the torque that it transmits, either way
 # What a joint at rest carries, over gravity's largest share: base and other joints accelerate.
 _LOAD_FACTOR = 1.5
 # Over the speed before a jump: a joint may brake harder, and a count more or less is a speed too.
