@@ -17,6 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.node_process import ros_environment
 
 # As installed commands do.
@@ -34,6 +35,7 @@ SERVING: Mapping[str, Sequence[str]] = {
     'impedance_control': (),
     'kinematic_control': (),
     'base_reaction': (),
+    'flight_control': ('-p', f'drone_file:={resource("config", "drone.yaml")}'),
     'recorder': ('-p', 'bag:={folder}/bag'),
     'tool_path': (),
     'view': ('-p', 'port:={port}'),
