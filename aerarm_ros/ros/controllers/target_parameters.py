@@ -32,7 +32,7 @@ def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetF
 
 def _stretched_length(arm: ControlledArm, frame: str) -> float:
     """Return the sum of the distances from joint to joint, and on to the frame [m]."""
-    model = arm.robot.model
+    model, frame = arm.robot.model, arm.robot.full_name(frame)
     offsets = [model.jointPlacements[index].translation for index in range(1, model.njoints)]
     offsets.append(model.frames[model.getFrameId(frame)].placement.translation)
     return float(sum(np.linalg.norm(offset) for offset in offsets))
