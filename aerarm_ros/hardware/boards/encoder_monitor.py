@@ -228,7 +228,7 @@ class _Encoder:
         if self.change != 0.0:
             self.moving_current, self.moving_feedback = current, feedback
             self.moving_noise = noise
-            self.standing, self.doubted_for = 0.0, nan
+            self.doubted_for = nan
             self.is_settling = True
         elif self.is_pause:
             return ''

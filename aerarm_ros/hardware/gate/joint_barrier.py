@@ -126,7 +126,6 @@ class JointBarrier:
     def restart(self) -> None:
         """Forget what the joint did: its speed is taken as measured."""
         self._is_known = False  # how fast it was, and what pulled at it
-        self._last_speed, self._speed, self._acceleration = 0.0, 0.0, 0.0
         self._disturbance = self._turned = 0.0
 
     def speed(self, distance: float) -> float:

@@ -213,6 +213,15 @@ def test_standing_on_is_confirmed_after_as_long_again(monitor):
     )
 
 
+def test_standing_counts_the_time_of_the_looks_not_the_longest_that_it_can_have_been(monitor):
+    current, longest = np.array([0.0, 20.0, 0.0, 0.0]), np.full(4, 2.9e-3)
+    faults = [
+        monitor.check(NONE, current, FRESH, cycle * 1e-3, interval_max=longest) != ''
+        for cycle in range(1, 80)
+    ]
+    assert faults.index(True) == pytest.approx(50, abs=1)
+
+
 def test_what_moves_on_after_a_doubt_is_not_confirmed(monitor):
     current = np.array([0.0, 20.0, 0.0, 0.0])
     for cycle in range(1, 80):
