@@ -51,7 +51,7 @@ class CrossValidation:
     def __init__(
         self, bank: RegressionBank, link_mean: Array, link_std: Array, weights: Array
     ) -> None:
-        self._terms = bank.terms
+        self._place = {term: place for place, term in enumerate(bank.terms)}
         self._nonnegative = np.array([term.nonnegative for term in bank.terms])
         count = len(link_mean)
         rows = [
@@ -119,7 +119,9 @@ class CrossValidation:
         return np.asarray(errors.sum(axis=1))
 
     def _mask(self, terms: Sequence[JointTerm]) -> Mask:
-        return np.array([term in terms for term in self._terms])
+        mask = np.zeros(len(self._place), dtype=bool)
+        mask[[self._place[term] for term in terms]] = True
+        return mask
 
     def _eliminate(self, joint: int, masks: Mask) -> _Eliminated:
         links = self._links

@@ -1,7 +1,7 @@
 """Choosing the cut-off, and how to clean the kinematics, by recorded torque that is held out."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -85,8 +85,7 @@ def choose_filter(
     trials = _Trials(regressor, conditioner, recordings)
     rule = conditioner.cutoff
     family = trials.best_at(rule)
-    for cutoff in conditioner.cutoffs:
-        trials.run(cutoff, family)
+    trials.walk(conditioner.cutoffs, family)
     cutoff = trials.nearest(rule)
     kinematics = family if cutoff == rule else trials.best_at(cutoff)
     chosen = conditioner.at(cutoff)
@@ -135,16 +134,33 @@ class _Trials:
             )
 
     def best_at(self, cutoff: float) -> KinematicsFilter:
-        """Try every way to clean the kinematics at one cut-off, and return the best."""
-        candidates = [
-            kinematics
-            for kinematics in self._conditioner.at(cutoff).candidates()
-            if self._measured or kinematics.from_position
-        ]
+        """Try the ways to clean the kinematics at one cut-off, and return the best.
+
+        First filters, with measured velocities if there are any, then the other source with the
+        best of them.
+        """
+        candidates = self._conditioner.at(cutoff).candidates()
+        source = not self._measured
+        best = self._best_of(cutoff, [k for k in candidates if k.from_position == source])
+        return self._best_of(cutoff, [best, replace(best, from_position=True)])
+
+    def _best_of(self, cutoff: float, candidates: Sequence[KinematicsFilter]) -> KinematicsFilter:
         for kinematics in candidates:
             self.run(cutoff, kinematics)
         errors = self._squared_errors()
         return min(candidates, key=lambda kinematics: float(errors[kinematics].sum()))
+
+    def walk(self, cutoffs: Sequence[float], start: KinematicsFilter) -> None:
+        """Try other cut-offs, down and up from that of a filter for as long as errors fall."""
+        below = [cutoff for cutoff in reversed(cutoffs) if cutoff < start.cutoff]
+        above = [cutoff for cutoff in cutoffs if cutoff > start.cutoff]
+        for way in (below, above):
+            last = start
+            for cutoff in way:
+                following = self._conditioner.at(cutoff).adapted(start)
+                if self._best_of(cutoff, [last, following]) is last:
+                    break
+                last = following
 
     def nearest(self, rule: float) -> float:
         """Return the cut-off nearest to the one by rule among those as good as the best.
