@@ -1,0 +1,39 @@
+"""How far a prediction is believed: as far as it explains what the IMU reads."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.control.base.answer_correction import AnswerCorrection
+
+PERIOD = 0.004
+FORCE_NOISE, RATE_NOISE = 0.3, 0.01  # of a cheap IMU [m/s^2], [rad/s]
+
+
+def trust(predicted: float, measured: float, noise: float, frequency: float = 0.35) -> np.ndarray:
+    """Return the trust after 20 s of swings of some size [m/s^2], [rad/s^2] and a noisy IMU."""
+    random = np.random.default_rng(0)
+    correction, last = AnswerCorrection(), np.zeros(3)
+    for now in np.arange(0.0, 20.0, PERIOD):
+        swing = np.full(6, np.sin(2.0 * np.pi * frequency * now))
+        force, rate = noise * random.standard_normal((2, 3))
+        # Angular acceleration is the difference of two rates.
+        shake = np.concatenate([FORCE_NOISE * force, RATE_NOISE * (rate - last) / PERIOD])
+        last = rate
+        correction.update(predicted * swing, measured * swing + shake, PERIOD)
+    return correction.trust
+
+
+@pytest.mark.parametrize('noise', [0.0, 1.0])
+def test_a_small_prediction_that_explains_nothing_is_let_go(noise: float) -> None:
+    """A file with too little mass, a heavy drone, slow motion: it is the arm that errs."""
+    assert trust(0.24, 0.02, noise).max() < 0.35
+
+
+@pytest.mark.parametrize(('predicted', 'expected'), [(0.0, 1.0), (0.24, 1.0), (0.2, 1.2)])
+def test_what_is_right_or_tells_nothing_is_believed(predicted: float, expected: float) -> None:
+    measured = 0.24 if predicted else 0.0
+    np.testing.assert_allclose(trust(predicted, measured, 0.0), expected, atol=0.06)
+
+
+def test_noise_is_not_taken_for_a_wrong_prediction() -> None:
+    np.testing.assert_allclose(trust(2.0, 2.0, 1.0), 1.0, atol=0.1)
