@@ -19,11 +19,12 @@ if TYPE_CHECKING:
     from aerarm_ros.ros.programs.identifier_run import IdentifierRun
 
 _NAME = 'identifier'
+_NOT_KEPT = 1  # limits of --verify
 _AGAIN = 1.0  # [s] longer than it takes to remove what was begun
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the identifier; return 0, or 2 if the user has something to check."""
+    """Run the identifier; return 0, 1 if limits were not kept, 2 if there is something to check."""
     parser = identifier_parser(_NAME, __doc__)
     options = parser.parse_args(_without_ros_arguments(arguments))
     if not options.bag and not options.model:
@@ -58,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
         return _report(error)
     except np.linalg.LinAlgError as error:
         return _report(f'{error}: check that masses, inertias and joint states are plausible')
-    return 0
+    return 0 if run.passed else _NOT_KEPT
 
 
 def _report(error: object) -> int:

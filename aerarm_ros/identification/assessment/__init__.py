@@ -14,5 +14,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'identification_result': ['IdentificationResult', 'Solution'],
         'plausibility': ['bound_warnings', 'error_warnings', 'joint_warnings'],
         'truth': ['InertialTorqueError', 'Truth', 'inertial_torque_errors', 'load_truth'],
+        'verdict': ['LIMITS', 'Check', 'Verdict', 'judge', 'read_limits'],
     },
 )

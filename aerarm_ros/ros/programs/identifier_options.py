@@ -81,6 +81,11 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         {'type': Path, 'metavar': 'DIR'},
         'result folder (default: output/identification_...)',
     ),
+    (
+        '--verify',
+        {'type': Path, 'metavar': 'FILE'},
+        'limits that the result must keep, as filtered: 2.0; the exit status is 1 if it does not',
+    ),
     ('--truth', {'type': Path, 'metavar': 'FILE'}, 'true parameters of a simulated arm'),
     (
         '--tf-prefix',

@@ -32,6 +32,8 @@ class PayloadRun(IdentifierRun):
             raise IdentificationError(
                 '--model fixes the arm: give the bags with the payload as --payload, and no --bag'
             )
+        if options.verify:
+            raise IdentificationError('--verify judges an identified arm: give it without --model')
         default = Path('output') / time.strftime('payload_%Y%m%d_%H%M%S', options.started)
         with ResultDirectory(options.out or default, files=_FILES) as directory:
             robot = self._robot

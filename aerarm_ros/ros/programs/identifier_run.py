@@ -6,7 +6,7 @@ import argparse
 import sys
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.assessment.truth import inertial_torque_errors, load_truth
+from aerarm_ros.identification.assessment.verdict import Verdict, judge, read_limits
 from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.files.summary import summarise
@@ -76,6 +77,13 @@ class IdentifierRun:
         table = TableOptions(options.rate, options.degrees)
         self._bags = IdentifierBags(options.topic, self._robot.joint_names, mapping, limits, table)
         self._read_bags: dict[str, RecordedBag] = {}
+        self._limits = read_limits(options.verify) if options.verify else {}
+        self._verdict: Verdict | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the result keeps the limits that were asked for; True without any."""
+        return self._verdict is None or self._verdict.passed
 
     def execute(self) -> str:
         """Identify, write the result, and return a table for the terminal.
@@ -96,6 +104,8 @@ class IdentifierRun:
         lines = [terminal_table(result, self._facts())]
         if payload is not None:
             lines.append(f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg')
+        if self._verdict is not None:
+            lines.append(self._verdict.text)
         return '\n'.join(lines) + f'\nReport: {directory.target / "report.html"}'
 
     def _load_config(self) -> ArmConfig | None:
@@ -187,6 +197,10 @@ class IdentifierRun:
         summary = summarise(
             result, self._stopwatch.seconds, extras.truth_errors, payload, extras.facts
         )
+        if self._limits:
+            self._verdict = judge(result, self._limits)
+            checks = [asdict(check) for check in self._verdict.checks]
+            summary['verdict'] = {'passed': self._verdict.passed, 'checks': checks}
         directory.write_json(MARKER, summary)
 
     def _extras(self, result: IdentificationResult) -> ReportExtras:
