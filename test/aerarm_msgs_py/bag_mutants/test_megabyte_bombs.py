@@ -35,7 +35,7 @@ HEAD = (
 
 
 def chunk(records: bytes) -> bytes:
-    data = lz4.frame.compress(records, compression_level=9)
+    data = lz4.frame.compress(records)
     times_and_size = struct.pack('<QQQI', 0, 2**62, len(records), zlib.crc32(records))
     return record(6, times_and_size + text('lz4') + struct.pack('<Q', len(data)) + data)
 
@@ -52,7 +52,6 @@ def mcap(path: Path, unit: bytes) -> None:
 
 JOINT_STATE_WITHOUT_JOINTS = bytes.fromhex('00010000') + bytes(28)
 UNITS = {
-    'no joints': message(JOINT_STATE_WITHOUT_JOINTS),
     'one message': message(JOINT_STATE_WITHOUT_JOINTS + bytes(PART_BYTES - 100)),
     'topics': record(4, b''),
 }
