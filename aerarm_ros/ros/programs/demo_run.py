@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -119,6 +120,9 @@ class DemoRun:
                 )
             )
             print(f'Motion    {motion.name} (seed {motion.seed})', flush=True)
+            # Two nodes that start at once can hold each other up for some seconds, in which a
+            # recorder takes nothing.
+            _wait_for_recorder(recorder)
             excitation = stack.enter_context(
                 NodeProcess(
                     'excitation',
@@ -152,6 +156,16 @@ def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
                     f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}'
                 ) from None
     raise DemoError(f'fake_hardware is not ready after {_START_TIME} s: see {hardware.log}')
+
+
+def _wait_for_recorder(recorder: NodeProcess) -> None:
+    deadline = time.monotonic() + _PATIENCE
+    while 'publishers found' not in recorder.tail():
+        if recorder.returncode is not None:
+            raise DemoError(f'recorder ended early:\n{recorder.tail()}')
+        if time.monotonic() > deadline:
+            raise DemoError(f'recorder is not ready after {_PATIENCE:g} s: see {recorder.log}')
+        time.sleep(0.05)
 
 
 @contextmanager
