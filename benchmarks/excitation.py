@@ -48,7 +48,7 @@ RANDOM = 21
 IDENTIFIED_RANDOM = 5
 CHECKED = 1000
 STARTS = 8
-# What issue 6 promises.
+# What is promised of a designed trajectory.
 LARGEST_CONDITION = 25.0
 LONGEST_DESIGN = 60.0  # [s] on two cores
 SMALLEST_GAIN = 2.0
