@@ -13,6 +13,8 @@ from aerarm_msgs_py.storage.damage_report import DamageReport
 from aerarm_msgs_py.storage.mcap_file import McapFile
 from aerarm_msgs_py.storage.message_block import MessageBlock
 from aerarm_msgs_py.storage.read_limits import ReadBudget, ReadLimits
+from aerarm_msgs_py.storage.ros1_file import SUFFIX as ROS1_SUFFIX
+from aerarm_msgs_py.storage.ros1_file import Ros1File
 from aerarm_msgs_py.storage.sqlite_file import SqliteFile
 
 _METADATA = bag_information.FILE
@@ -29,7 +31,7 @@ class Bag:
     Parameters
     ----------
     path
-        Directory, .mcap or .db3 file.
+        Directory, .mcap or .db3 file, or .bag of ROS 1.
     limits
         What reading may take, whatever the files hold.
 
@@ -219,6 +221,8 @@ def _opened(path: Path, budget: ReadBudget) -> BagFile:
         return CompressedFile(path, budget, _opened)
     if path.suffix == '.db3':
         return SqliteFile(path, budget)
+    if path.suffix == ROS1_SUFFIX:
+        return Ros1File(path, budget)
     return McapFile(path, budget)
 
 

@@ -68,7 +68,7 @@ def read_contents(
     Parameters
     ----------
     path
-        rosbag2 directory or .mcap file.
+        rosbag2 directory, .mcap, .db3 or .bag file.
     required
         A JointState topic.
     others

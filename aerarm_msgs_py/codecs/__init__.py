@@ -24,5 +24,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'joint_state_decoder': ['JointStateDecoder'],
         'joint_state_layout': ['JointStateLayout'],
         'payloads': ['Payloads'],
+        'ros1_messages': ['Ros1Messages'],
     },
 )

@@ -1,4 +1,4 @@
-"""Files that hold messages, MCAP or SQLite, read within limits whatever they hold.
+"""Files that hold messages, MCAP, SQLite or of ROS 1, read within limits whatever they hold.
 
 In comes a file that anybody may have written, cut or damaged; out go blocks of messages, one
 warning for each thing that is missing, and the file's own account of what it holds. Reading
@@ -15,6 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'mcap_file': ['McapFile'],
         'message_block': ['MessageBlock'],
         'read_limits': ['ReadBudget', 'ReadLimits'],
+        'ros1_file': ['Ros1File'],
         'sqlite_file': ['SqliteFile'],
     },
 )

@@ -14,7 +14,8 @@ from identifier_process import JOINTS, identifier, measured, motion, write_bag, 
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.model.inertia import from_pseudo_inertia, is_physically_consistent
 
-FILES = ['estimate.yaml', 'identified.urdf', 'identified.xml', 'report.html', 'summary.json']
+FILES = ['estimate.yaml', 'identified.sdf', 'identified.urdf', 'identified.xml', 'report.html']
+FILES += ['summary.json']
 
 
 @pytest.fixture(scope='module')

@@ -73,7 +73,7 @@ class IdentifiedArm:
         return summarise(self.result, self._seconds)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Write what the identifier writes: YAML, URDF, MJCF, summary.json and report.html.
+        """Write what the identifier writes: YAML, URDF, MJCF, SDF, summary.json and report.html.
 
         Parameters
         ----------

@@ -37,7 +37,7 @@ def read_bag(
     Parameters
     ----------
     path : path
-        rosbag2 directory, .mcap, .db3, .csv or .npz file.
+        rosbag2 directory, .mcap, .db3, .csv or .npz file, or .bag of ROS 1.
     topic : str
         Of the bag's JointStates.
     rate : float, optional

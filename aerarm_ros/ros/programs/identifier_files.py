@@ -6,14 +6,15 @@ from aerarm_ros.identification.assessment.identification_result import Identific
 from aerarm_ros.identification.files.equivalent_friction import equivalent_friction
 from aerarm_ros.identification.files.estimate_file import estimate_yaml, payload_yaml
 from aerarm_ros.identification.files.identified_mjcf import identified_mjcf
+from aerarm_ros.identification.files.identified_sdf import identified_sdf
 from aerarm_ros.identification.files.identified_urdf import identified_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.parameters.joint_term import TermKind
 from aerarm_ros.identification.report.report import ReportExtras, report_html
 
 RESULT_FILES = (
-    *('estimate.yaml', 'identified.urdf', 'identified.xml', 'payload.yaml', 'report.html'),
-    MARKER,
+    *('estimate.yaml', 'identified.urdf', 'identified.xml', 'identified.sdf', 'payload.yaml'),
+    *('report.html', MARKER),
 )
 """All that a result may hold."""
 
@@ -21,7 +22,7 @@ RESULT_FILES = (
 def write_result(
     result: IdentificationResult, directory: ResultDirectory, extras: ReportExtras
 ) -> tuple[str, ...]:
-    """Write estimate, URDF, MJCF, payload and report; return what is to be said of the URDF.
+    """Write estimate, URDF, MJCF, SDF, payload and report; return what is to be said of the URDF.
 
     Raises
     ------
@@ -35,8 +36,9 @@ def write_result(
     result.warnings.extend(text for text in urdf.warnings if text not in result.warnings)
     directory.write('identified.urdf', urdf.text)
     rotors = estimate.joint_values(TermKind.ROTOR.value)
-    mjcf = identified_mjcf(result.robot, estimate.inertial, viscous, coulomb, rotors)
-    directory.write('identified.xml', mjcf)
+    values = (estimate.inertial, viscous, coulomb, rotors)
+    directory.write('identified.xml', identified_mjcf(result.robot, *values))
+    directory.write('identified.sdf', identified_sdf(result.robot, *values))
     if extras.payload is not None:
         directory.write('payload.yaml', payload_yaml(estimate, extras.payload))
     directory.write('report.html', report_html(result, extras))

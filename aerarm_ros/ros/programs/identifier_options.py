@@ -19,7 +19,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--bag',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
-        'bags to identify from; also .mcap, .db3, .csv and .npz files',
+        'bags to identify from; also .mcap, .db3, .csv and .npz files, and .bag of ROS 1',
     ),
     (
         '--validation',

@@ -1,0 +1,135 @@
+"""Bags of ROS 1, written by another program, sound and damaged."""
+
+import bz2
+import contextlib
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+
+from aerarm_msgs_py.bags.bag_contents import read_contents
+from aerarm_msgs_py.bags.bag_reader import read_joint_states, topics
+from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
+
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+COUNT = 300
+NAMES = ['elbow', 'wrist_roll', 'x']
+START = 1_500_000_000_987_654_321
+STORE = get_typestore(Stores.ROS1_NOETIC)
+FORMATS = {'none': None, 'bz2': Writer.CompressionFormat.BZ2, 'lz4': Writer.CompressionFormat.LZ4}
+
+
+def numbers() -> np.ndarray:
+    return np.random.default_rng(4).normal(size=(COUNT, 3, len(NAMES)))
+
+
+def write(path: Path, compression: str = 'none', velocities: bool = True) -> Path:
+    """Write joint states and modes, with chunks of a few dozen messages."""
+    kind, header = (STORE.types[x] for x in (JOINT_STATE, 'std_msgs/msg/Header'))
+    text, time = STORE.types['std_msgs/msg/String'], STORE.types['builtin_interfaces/msg/Time']
+    writer = Writer(path)
+    writer.chunk_threshold = 10_000
+    if FORMATS[compression] is not None:
+        writer.set_compression(FORMATS[compression])
+    with writer:
+        states = writer.add_connection('/joint_states', kind.__msgtype__, typestore=STORE)
+        modes = writer.add_connection('/arm_mode', text.__msgtype__, typestore=STORE)
+        empty = np.zeros(0)
+        for k, (q, dq, tau) in enumerate(numbers()):
+            stamp = START + k * 8_000_000
+            stamped = header(seq=k, stamp=time(*divmod(stamp, 10**9)), frame_id='base')
+            message = kind(stamped, NAMES, q, dq if velocities else empty, tau)
+            payload = STORE.serialize_ros1(message, kind.__msgtype__)
+            writer.write(states, stamp + 1000, payload)
+            if k % 100 == 0:
+                said = STORE.serialize_ros1(text(f'mode {k}'), text.__msgtype__)
+                writer.write(modes, stamp + 2000, said)
+    return path
+
+
+@pytest.mark.parametrize('compression', FORMATS)
+def test_what_was_recorded_comes_back(tmp_path: Path, compression: str) -> None:
+    bag = write(tmp_path / 'a.bag', compression)
+    contents = read_contents(bag, '/joint_states', ['/arm_mode'])
+    series = contents.joint_states['/joint_states']
+    assert series.names == tuple(NAMES)
+    assert contents.expected == COUNT
+    assert not contents.damaged
+    values = np.stack([series.position, series.velocity, series.effort], axis=1)
+    np.testing.assert_array_equal(values, numbers())
+    np.testing.assert_allclose(series.stamp, START / 1e9 + 8e-3 * np.arange(COUNT), atol=5e-7)
+    assert [said for _, said in contents.texts['/arm_mode']] == ['mode 0', 'mode 100', 'mode 200']
+    assert topics(bag)['/arm_mode'].messages == 3
+
+
+def test_fields_may_be_empty(tmp_path: Path) -> None:
+    series = read_joint_states(write(tmp_path / 'a.bag', velocities=False))
+    assert np.isnan(series.velocity).all()
+    np.testing.assert_array_equal(series.effort, numbers()[:, 2])
+
+
+@pytest.mark.parametrize('compression', FORMATS)
+def test_a_bag_without_its_end_is_read_up_to_there(tmp_path: Path, compression: str) -> None:
+    bag = write(tmp_path / 'a.bag', compression)
+    data = bag.read_bytes()
+    bag.write_bytes(data[: len(data) // 2])
+    with pytest.warns(BagWarning, match='ends within a record'):
+        contents = read_contents(bag, '/joint_states')
+    series = contents.joint_states['/joint_states']
+    assert contents.damaged
+    assert contents.expected is None
+    assert 0.3 * COUNT < len(series) < 0.6 * COUNT
+    np.testing.assert_array_equal(series.position, numbers()[: len(series), 0])
+
+
+def test_damage_costs_its_chunk(tmp_path: Path) -> None:
+    bag = write(tmp_path / 'a.bag', 'bz2')
+    data = bytearray(bag.read_bytes())
+    second = data.index(b'BZh9', data.index(b'BZh9') + 4)
+    data[second + 200] ^= 0xFF
+    bag.write_bytes(data)
+    with pytest.warns(BagWarning, match='damaged chunk') as told:
+        contents = read_contents(bag, '/joint_states')
+    assert any('messages of /joint_states are missing' in str(w.message) for w in told)
+    assert 0.8 * COUNT < len(contents.joint_states['/joint_states']) < COUNT
+
+
+def test_it_says_what_it_is_not(tmp_path: Path) -> None:
+    (tmp_path / 'b.bag').write_bytes(b'#ROSBAG V1.2\n')
+    with pytest.raises(BagError, match='not a bag of ROS 1, version 2.0'):
+        read_joint_states(tmp_path / 'b.bag')
+    with pytest.raises(BagError, match='no topic /imu; it has /arm_mode'):
+        read_joint_states(write(tmp_path / 'c.bag'), '/imu')
+
+
+def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
+    """Four hundred megabytes of nothing in a few hundred bytes."""
+    size = 400_000_000
+    compressor = bz2.BZ2Compressor()
+    packed = b''.join(compressor.compress(bytes(10**6)) for _ in range(5)) + compressor.flush()
+    bag = tmp_path / 'a.bag'
+    write(bag)
+    with bag.open('ab') as stream:
+        fields = (b'op=\x05', b'compression=bz2', b'size=' + size.to_bytes(4, 'little'))
+        header = b''.join(len(x).to_bytes(4, 'little') + x for x in fields)
+        for part in (header, packed):
+            stream.write(len(part).to_bytes(4, 'little') + part)
+    with pytest.warns(BagWarning, match='claims to hold 400000000 bytes'):
+        assert len(read_joint_states(bag)) == COUNT
+
+
+def test_any_change_of_a_byte_is_survived(tmp_path: Path) -> None:
+    bag = write(tmp_path / 'a.bag')
+    sound = bag.read_bytes()[: 4200 + 20_000]
+    random = np.random.default_rng(0)
+    for _ in range(100):
+        data = bytearray(sound)
+        place = int(random.integers(13, len(data)))
+        data[place] = int(random.integers(256))
+        bag.write_bytes(data)
+        with warnings.catch_warnings(), contextlib.suppress(BagError):
+            warnings.simplefilter('ignore', BagWarning)
+            assert len(read_joint_states(bag)) <= COUNT
