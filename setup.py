@@ -44,6 +44,7 @@ EXECUTABLES = [
     'base_reaction',
     'computed_torque',
     'demo',
+    'energy_monitor',
     'excitation',
     'excitation_designer',
     'experiment',

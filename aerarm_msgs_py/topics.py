@@ -43,6 +43,8 @@ SENSOR = _keep_last(5, ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
 JOINT_STATES = Topic('joint_states', JointState, NEWEST)
 MOTOR_STATES = Topic('motor_states', JointState, NEWEST)
 MOTOR_POWER = Topic('motor_power', Float64MultiArray, NEWEST)
+# Joules, a row a cause and a column a joint, as the layout's labels say.
+ENERGY = Topic('energy', Float64MultiArray, NEWEST)
 JOINT_COMMAND = Topic('joint_command', JointState, NEWEST)
 JOINT_TRAJECTORY = Topic('joint_trajectory', JointTrajectory, RELIABLE)
 SET_POINT = Topic('set_point', JointState, RELIABLE)
@@ -76,6 +78,7 @@ TOPICS = MappingProxyType(
             JOINT_STATES,
             MOTOR_STATES,
             MOTOR_POWER,
+            ENERGY,
             JOINT_COMMAND,
             JOINT_TRAJECTORY,
             SET_POINT,

@@ -22,6 +22,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'motor_config': ['MotorConfig', 'torque_constant'],
         'plain_yaml': ['plain_data', 'read_plain'],
         'pose_config': ['PoseConfig'],
+        'power_stage_config': ['PowerStageConfig'],
         'resources': ['resource', 'share_directory'],
         'robot': ['Robot', 'load_robot'],
         'robot_shapes': ['load_shapes'],

@@ -15,6 +15,7 @@ from aerarm_ros.description.config_reader import build, check_keys, load, sectio
 from aerarm_ros.description.gear_config import GearConfig
 from aerarm_ros.description.joint_config import JointConfig
 from aerarm_ros.description.motor_config import MotorConfig, torque_constant
+from aerarm_ros.description.power_stage_config import PowerStageConfig
 
 __all__ = [
     'ArmConfig',
@@ -23,6 +24,7 @@ __all__ = [
     'GearConfig',
     'JointConfig',
     'MotorConfig',
+    'PowerStageConfig',
     'load_arm_config',
     'torque_constant',
 ]
@@ -50,6 +52,8 @@ class ArmConfig:
     rated_payload : tuple of 4 floats
         The most that the arm carries: mass [kg], and x, y, z of its centre in the frame of the
         last link's joint [m]. With up to it the bridge's limits hold.
+    power_stage : PowerStageConfig
+        What the boards take for themselves, and what becomes of braking energy.
 
     Raises
     ------
@@ -65,6 +69,7 @@ class ArmConfig:
     rest_position: tuple[float, ...]
     coupled_joints: tuple[tuple[str, str], ...] = ()
     rated_payload: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    power_stage: PowerStageConfig = PowerStageConfig()
 
     def __post_init__(self) -> None:
         """Check what involves more than one part."""
@@ -209,6 +214,8 @@ def _arm(document: dict[str, Any]) -> ArmConfig:
     plain = {key: value for key, value in document.items() if key not in ('motors', 'gears')}
     plain.update(joints=tuple(joints), boards=tuple(boards))
     plain['coupled_joints'] = _coupled_joints(document.get('coupled_joints', []))
+    stage = document.get('power_stage', {})
+    plain['power_stage'] = build(PowerStageConfig, 'power_stage', stage)
     return build(ArmConfig, 'top level', plain)
 
 

@@ -95,6 +95,23 @@ class Dynamics:
         """
         return np.asarray(pin.rnea(self._model, self._data, q, dq, ddq))
 
+    def inverse_with_slopes(
+        self, q: Array, dq: Array, ddq: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return `inverse` and how it changes with the motion.
+
+        Returns
+        -------
+        xi : (n,) ndarray
+            [Nm]
+        by_q, by_dq, by_ddq : (n, n) ndarray
+            Derivatives of row i's torque by column j's position [Nm/rad], velocity [Nms/rad] and
+            acceleration [kg m^2]; the last is B(q). They are working memory: the next call
+            overwrites them.
+        """
+        by_q, by_dq, by_ddq = pin.computeRNEADerivatives(self._model, self._data, q, dq, ddq)
+        return self._data.tau, by_q, by_dq, by_ddq
+
     def forward(self, q: Array, dq: Array, tau: Array) -> Array:
         """Return the accelerations [rad/s^2] under torques: direct dynamics.
 

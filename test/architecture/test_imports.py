@@ -18,6 +18,7 @@ ALLOWED = {
     'motion': set(),
     'control': {'motion', 'model', 'description'},
     'flight': {'control', 'model', 'description'},
+    'energy': {'control', 'motion', 'model', 'description'},
     'excitation': {'motion', 'model', 'description'},
     'identification': {'model', 'description'},
     'simulation': {'motion', 'model', 'description'},

@@ -35,6 +35,7 @@ SERVING: Mapping[str, Sequence[str]] = {
     'impedance_control': (),
     'kinematic_control': (),
     'base_reaction': (),
+    'energy_monitor': (),
     'flight_control': ('-p', f'drone_file:={resource("config", "drone.yaml")}'),
     'recorder': ('-p', 'bag:={folder}/bag'),
     'tool_path': (),

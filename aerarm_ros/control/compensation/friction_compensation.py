@@ -71,3 +71,18 @@ class FrictionCompensation:
             dry = dry + self._load_share * np.abs(load)
         torque: Array = self._viscous * dq + dry * np.tanh(self._steepness * dq)
         return torque
+
+    def slopes(self, dq: Array, load: Array) -> tuple[Array, Array]:
+        """Return how `torque` changes with velocity [Nms/rad] and with load [-].
+
+        Parameters
+        ----------
+        dq, load : (..., n) ndarray
+            As in `torque`.
+        """
+        sign = np.tanh(self._steepness * dq)
+        share: Any = 0.0 if self._load_share is None else self._load_share
+        dry = self._coulomb + share * np.abs(load)
+        by_velocity: Array = self._viscous + dry * self._steepness * (1.0 - sign**2)
+        by_load: Array = share * np.sign(load) * sign
+        return by_velocity, by_load

@@ -33,6 +33,7 @@ from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.last_link import checked_payload
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
@@ -95,6 +96,13 @@ FRICTION_PARAMETERS = (
               'or one a joint; `load` in estimate.yaml', '', 0.0, 1.0),
 )  # fmt: skip
 
+# Of whoever knows the friction, and compensates none of it.
+ENERGY_PARAMETERS = tuple(
+    parameter
+    for parameter in FRICTION_PARAMETERS
+    if parameter.name not in ('friction_fraction', 'friction_width')
+)
+
 OBSERVER_PARAMETERS = (
     Parameter('observer_gain', 30.0, 'disturbance observer; 0 for none', '1/s', 0.0, 1000.0),
     Parameter('compensation', 0.0, 'largest compensated disturbance over effort_max; 0 only '
@@ -110,6 +118,8 @@ FOLLOWER_PARAMETERS = (
     Parameter('stream_timeout', 0.1, 'silence after which a stream brakes', 's', 0.005, 10.0),
 )
 
+CarryingModel = Dynamics | MovingBaseDynamics | WholeBodyDynamics
+
 
 @dataclass(frozen=True)
 class ControlledArm:
@@ -119,7 +129,7 @@ class ControlledArm:
     robot: Robot
     limits: JointLimits
     drone: DroneConfig | None = None
-    _models: list[MovingBaseDynamics | WholeBodyDynamics] = field(default_factory=list)
+    _models: list[CarryingModel] = field(default_factory=list)
 
     @classmethod
     def from_parameters(cls, values: SimpleNamespace) -> ControlledArm:
@@ -140,7 +150,7 @@ class ControlledArm:
         self.load(model, values)
         return model
 
-    def load(self, model: MovingBaseDynamics | WholeBodyDynamics, values: SimpleNamespace) -> None:
+    def load(self, model: CarryingModel, values: SimpleNamespace) -> None:
         """Tell a model what the arm carries, now and whenever that changes; raises ValueError."""
         model.carry(_payload(getattr(values, PAYLOAD, [])))
         self._models.append(model)

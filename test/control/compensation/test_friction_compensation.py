@@ -57,3 +57,13 @@ def test_with_a_fraction_below_one_friction_still_wins_at_every_velocity() -> No
 def test_wrong_coefficients_are_refused(changes, message) -> None:
     with pytest.raises(ValueError, match=message):
         FrictionCompensation(**{'viscous': VISCOUS, 'coulomb': COULOMB, **changes})
+
+
+def test_slopes_are_the_derivatives_of_the_torque() -> None:
+    friction = FrictionCompensation([0.1, 0.2], [0.3, 0.4], 0.05, load_share=[0.02, 0.04])
+    dq, load, h = np.array([0.03, -0.4]), np.array([-2.0, 1.0]), 1e-7
+    by_velocity, by_load = friction.slopes(dq, load)
+    numeric = (friction.torque(dq + h, load) - friction.torque(dq - h, load)) / (2.0 * h)
+    np.testing.assert_allclose(by_velocity, numeric, rtol=1e-5)
+    numeric = (friction.torque(dq, load + h) - friction.torque(dq, load - h)) / (2.0 * h)
+    np.testing.assert_allclose(by_load, numeric, rtol=1e-5)

@@ -1,0 +1,55 @@
+"""The energy monitor as a process, fed by this one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.energy.drive_power import DrivePower
+from aerarm_ros.ros.process.node_process import NodeProcess
+
+TAU = np.array([0.5, 3.0, -0.2, 0.4])
+SECONDS = 0.5
+
+
+def test_joules_are_by_cause_and_joint(ros_node: Node, tmp_path: Path) -> None:
+    config = load_arm_config()
+    codec = JointStateCdr(config.joint_names)
+    states = ros_node.create_publisher(
+        topics.JOINT_STATES.type, topics.JOINT_STATES.name, topics.JOINT_STATES.qos
+    )
+    heard = []
+    energy = topics.ENERGY
+    ros_node.create_subscription(energy.type, energy.name, heard.append, energy.qos)
+    stamp = 10**9
+    with NodeProcess('energy_monitor', parameters={'rate': 100.0}, log=tmp_path / 'log') as process:
+        while not states.get_subscription_count():
+            rclpy.spin_once(ros_node, timeout_sec=0.05)
+            assert process.returncode is None, process.tail()
+        q = np.array([0.0, 0.5, 0.0, 0.0])
+        for _ in range(2000):  # what comes too fast is not heard: its time counts nevertheless
+            stamp += 10_000_000
+            states.publish(codec.pack(stamp, q, np.zeros(4), TAU))
+            rclpy.spin_once(ros_node, timeout_sec=0.01)
+            if heard and seconds_of(heard[-1]) > SECONDS:
+                break
+    table = heard[-1]
+    (causes, joints) = table.layout.dim
+    assert (causes.size, joints.size) == (8, 4)
+    assert causes.label.split()[1:3] == ['copper', 'friction']
+    assert joints.label.split()[1:] == list(config.joint_names)
+    rows = np.array(table.data).reshape(8, 4)
+    copper = DrivePower(config).copper(TAU) * seconds_of(table)
+    np.testing.assert_allclose(rows[0], copper, rtol=1e-6)
+    assert rows[1:6] == pytest.approx(0.0)  # it stands still
+
+
+def seconds_of(table: object) -> float:
+    """Return the time that was metered [s], by what the boards take for themselves."""
+    standby = np.array(table.data).reshape(8, 4)[6].sum()  # type: ignore[attr-defined]
+    return float(standby / load_arm_config().power_stage.standby)
