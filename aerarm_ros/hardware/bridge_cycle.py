@@ -39,8 +39,9 @@ class BridgeCycle:
     - ready: the arm is held where it is; no command has come yet.
     - homing: the motors search the encoders' index pulses.
     - running: the last command is followed.
-    - damping: the last command is too old. The joints are damped, so the arm sinks slowly;
-      the next good command is followed again, and `enable` holds the arm where it is.
+    - damping: the last command is too old, and nobody asked to `hold` the arm after it. The
+      joints are damped, so the arm sinks slowly; the next good command is followed again, and
+      `enable` or `hold` hold the arm where it is.
     - fault: stopped for the reason that `faults` gives. The joints are damped where their
       board and encoder still work, until `clear_fault`.
 
@@ -224,6 +225,13 @@ class BridgeCycle:
         self._followed = False
         return Answer(True, 'already enabled: the arm is held where it is')
 
+    def hold(self) -> Answer:
+        """Hold the arm once commands end, as who ends them asks: else it would be damped."""
+        if self.mode not in ('ready', 'running', 'damping'):
+            return Answer(False, f'arm_mode is {self.mode}: there is nothing to hold')
+        self.intake.conclude(self._now)
+        return Answer(True, 'the arm is held where it is')
+
     def disable(self) -> Answer:
         """Ask the boards to switch the motors off. The arm falls: have it supported."""
         self._enabled = False
@@ -331,6 +339,8 @@ class BridgeCycle:
         if self.intake.is_fresh(now):
             self._followed = True
             return self.intake.command
+        if self.intake.is_concluded:
+            self._followed = False
         return None if self._followed else self._standstill
 
     def _home_on(self, homing: Homing) -> CommandBuffer:

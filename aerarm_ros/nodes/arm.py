@@ -28,6 +28,7 @@ MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]
 _FAKE = 'fake_hardware'
 _MEANING = {
     'enable': 'motors on; they align first: THE ARM MOVES, then it is held',
+    'hold': 'hold a damped arm where it is; one that follows commands, once they end',
     'disable': 'motors off: the arm sinks',
     'clear_fault': 'end a fault whose cause is gone',
     'home': "turn slowly to the encoders' index pulses: THE ARM MOVES",

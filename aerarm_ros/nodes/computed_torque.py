@@ -13,14 +13,13 @@ from aerarm_ros.control.compensation.error_integral import ErrorIntegral
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
-from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import (
     FOLLOWER_PARAMETERS,
     FRICTION_PARAMETERS,
     OBSERVER_PARAMETERS,
     one_or_each,
 )
-from aerarm_ros.ros.controllers.state_node import state_node_parameters
 from aerarm_ros.ros.controllers.trajectory_action import serve_trajectories
 from aerarm_ros.ros.controllers.trajectory_input import follow_trajectory, go_to_set_point
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -29,7 +28,7 @@ from aerarm_ros.ros.process.node_main import run_node
 NAME = 'computed_torque'
 HOST, BOARDS = 'host', 'boards'
 
-PARAMETERS = state_node_parameters(
+PARAMETERS = controller_parameters(
     *FRICTION_PARAMETERS,
     *OBSERVER_PARAMETERS,
     *FOLLOWER_PARAMETERS,

@@ -31,6 +31,7 @@ from aerarm_ros.ros.playback.motion_playback import MotionPlayback
 from aerarm_ros.ros.process.exit_status import INTERRUPTED, print_error
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.requests.arm_at_end import AT_END_PARAMETERS, ArmAtEnd
 from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
 
 NAME = 'excitation'
@@ -60,6 +61,7 @@ PARAMETERS = ParameterTable(
               '(2: bridge and recorder; this node and recorder)', '', 1, 100),
     Parameter('wait_for_recorder', False, 'wait until recorder_status says that joint_states and '
               'joint_command are being recorded'),
+    *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
     *ARM_FILES,
     Parameter('excitation_config', '', 'YAML file of surroundings and usable shares of the limits; '
@@ -105,6 +107,7 @@ class ExcitationNode:
             self._diagnostics.add_rejection,
         )
         self._diagnostics.watch(self._playback.states)
+        self._arm_at_end = ArmAtEnd(self._node, self._parameters)
         self._player: ExcitationPlayer | None = None
 
     def run(self) -> None:
@@ -142,6 +145,7 @@ class ExcitationNode:
         )
         prepare_thread(self._parameters, self._node.get_logger())
         self._playback.play(self._player, self._parameters.state_timeout, self._measure)
+        self._arm_at_end.leave()
         self._conclude()
 
     def _get_trajectory(self) -> FourierTrajectory:

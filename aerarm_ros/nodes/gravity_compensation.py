@@ -14,14 +14,13 @@ from aerarm_ros.control.compensation.friction_compensation import FrictionCompen
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
 from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import (
     FOLLOWER_PARAMETERS,
     FRICTION_PARAMETERS,
     OBSERVER_PARAMETERS,
     one_or_each,
 )
-from aerarm_ros.ros.controllers.state_node import state_node_parameters
 from aerarm_ros.ros.controllers.trajectory_action import serve_trajectories
 from aerarm_ros.ros.controllers.trajectory_input import follow_trajectory, go_to_set_point
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -30,7 +29,7 @@ from aerarm_ros.ros.process.node_main import run_node
 NAME = 'gravity_compensation'
 KP, KD = [60.0, 60.0, 40.0, 40.0], [5.0, 5.0, 1.0, 1.0]
 
-PARAMETERS = state_node_parameters(
+PARAMETERS = controller_parameters(
     *FRICTION_PARAMETERS,
     *OBSERVER_PARAMETERS,
     *FOLLOWER_PARAMETERS,

@@ -8,13 +8,12 @@ from aerarm_ros.control.checks.gains import non_negative
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.cartesian_impedance import CartesianImpedance
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import (
     FRICTION_PARAMETERS,
     OBSERVER_PARAMETERS,
     one_or_each,
 )
-from aerarm_ros.ros.controllers.state_node import state_node_parameters
 from aerarm_ros.ros.controllers.target_parameters import TARGET_PARAMETERS, make_target_follower
 from aerarm_ros.ros.controllers.tool_topics import ToolTopics
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -22,7 +21,7 @@ from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'impedance_control'
 
-PARAMETERS = state_node_parameters(
+PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
     # By measured velocity: below one, so that the arm stays passive.

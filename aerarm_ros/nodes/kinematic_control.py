@@ -10,8 +10,7 @@ from aerarm_ros.control.laws.damped_inverse import DampedInverse
 from aerarm_ros.control.laws.joint_motion_control import JointMotionControl
 from aerarm_ros.control.laws.velocity_resolution import VelocityResolution
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.ros.controllers.controller_node import ControllerNode
-from aerarm_ros.ros.controllers.state_node import state_node_parameters
+from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.target_parameters import TARGET_PARAMETERS, make_target_follower
 from aerarm_ros.ros.controllers.tool_topics import ToolTopics
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -20,7 +19,7 @@ from aerarm_ros.ros.process.node_main import run_node
 NAME = 'kinematic_control'
 JOINT, CARTESIAN = 'joint', 'cartesian'
 
-PARAMETERS = state_node_parameters(
+PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     Parameter('scheme', CARTESIAN, 'where the error is fed back', choices=(JOINT, CARTESIAN)),
     Parameter('gain', 8.0, 'K: errors decay as exp(-K t)', '1/s', 0.0, 100.0),

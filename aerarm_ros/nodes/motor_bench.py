@@ -42,6 +42,7 @@ from aerarm_ros.ros.playback.motion_playback import MotionPlayback
 from aerarm_ros.ros.process.exit_status import INTERRUPTED
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.requests.arm_at_end import AT_END_PARAMETERS, ArmAtEnd
 
 NAME = 'motor_bench'
 _PLAN = BenchPlan()
@@ -73,6 +74,7 @@ PARAMETERS = ParameterTable(
     Parameter('stop_time', 0.5, 'duration of a smooth stop', 's', 0.05, 10.0),
     Parameter('state_timeout', 0.2, 'longest wait for the next joint state', 's', 0.005, 10.0),
     Parameter('wait_timeout', 20.0, 'longest wait for the arm', 's', 0.1, 3600.0),
+    *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
     *ARM_FILES,
     Parameter('excitation_config', '', 'YAML file of the surroundings; the packaged if empty'),
@@ -126,6 +128,7 @@ class MotorBenchNode:
         self._earlier = load_earlier(Path(earlier)) if earlier else None
         self._names = arm.joint_names
         self._playback = MotionPlayback(self._node, self._names)
+        self._arm_at_end = ArmAtEnd(self._node, values)
 
     def run(self) -> None:
         """Measure; `status` says how it ended."""
@@ -199,6 +202,7 @@ class MotorBenchNode:
             )
         finally:
             recording.close()
+        self._arm_at_end.leave()
         if self._playback.stop_asked:
             raise KeyboardInterrupt
         return recording

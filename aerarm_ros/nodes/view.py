@@ -35,7 +35,7 @@ from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.stop_signals import StopSignals
 from aerarm_ros.ros.requests.arm_client import BRIDGES
-from aerarm_ros.ros.requests.emergency_stop import EmergencyStop
+from aerarm_ros.ros.requests.bridge_service import BridgeService
 from aerarm_ros.ros.states.state_sampler import StateSampler
 
 NAME = 'view'
@@ -91,7 +91,7 @@ class View:
         self._diagnostics = ViewDiagnostics()
         self._history = ViewHistory(robot.n, values.history, values.rate)
         self._heard = -np.inf
-        self._stop = EmergencyStop(self._node, values.bridges)
+        self._stop = BridgeService(self._node, 'e_stop', values.bridges)
         self._states = StateSampler(self._node, self._names)
         self._subscribe()
         self._loop = PeriodicLoop(1.0 / values.rate)
@@ -135,7 +135,7 @@ class View:
         except PageError as error:
             raise ViewError(str(error)) from None
         self._scene = ViewScene(self._server, robot, self._values.tool)
-        self._panel = ViewPanel(self._server, self._names, self._values.history, self._stop.press)
+        self._panel = ViewPanel(self._server, self._names, self._values.history, self._stop.call)
 
     def _tell_refused(self, text: str) -> None:
         self._node.get_logger().warning(text)

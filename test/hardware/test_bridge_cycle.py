@@ -193,6 +193,43 @@ def test_enabling_a_damped_arm_holds_it_where_it_is(make_rig):
     assert all(board.motors[0].ready for board in rig.boards.boards)  # without a new alignment
 
 
+def test_an_arm_that_is_to_be_held_at_the_end_of_commands_is_never_damped(make_rig):
+    rig = make_rig(position=[0.0, 0.8, 0.0, 0.0]).bring_up()
+    answer = np.array([0.5, 0.0, 0.5, 0.5])
+    rig.run(0.3, lambda now: (None, answer, None))
+    assert rig.bridge.hold().accepted
+    rig.run(0.01, lambda now: (None, answer, None))  # what is under way is still of the same
+    modes = set()
+    for _ in range(500):
+        rig.cycle()
+        modes.add(rig.bridge.mode)
+    assert modes == {'running', 'ready'}
+    assert rig.bridge.mode == 'ready'
+    held = rig.plant.position
+    rig.run(0.5)
+    assert rig.plant.position == pytest.approx(held, abs=2e-3)
+
+
+def test_to_hold_an_arm_says_nothing_of_whoever_commands_it_next(make_rig):
+    rig = make_rig(position=[0.0, 0.8, 0.0, 0.0]).bring_up()
+    rig.run(0.1, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
+    rig.bridge.hold()
+    rig.run(0.2, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))  # another goes on, and dies
+    assert rig.bridge.mode == 'running'
+    rig.run(0.2)
+    assert rig.bridge.mode == 'damping'
+    assert rig.bridge.hold().accepted
+    rig.run(0.2)
+    assert rig.bridge.mode == 'ready'
+    rig.bridge.e_stop('test')
+    rig.run(0.1)
+    answer = rig.bridge.hold()
+    assert (answer.accepted, answer.message) == (
+        False,
+        'arm_mode is fault: there is nothing to hold',
+    )
+
+
 def test_a_rejected_stream_damps_the_arm_and_is_reported(rig):
     rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.5, 0.5], None))
     for _ in range(300):

@@ -74,6 +74,7 @@ class CommandIntake:
         self._candidate = CommandBuffer(len(joint_names))
         self._received = -np.inf
         self._source: Source = None
+        self._last = -np.inf  # when the last command of who concluded was received at most [s]
 
     def age(self, now: float) -> float:
         """Time since the last accepted command was received [s]; inf without one."""
@@ -88,6 +89,19 @@ class CommandIntake:
         """Drop the last command and its publisher's claim."""
         self._received = -np.inf
         self._source = None
+
+    def conclude(self, now: float) -> None:
+        """Note at `now` [s] that who commands the arm ends on purpose.
+
+        What is under way by then is still the last of its commands. What comes later is another's,
+        and whether that ends on purpose nobody knows yet.
+        """
+        self._last = now + self._settings.stamp_age_max
+
+    @property
+    def is_concluded(self) -> bool:
+        """Whether the last command was the last on purpose; see `conclude`."""
+        return self._received <= self._last
 
     def offer(self, offered: OfferedCommand, now: float, *, ready: bool = True) -> bool:
         """Take a command received at `now` [s] if it is in order and the arm is `ready`."""

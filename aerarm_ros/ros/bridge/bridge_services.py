@@ -12,6 +12,7 @@ from aerarm_ros.ros.bridge.cycle_requests import Action
 
 ACTIONS: dict[str, Action] = {
     'enable': lambda cycle: cycle.enable(),
+    'hold': lambda cycle: cycle.hold(),
     'disable': lambda cycle: cycle.disable(),
     'clear_fault': lambda cycle: cycle.clear_fault(),
     'home': lambda cycle: cycle.home(),

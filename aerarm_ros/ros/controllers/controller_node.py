@@ -13,10 +13,18 @@ from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.ros.controllers.state_node import StateNode
+from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.requests.arm_at_end import AT_END_PARAMETERS, ArmAtEnd
 from aerarm_ros.ros.states.arm_modes import COMMANDABLE
 
 _DISTURBANCE_PERIOD = 10  # answered states
+
+
+def controller_parameters(*parameters: Parameter) -> ParameterTable:
+    """Return the parameters of a controller: those of every one, and its own."""
+    return state_node_parameters(*parameters, *AT_END_PARAMETERS)
 
 
 class Attendant(Protocol):
@@ -36,7 +44,8 @@ class ControllerNode(StateNode):
     """Runs a control loop for as long as the bridge follows commands.
 
     While it doesn't (the arm is off, or stopped), the loop is released, so that control
-    begins at the arm's posture, wherever it was put meanwhile.
+    begins at the arm's posture, wherever it was put meanwhile. At its end the bridge is asked
+    to hold the arm (`at_end`).
 
     A derived controller overrides `make_loop`, and `subscribe` for its references.
 
@@ -100,6 +109,7 @@ class ControllerNode(StateNode):
         """Publish commands and the disturbance; follow the bridge's mode."""
         self._commands = self.advertise(topics.JOINT_COMMAND)
         self._disturbance = self.advertise(topics.DISTURBANCE)
+        self._arm_at_end = ArmAtEnd(self.node, self.values)
         self.listen(topics.ARM_MODE, self._on_mode)
         self.subscribe()
 
@@ -131,6 +141,11 @@ class ControllerNode(StateNode):
         self._answered += 1
         if self.loop.disturbance is not None and self._answered % _DISTURBANCE_PERIOD == 0:
             self._disturbance.publish(self._codec.pack(stamp_ns, effort=self.loop.disturbance))
+
+    def leave(self) -> None:
+        """Let the arm be held, or damped, as `at_end` says."""
+        if self._mode in COMMANDABLE and self._answered_ns is not None:
+            self._arm_at_end.leave()
 
     def close(self) -> None:
         """Destroy the node, and before it what attends its loop."""

@@ -111,6 +111,9 @@ class StateNode:
         """Act on a state, and call `count_answer` if that is an answer."""
         raise NotImplementedError
 
+    def leave(self) -> None:
+        """Act once no more states are answered, while the executor still spins."""
+
     def on_parameter(self, name: str, value: Any) -> None:
         """Take a changed live parameter, in the loop's thread; may raise ValueError."""
 
@@ -164,6 +167,8 @@ class StateNode:
             while not self._stopping and rclpy.ok():
                 if self._stream.wait(self.values.state_timeout):
                     self._take()
+            if rclpy.ok():
+                self.leave()
         print_account(self.node.get_name(), self.diagnostics.account())
 
     def close(self) -> None:

@@ -25,7 +25,7 @@ _ADVICE = {
     'aligning': 'the motors will be aligned in a few seconds',
     'homing': 'the joints will be at their index in a few seconds',
     'running': 'another node commands the arm: stop it',
-    'damping': "run 'arm enable', which holds the arm where it is",
+    'damping': "run 'arm hold', which holds the arm where it is",
 }
 # By then all nodes in the domain have announced themselves (config/fastdds.xml) [s].
 _DISCOVERY_TIME = 0.5

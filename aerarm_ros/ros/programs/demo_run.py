@@ -83,7 +83,6 @@ class DemoRun:
             client.wait_for_mode(['ready'], _PATIENCE)
             for motion in self._motions:
                 self._run_motion(motion)
-                client.call('enable')  # hold the arm, which is only damped once its commands end
         if hardware.returncode != 0:
             raise DemoError(f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}')
         try:

@@ -9,8 +9,9 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        'arm_at_end': ['AT_END_PARAMETERS', 'ArmAtEnd'],
         'arm_client': ['ArmClient', 'ArmClientError', 'BRIDGES'],
-        'emergency_stop': ['EmergencyStop'],
+        'bridge_service': ['BridgeService'],
         'parameter_request': ['set_parameter'],
         'set_point_request': ['SetPointRequest'],
     },

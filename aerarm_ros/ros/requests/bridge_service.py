@@ -1,4 +1,4 @@
-"""A person's emergency stop, through the bridge's service."""
+"""A service of the bridge, for a node whose executor runs in another thread."""
 
 from __future__ import annotations
 
@@ -10,45 +10,61 @@ from rclpy.client import Client
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from aerarm_ros.ros.bridge.bridge_services import STOPS
 from aerarm_ros.ros.executors.spinning import this_domain
 
 _POLL = 0.02  # [s]
 
 
-class EmergencyStop:
-    """Calls `e_stop` of every bridge that is there.
+class BridgeService:
+    """Calls a service of the bridge that is there.
+
+    With several bridges, what stops an arm goes to all of them, and nothing else to any.
 
     Parameters
     ----------
     node
         Owner of the clients; an executor must spin it in another thread.
+    action
+        Name of the service, a key of `bridge_services.ACTIONS` or of the emulated bridge's.
     bridges
         Node names of the bridges, relative or absolute.
     timeout
         Longest time to find a bridge, and again for its answer [s].
     """
 
-    def __init__(self, node: Node, bridges: Sequence[str], timeout: float = 1.0) -> None:
-        self._clients = {name: node.create_client(Trigger, f'{name}/e_stop') for name in bridges}
+    def __init__(
+        self, node: Node, action: str, bridges: Sequence[str], timeout: float = 1.0
+    ) -> None:
+        self._clients = {name: node.create_client(Trigger, f'{name}/{action}') for name in bridges}
+        self._is_stop = action in STOPS
         self._timeout = timeout
 
-    def press(self) -> tuple[bool, str]:
-        """Stop the arm; blocks until the bridges have answered.
+    @property
+    def is_found(self) -> bool:
+        """Whether a bridge is there by now."""
+        return bool(self._ready())
+
+    def call(self) -> tuple[bool, str]:
+        """Ask; blocks until every bridge that is asked has answered.
 
         Returns
         -------
-        stopped
-            Whether every bridge found has confirmed, and there was one.
+        done
+            Whether every bridge asked has confirmed, and there was one.
         text
-            What the bridges said, or why nothing was stopped.
+            What the bridges said, or why none was asked.
         """
         found = self._find()
         if not found:
             names = ' or '.join(client.srv_name for client in self._clients.values())
             return False, f'no service {names}: is the bridge running in {this_domain()}?'
+        if len(found) > 1 and not self._is_stop:
+            return False, f'there are {" and ".join(found)}: stop one bridge, or name the one meant'
         answers = self._call_all(found)
-        # Who was found first is stopped first; others may have been discovered meanwhile.
-        answers |= self._call_all({n: c for n, c in self._ready().items() if n not in found})
+        if self._is_stop:
+            # Who was found first is stopped first; others may have been discovered meanwhile.
+            answers |= self._call_all({n: c for n, c in self._ready().items() if n not in found})
         text = '; '.join(f'{name}: {reply}' for name, (_, reply) in answers.items())
         return all(done for done, _ in answers.values()), text
 
@@ -81,8 +97,14 @@ class _Call:
 
     def answer(self, deadline: float, timeout: float) -> tuple[bool, str]:
         """Return what the bridge says, waiting until `deadline` [s, monotonic]."""
-        if not self._answered.wait(max(0.0, deadline - time.monotonic())):
+        text = ''
+        while not text and not self._answered.wait(_POLL):
+            if time.monotonic() > deadline:
+                text = f'no answer within {timeout:g} s'
+            elif not self._client.service_is_ready():
+                text = 'it has ended'
+        if text and not self._answered.is_set():
             self._client.remove_pending_request(self._future)
-            return False, f'no answer within {timeout:g} s'
+            return False, text
         reply = self._future.result()
         return bool(reply.success), reply.message
