@@ -107,8 +107,12 @@ def test_drives_the_emulated_boards(tmp_path: Path, environment, ros_node: Node)
     arm = {'seed': 3, 'pace': 'lockstep'}
     hardware = NodeProcess('fake_hardware', (), arm, environment, tmp_path / 'hardware.log')
     with hardware:
-        BridgeClient(ros_node).make_ready()
+        client = BridgeClient(ros_node)
+        client.make_ready()
+        seen = len(client.modes)
         status, log = run(environment, tmp_path)
+        client.wait_for(lambda: client.modes[seen:][-1:] == ['ready'])  # the arm is held
+        assert 'damping' not in client.modes
     assert status == 0, log
     assert 'done' in log
 
