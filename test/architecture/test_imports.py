@@ -27,6 +27,7 @@ ALLOWED = {
         *('control', 'excitation', 'identification', 'hardware', 'simulation'),
         *('motion', 'model', 'description'),
     },
+    'planner': {'energy', 'excitation', 'control', 'motion', 'model', 'description'},
     'realtime': set(),
 }
 # What every room may import: it must be said before NumPy is imported.

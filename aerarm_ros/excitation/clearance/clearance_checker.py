@@ -117,6 +117,11 @@ class ClearanceChecker:
         """Required distance of each pair [m], (pairs,)."""
         return self._required
 
+    @property
+    def steepest(self) -> FloatArray:
+        """(n,) how much a joint can change the distance of any pair at most [m/rad]."""
+        return np.asarray(self._bounds.max(axis=0))
+
     def distances(self, q: FloatArray) -> FloatArray:
         """Return the distance of each pair at q (n,) [rad]: (pairs,) [m], negative if inside."""
         pin.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)

@@ -1,0 +1,232 @@
+"""Plans motions of least energy, or the quickest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import minimize
+
+from aerarm_ros.energy.energy_model import EnergyModel
+from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
+from aerarm_ros.excitation.feasibility.feasibility_report import FeasibilityReport
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings.motion_limits import MotionLimits
+from aerarm_ros.excitation.trajectory.transfer import standstill
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.smooth_step import rest_to_rest_duration
+from aerarm_ros.planner.clearance_term import ClearanceTerm
+from aerarm_ros.planner.cost_term import CostTerm
+from aerarm_ros.planner.drive_term import DriveTerm
+from aerarm_ros.planner.limit_term import LimitTerm
+from aerarm_ros.planner.motion_cost import MotionCost
+from aerarm_ros.planner.motion_plan import MotionPlan
+from aerarm_ros.planner.plan_error import PlanError
+from aerarm_ros.planner.plan_settings import ENERGY, QUINTIC, TIME, PlanSettings
+from aerarm_ros.planner.spline_basis import SplineBasis
+
+_SHORTEST, _LONGEST = 0.05, 60.0  # [s]
+# Penalties of broken limits [1/s], tried one after the other.
+_PENALTIES = (1e3, 3e4, 1e6)
+_ITERATIONS = 60
+_CHANGE = 1e-6  # relative, at which the search ends
+_QUICK = 1e3  # price of a second where nothing else counts
+_STRETCH = 1.02  # by which a motion of free duration gives way, step by step
+_STRETCHES = 40
+
+
+class MotionPlanner:
+    """Plans motions from rest to rest on splines.
+
+    The search (L-BFGS-B) sees a motion at some instants, and limits as penalties; bounds of
+    positions it keeps exactly. What it finds is then checked at every control cycle by
+    `FeasibilityChecker`, which knows nothing of the search, and given only if no limit is broken.
+
+    Parameters
+    ----------
+    model : EnergyModel
+        Model with friction and payload.
+    setup : ExcitationSetup
+        Limits, clearances and surroundings of the same arm.
+    settings : PlanSettings
+    """
+
+    def __init__(
+        self, model: EnergyModel, setup: ExcitationSetup, settings: PlanSettings | None = None
+    ) -> None:
+        self._model = model
+        self._setup = setup
+        self.settings = settings or PlanSettings()
+        share = self.settings
+        self._limits = setup.limits.scaled(1.0, share.velocity_share, share.effort_share)
+        self._effort_max = np.minimum(
+            self._limits.effort, self._limits.current * setup.torque_per_ampere
+        )
+        self._checker = FeasibilityChecker(self._limits, setup.clearance, setup.effort_model)
+        self._basis = SplineBasis.of(self.settings.knots, self.settings.samples)
+
+    def with_settings(self, **changes: object) -> MotionPlanner:
+        """Return a planner of the same arm with other settings."""
+        return MotionPlanner(self._model, self._setup, replace(self.settings, **changes))  # type: ignore[arg-type]
+
+    @property
+    def limits(self) -> MotionLimits:
+        """The usable share of the limits."""
+        return self._limits
+
+    def plan(self, start: ArrayLike, goal: ArrayLike) -> MotionPlan:
+        """Return a motion between two postures (n,) [rad].
+
+        Raises
+        ------
+        PlanError
+            If start or goal cannot be rested at, or the motion not be made in the given duration;
+            names the limit.
+        """
+        q0, q1 = self._posture('start', start), self._posture('goal', goal)
+        settings = self.settings
+        if settings.objective == QUINTIC:
+            return self._quintic(q0, q1)
+        if settings.duration > 0.0 and settings.objective == ENERGY:
+            return self._of_duration(q0, q1, settings.duration)
+        price = _QUICK if settings.objective == TIME else settings.time_price + self._standby
+        return self._of_free_duration(q0, q1, price)
+
+    @property
+    def _standby(self) -> float:
+        return self._model.config.power_stage.standby
+
+    def _posture(self, what: str, q: ArrayLike) -> FloatArray:
+        posture = np.array(q, dtype=float)
+        n = self._model.n
+        if posture.shape != (n,) or not np.isfinite(posture).all():
+            raise PlanError(f'{what}: {n} finite joint angles are needed, not {posture.tolist()}')
+        self._require(self._checker.check(standstill(posture)), f'the {what}')
+        return posture
+
+    def _quintic(self, q0: FloatArray, q1: FloatArray) -> MotionPlan:
+        duration = self.settings.duration or self._quintic_duration(q0, q1)
+        path = PolynomialPath.rest_to_rest(q0, q1, duration)
+        report = self._checker.check(path)
+        for _ in range(0 if self.settings.duration else _STRETCHES):
+            if report.feasible:
+                break
+            path = PolynomialPath.rest_to_rest(q0, q1, _STRETCH * path.duration)
+            report = self._checker.check(path)
+        self._require(report, f'a quintic of {path.duration:.3g} s')
+        return self._made(path, report)
+
+    def _quintic_duration(self, q0: FloatArray, q1: FloatArray) -> float:
+        limits = self._limits
+        return rest_to_rest_duration(q1 - q0, limits.velocity, limits.acceleration, _SHORTEST)
+
+    def _of_duration(self, q0: FloatArray, q1: FloatArray, duration: float) -> MotionPlan:
+        near = PolynomialPath.rest_to_rest(q0, q1, duration)
+        points = self._basis.points_near(near)
+        looks_around = False
+        for penalty in _PENALTIES:
+            terms = self._terms(1.0, penalty, looks_around)
+            cost = MotionCost(self._basis, q0, q1, terms)
+            points = self._searched(cost, points, duration)[0]
+            path = self._basis.path(points, q0, q1, duration)
+            report = self._checker.check(path, stop_early=True)
+            if report.feasible:
+                return self._made(path, report)
+            # Distances take most of the time: most motions need none.
+            looks_around = looks_around or 'clearance' in report.binding.limit
+        self._require(report, f'a motion of {duration:.3g} s', self._advice(q0, q1, duration))
+        raise AssertionError  # it was infeasible
+
+    def _of_free_duration(self, q0: FloatArray, q1: FloatArray, second: float) -> MotionPlan:
+        points, duration = self._first_guess(q0, q1)
+        price = 0.0 if self.settings.objective == TIME else 1.0
+        looks_around = False
+        for penalty in _PENALTIES:
+            terms = self._terms(price, 10.0 * penalty, looks_around)
+            cost = MotionCost(self._basis, q0, q1, terms, second)
+            points, duration = self._searched(cost, points, duration, is_free=True)
+            path, report = self._stretched(points, q0, q1, duration)
+            if report.feasible:
+                return self._made(path, report)
+            # Distances take most of the time: most motions need none.
+            looks_around = looks_around or 'clearance' in report.binding.limit
+        self._require(report, 'every motion that was tried')
+        raise AssertionError
+
+    def _first_guess(self, q0: FloatArray, q1: FloatArray) -> tuple[FloatArray, float]:
+        duration = 1.2 * self._quintic_duration(q0, q1)
+        return self._basis.points_near(PolynomialPath.rest_to_rest(q0, q1, duration)), duration
+
+    def _stretched(
+        self, points: FloatArray, q0: FloatArray, q1: FloatArray, duration: float
+    ) -> tuple[PolynomialPath, FeasibilityReport]:
+        """Return the motion at the least duration, from this one on, that keeps the limits."""
+        for _ in range(_STRETCHES):
+            path = self._basis.path(points, q0, q1, duration)
+            report = self._checker.check(path, stop_early=True)
+            if report.feasible or 'clearance' in report.binding.limit:
+                break
+            duration *= _STRETCH
+        return path, self._checker.check(path)
+
+    def _terms(self, price: float, penalty: float, looks_around: bool) -> Sequence[CostTerm]:
+        terms: list[CostTerm] = [
+            DriveTerm(self._model, self._effort_max, price, penalty),
+            LimitTerm(self._limits, penalty),
+        ]
+        if looks_around:
+            terms.append(ClearanceTerm(self._setup.clearance, penalty))
+        return terms
+
+    def _searched(
+        self, cost: MotionCost, points: FloatArray, duration: float, is_free: bool = False
+    ) -> tuple[FloatArray, float]:
+        """Return the best points (K, n), and the best duration if it is free."""
+        shape, size = points.shape, points.size
+        bounds = list(
+            zip(
+                np.tile(self._limits.position_min, shape[0]),
+                np.tile(self._limits.position_max, shape[0]),
+                strict=True,
+            )
+        )
+        x = points.ravel()
+        if is_free:
+            x = np.append(x, np.log(duration))
+            bounds.append((np.log(_SHORTEST), np.log(_LONGEST)))
+
+        def value(x: FloatArray) -> tuple[float, FloatArray]:
+            length = float(np.exp(x[size])) if is_free else duration
+            total, by_points, by_log = cost.of(x[:size].reshape(shape), length)
+            slope = by_points.ravel()
+            return total, np.append(slope, by_log) if is_free else slope
+
+        found = minimize(
+            value,
+            x,
+            jac=True,
+            method='L-BFGS-B',
+            bounds=bounds,
+            options={'maxiter': _ITERATIONS, 'ftol': _CHANGE, 'maxcor': 20},
+        ).x
+        return found[:size].reshape(shape), float(np.exp(found[size])) if is_free else duration
+
+    def _made(self, path: PolynomialPath, report: FeasibilityReport) -> MotionPlan:
+        return MotionPlan(path, self._model.balance(path), report)
+
+    def _advice(self, q0: FloatArray, q1: FloatArray, duration: float) -> str:
+        """Return how long the motion would have to be, '' if that is not what is in the way."""
+        try:
+            quickest = self.with_settings(objective=TIME, duration=0.0).plan(q0, q1)
+        except PlanError:
+            return ''
+        needed = quickest.path.duration
+        return f': the quickest takes {needed:.2f} s' if needed > duration else ''
+
+    @staticmethod
+    def _require(report: FeasibilityReport, what: str, advice: str = '') -> None:
+        if not report.feasible:
+            raise PlanError(f'{what} is out of reach: {report.binding}{advice}')

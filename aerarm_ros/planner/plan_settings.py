@@ -1,0 +1,53 @@
+"""What a planned motion shall be good for."""
+
+from dataclasses import dataclass
+
+from aerarm_ros.description.config_error import check_choice, check_range
+
+ENERGY, TIME, QUINTIC = OBJECTIVES = ('energy', 'time', 'quintic')
+
+
+@dataclass(frozen=True, slots=True)
+class PlanSettings:
+    """What a motion is planned for, and how much of the limits it may use.
+
+    Attributes
+    ----------
+    objective : str
+        'energy': least energy; 'time': the quickest; 'quintic': straight in joint space, for
+        comparison.
+    duration : float
+        [s]; 0 for as long as is best: where energy is priced, that at which a second more saves
+        less than it costs, and for a quintic the shortest.
+    time_price : float
+        What a second costs besides the arm's energy [W], as the power at which the drone hovers.
+    velocity_share, effort_share : float
+        Usable share of velocity and acceleration limits, and of torque and current limits.
+    knots : int
+        Free points of each joint's spline.
+    samples : int
+        Instants at which a motion is looked at while it is planned.
+
+    Raises
+    ------
+    ConfigError
+        If a value lies outside its range.
+    """
+
+    objective: str = ENERGY
+    duration: float = 0.0
+    time_price: float = 10.0
+    velocity_share: float = 0.9
+    effort_share: float = 0.8
+    knots: int = 8
+    samples: int = 32
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_choice('plan', 'objective', self.objective, OBJECTIVES)
+        check_range('plan', 'duration', self.duration, 0.0, 60.0, 's')
+        check_range('plan', 'time_price', self.time_price, 0.0, 1e5, 'W')
+        for key in ('velocity_share', 'effort_share'):
+            check_range('plan', key, getattr(self, key), 0.01, 1.0, '')
+        check_range('plan', 'knots', self.knots, 1, 50, '')
+        check_range('plan', 'samples', self.samples, 4 * self.knots, 1000, '')

@@ -1,0 +1,105 @@
+"""Splines from rest to rest, and how they depend on their free points."""
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+
+_DEGREE = 5
+_AT_REST = 3  # control points at each end that rest takes: position, velocity, acceleration
+
+
+class SplineBasis:
+    """Quintic B-splines on [0, 1] with even knots, at rest at both ends.
+
+    A motion is linear in its (K, n) free control points. It lies within their range, start and end
+    included, so that bounds on them are bounds on positions.
+
+    Parameters
+    ----------
+    free : int
+        K, number of free control points.
+    samples : int
+        M, number of even intervals in whose middles it is evaluated.
+
+    Attributes
+    ----------
+    matrices : (3, M, K) ndarray
+        From free points to positions and their first two derivatives by x = t / T.
+    """
+
+    def __init__(self, free: int, samples: int) -> None:
+        self.free = free
+        self.samples = samples
+        count = free + 2 * _AT_REST
+        spans = count - _DEGREE
+        self._breaks = np.linspace(0.0, 1.0, spans + 1)
+        ends = np.ones(_DEGREE)
+        knots = np.concatenate([0.0 * ends, self._breaks, ends])
+        self._spline = BSpline(knots, np.eye(count), _DEGREE)
+        # Where each control point acts: points on a line at these x are that line.
+        places = [knots[i + 1 : i + 1 + _DEGREE].mean() for i in range(count)]
+        self._places = np.array(places[_AT_REST:-_AT_REST])
+        middles = (np.arange(samples) + 0.5) / samples
+        self._first, self.matrices, self._last = self._split(middles)
+        self._at_breaks = self._split(self._breaks)
+
+    @classmethod
+    @lru_cache(maxsize=8)
+    def of(cls, free: int, samples: int) -> 'SplineBasis':
+        """Return the basis of these sizes, made once."""
+        return cls(free, samples)
+
+    def points_near(self, motion: PolynomialPath) -> FloatArray:
+        """Return free points (K, n) of a spline near a motion."""
+        return motion.evaluate(self._places * motion.duration).q
+
+    def motion(
+        self, points: FloatArray, start: FloatArray, end: FloatArray, duration: float
+    ) -> JointReference:
+        """Return the motion in the middles of the intervals, (M, n) each.
+
+        Parameters
+        ----------
+        points : (K, n) ndarray
+            [rad]
+        start, end : (n,) ndarray
+            [rad]
+        duration : float
+            [s]
+        """
+        parts = (self._first, self.matrices, self._last)
+        return JointReference(*_scaled(parts, points, start, end, duration))
+
+    def path(
+        self, points: FloatArray, start: FloatArray, end: FloatArray, duration: float
+    ) -> PolynomialPath:
+        """Return the same motion as a path."""
+        q, dq, ddq = _scaled(self._at_breaks, points, start, end, duration)
+        q[0], q[-1] = start, end
+        dq[[0, -1]] = ddq[[0, -1]] = 0.0
+        return PolynomialPath.quintic(self._breaks * duration, q, dq, ddq)
+
+    def _split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what start (3, len(x)), free points and end contribute at x."""
+        rows = np.array([self._spline.derivative(d)(x) if d else self._spline(x) for d in range(3)])
+        first, last = rows[:, :, :_AT_REST].sum(axis=2), rows[:, :, -_AT_REST:].sum(axis=2)
+        return first, rows[:, :, _AT_REST:-_AT_REST], last
+
+
+def _scaled(
+    parts: tuple[FloatArray, FloatArray, FloatArray],
+    points: FloatArray,
+    start: FloatArray,
+    end: FloatArray,
+    duration: float,
+) -> FloatArray:
+    """Return position, velocity and acceleration (3, M, n) by time."""
+    first, matrices, last = parts
+    rate = duration ** -np.arange(3.0)
+    by_x = matrices @ points + first[:, :, np.newaxis] * start + last[:, :, np.newaxis] * end
+    return np.asarray(rate[:, np.newaxis, np.newaxis] * by_x)

@@ -1,0 +1,25 @@
+import pytest
+
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.energy.energy_model import EnergyModel
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.planner.motion_planner import MotionPlanner
+from aerarm_ros.planner.plan_settings import PlanSettings
+
+
+@pytest.fixture(scope='session')
+def setup(robot: Robot) -> ExcitationSetup:
+    return ExcitationSetup.of_arm(robot, load_arm_config(), load_excitation_config())
+
+
+@pytest.fixture(scope='session')
+def model(robot: Robot) -> EnergyModel:
+    return EnergyModel(load_arm_config(), robot, load_friction=[0.04, 0.02, 0.04, 0.02])
+
+
+@pytest.fixture(scope='session')
+def planner(model: EnergyModel, setup: ExcitationSetup) -> MotionPlanner:
+    """Return a planner of motions of two seconds."""
+    return MotionPlanner(model, setup, PlanSettings(duration=2.0))

@@ -1,0 +1,144 @@
+"""Plans: cheaper than a quintic, within every limit by a check of their own, or one clear line."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.planner.motion_plan import MotionPlan
+from aerarm_ros.planner.motion_planner import MotionPlanner
+from aerarm_ros.planner.plan_error import PlanError
+from aerarm_ros.planner.plan_settings import PlanSettings
+
+UPRIGHT = np.array([0.0, np.pi / 2, 0.0, 0.0])
+LOW, HIGH = np.array([-0.5, 0.4, 0.3, 0.6]), np.array([1.2, 2.2, -0.6, -0.8])
+# The straight way between them is too near to the ground.
+IN_THE_WAY = [1.68, -0.12, -1.74, 0.95], [-0.65, -0.02, 1.95, 1.78]
+
+
+def largest_use(plan: MotionPlan, planner: MotionPlanner, robot, model) -> float:
+    """Return the largest share of a usable limit, from scratch, four times as dense."""
+    limits = planner.limits
+    times = np.linspace(0.0, plan.path.duration, round(4000 * plan.path.duration))
+    q, dq, ddq = plan.path.evaluate(times)
+    engine = robot.model.copy()
+    engine.armature = model.dynamics.rotor_inertia
+    data = engine.createData()
+    rigid = np.array([pin.rnea(engine, data, *row) for row in zip(q, dq, ddq, strict=True)])
+    tau = rigid + robot.viscous * dq + robot.coulomb * np.sign(dq)
+    middle, half = (
+        (limits.position_max + limits.position_min) / 2,
+        np.ptp([limits.position_min, limits.position_max], axis=0) / 2,
+    )
+    shares = [
+        np.abs(q - middle) / half,
+        np.abs(dq) / limits.velocity,
+        np.abs(ddq) / limits.acceleration,
+        np.abs(tau) / limits.effort,
+    ]
+    return float(np.max(shares))
+
+
+def least_margin(plan: MotionPlan, setup) -> float:
+    """Return the least distance beyond the required one at 500 postures [m]."""
+    q = plan.path.evaluate(np.linspace(0.0, plan.path.duration, 500)).q
+    return min(setup.clearance.margin(row) for row in q)
+
+
+def joules(plan: MotionPlan) -> float:
+    return float(plan.balance.motors.sum())
+
+
+@pytest.mark.parametrize(('start', 'goal'), [(LOW, HIGH), (HIGH, UPRIGHT)])
+def test_it_takes_much_less_than_a_quintic(start, goal, planner, setup, robot, model) -> None:
+    plan = planner.plan(start, goal)
+    quintic = planner.with_settings(objective='quintic').plan(start, goal)
+    assert plan.path.duration == quintic.path.duration == 2.0
+    assert joules(plan) < 0.75 * joules(quintic)
+    for path in (plan.path, quintic.path):
+        np.testing.assert_allclose(path.evaluate(0.0).q, start, atol=1e-12)
+        np.testing.assert_allclose(path.evaluate(2.0).q, goal, atol=1e-12)
+    assert largest_use(plan, planner, robot, model) <= 1.0
+    assert least_margin(plan, setup) >= 0.0
+
+
+def test_no_neighbour_of_the_plan_is_cheaper(planner, model) -> None:
+    """It is a minimum: bent by a little anywhere, it takes more."""
+    plan = planner.plan(LOW, HIGH)
+    times = np.linspace(0.0, 2.0, 11)
+    q, dq, ddq = plan.path.evaluate(times)
+    rng = np.random.default_rng(4)
+    for _ in range(10):
+        bend = np.zeros_like(q)
+        bend[2:-2] = 0.05 * rng.uniform(-1.0, 1.0, 4)
+        dq[-1] = ddq[-1] = 0.0
+        bent = PolynomialPath.quintic(times, q + bend, dq, ddq)
+        assert model.balance(bent).motors.sum() > joules(plan)
+
+
+def test_the_quickest_uses_a_limit_up_and_is_quicker_than_a_quintic(
+    planner, robot, model, setup
+) -> None:
+    free = planner.with_settings(duration=0.0)
+    quickest = free.with_settings(objective='time').plan(LOW, HIGH)
+    quintic = free.with_settings(objective='quintic').plan(LOW, HIGH)
+    assert quickest.path.duration < 0.9 * quintic.path.duration
+    assert 0.9 < largest_use(quickest, planner, robot, model) <= 1.0
+    assert least_margin(quickest, setup) >= 0.0
+
+
+def test_the_dearer_a_second_the_quicker_the_motion(planner) -> None:
+    plans = [
+        planner.with_settings(duration=0.0, time_price=price).plan(LOW, HIGH)
+        for price in (3.0, 300.0)
+    ]
+    slow, quick = (plan.path.duration for plan in plans)
+    assert quick < 0.85 * slow
+    assert joules(plans[0]) < joules(plans[1])
+
+
+def test_it_goes_around_what_is_in_the_straight_way(planner, setup) -> None:
+    with pytest.raises(PlanError, match='clearance of'):
+        planner.with_settings(objective='quintic').plan(*IN_THE_WAY)
+    plan = planner.plan(*IN_THE_WAY)
+    assert least_margin(plan, setup) >= 0.0
+
+
+REFUSED: dict[str, tuple[Callable[[MotionPlanner], object], str]] = {
+    'a goal beyond a limit': (
+        lambda p: p.plan(UPRIGHT, [0.0, 1.5, 3.5, 0.0]),
+        'the goal is out of reach: position of joint3: 3.5 rad at t = 0.00 s, limit 2.967 rad',
+    ),
+    'a start in the ground': (
+        lambda p: p.plan([0.0, -0.5, 0.0, 0.0], UPRIGHT),
+        'the start is out of reach: ground clearance of',
+    ),
+    'too short': (
+        lambda p: p.with_settings(duration=0.3).plan(LOW, HIGH),
+        r'a motion of 0.3 s is out of reach: \w+.* of joint.*limit.*: the quickest takes 0.[4-9]',
+    ),
+    'no numbers': (
+        lambda p: p.plan(UPRIGHT, [0.0, np.nan, 0.0, 0.0]),
+        'goal: 4 finite joint angles are needed',
+    ),
+}
+
+
+@pytest.mark.parametrize('name', list(REFUSED))
+def test_what_cannot_be_done_is_one_line_that_names_the_limit(name, planner) -> None:
+    ask, message = REFUSED[name]
+    with pytest.raises(PlanError, match=message) as caught:
+        ask(planner)
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    'wrong', [{'objective': 'comfort'}, {'duration': -1.0}, {'samples': 8}, {'effort_share': 2.0}]
+)
+def test_settings_that_cannot_be_are_refused(wrong) -> None:
+    with pytest.raises(ConfigError, match=f'plan: {next(iter(wrong))}'):
+        replace(PlanSettings(), **wrong)

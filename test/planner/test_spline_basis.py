@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+from derivatives import assert_derivatives_agree
+
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.planner.spline_basis import SplineBasis
+
+START, END, DURATION = np.array([0.5, -1.0]), np.array([1.5, 2.0]), 1.7
+
+
+@pytest.fixture
+def basis() -> SplineBasis:
+    return SplineBasis.of(6, 40)
+
+
+@pytest.fixture
+def points() -> np.ndarray:
+    return np.random.default_rng(5).uniform(-2.0, 2.0, (6, 2))
+
+
+def test_the_path_is_the_spline_that_was_evaluated(basis, points) -> None:
+    path = basis.path(points, START, END, DURATION)
+    middles = (np.arange(40) + 0.5) * DURATION / 40
+    for mine, paths in zip(
+        basis.motion(points, START, END, DURATION), path.evaluate(middles), strict=True
+    ):
+        np.testing.assert_allclose(mine, paths, atol=1e-9)
+
+
+def test_it_begins_and_ends_at_rest_without_a_jump(basis, points) -> None:
+    path = basis.path(points, START, END, DURATION)
+    times = np.linspace(-0.1, DURATION + 0.1, 20001)
+    assert_derivatives_agree(times, path.evaluate(times), 1e-3, 1e-1)
+    first, last = path.evaluate(0.0), path.evaluate(DURATION - 1e-12)
+    np.testing.assert_allclose(first.q, START)
+    np.testing.assert_allclose(last.q, END)
+    np.testing.assert_allclose(np.concatenate([*first[1:], *last[1:]]), 0.0, atol=1e-7)
+
+
+def test_it_stays_within_its_control_points(basis, points) -> None:
+    q = basis.path(points, START, END, DURATION).evaluate(np.linspace(0.0, DURATION, 500)).q
+    everything = np.vstack([points, START, END])
+    assert np.all(q >= everything.min(axis=0) - 1e-12)
+    assert np.all(q <= everything.max(axis=0) + 1e-12)
+
+
+def test_points_near_a_quintic_are_nearly_it(basis) -> None:
+    quintic = PolynomialPath.rest_to_rest(START, END, DURATION)
+    near = basis.path(basis.points_near(quintic), START, END, DURATION)
+    times = np.linspace(0.0, DURATION, 100)
+    off = np.abs(near.evaluate(times).q - quintic.evaluate(times).q)
+    assert off.max() < 0.06 * np.abs(END - START).max()
