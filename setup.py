@@ -55,6 +55,7 @@ EXECUTABLES = [
     'identifier',
     'impedance_control',
     'kinematic_control',
+    'motion_planner',
     'motor_bench',
     'px4_imu',
     'recorder',

@@ -47,6 +47,10 @@ MOTOR_POWER = Topic('motor_power', Float64MultiArray, NEWEST)
 ENERGY = Topic('energy', Float64MultiArray, NEWEST)
 JOINT_COMMAND = Topic('joint_command', JointState, NEWEST)
 JOINT_TRAJECTORY = Topic('joint_trajectory', JointTrajectory, RELIABLE)
+# Where a planner is to bring the joints, or the tool; and what came of it, a JSON object.
+JOINT_GOAL = Topic('joint_goal', JointState, RELIABLE)
+TOOL_GOAL = Topic('tool_goal', PointStamped, RELIABLE)
+PLAN_STATUS = Topic('plan_status', String, LATCHED)
 SET_POINT = Topic('set_point', JointState, RELIABLE)
 TOOL_TRAJECTORY = Topic('tool_trajectory', PoseStamped, RELIABLE)
 TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
@@ -81,6 +85,9 @@ TOPICS = MappingProxyType(
             ENERGY,
             JOINT_COMMAND,
             JOINT_TRAJECTORY,
+            JOINT_GOAL,
+            TOOL_GOAL,
+            PLAN_STATUS,
             SET_POINT,
             TOOL_TRAJECTORY,
             TOOL_POSE,

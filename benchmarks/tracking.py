@@ -11,17 +11,13 @@ import argparse
 import os
 import tempfile
 import time
-from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import rclpy
-from builtin_interfaces.msg import Duration, Time
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_sample import JointSample
@@ -34,13 +30,13 @@ from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
+from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 from aerarm_ros.simulation.base_profile import MOVING, STILL
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 FUNDAMENTAL, HARMONICS, AMPLITUDE = 0.1, 5, 0.15
-POINT_PERIOD = 0.02  # [s]
 # feedback, base_motion_profile of fake_hardware, base_motion of the controller
 RUNS = (
     ('host', STILL, NONE),
@@ -63,35 +59,6 @@ def draw_motion(seed: int, periods: int) -> RampedExcitation:
     )
     trajectory, _ = candidates.draw_feasible(seed, setup.checker, settings.ramp_time)
     return RampedExcitation(trajectory, periods, settings.ramp_time)
-
-
-class TimedMotion(Protocol):
-    """Anything with a reference at any time from 0 to `duration` [s]."""
-
-    duration: float
-
-    def evaluate(self, times: np.ndarray) -> Sequence[np.ndarray]:
-        """Return q, dq, ddq, (M, n) each."""
-
-
-def as_message(motion: TimedMotion, names: tuple[str, ...], start_ns: int) -> JointTrajectory:
-    """Return points with velocity and acceleration, between which quintics are exact enough."""
-    times = np.append(np.arange(0.0, motion.duration, POINT_PERIOD), motion.duration)
-    reference = motion.evaluate(times)
-    message = JointTrajectory(joint_names=names)
-    seconds, nanoseconds = divmod(start_ns, 1_000_000_000)
-    message.header.stamp = Time(sec=seconds, nanosec=nanoseconds)
-    for when, q, dq, ddq in zip(times, *reference, strict=True):
-        whole, part = divmod(round(when * 1e9), 1_000_000_000)
-        message.points.append(
-            JointTrajectoryPoint(
-                positions=q.tolist(),
-                velocities=dq.tolist(),
-                accelerations=ddq.tolist(),
-                time_from_start=Duration(sec=whole, nanosec=part),
-            )
-        )
-    return message
 
 
 def start_arm(
@@ -179,7 +146,7 @@ def track(
         while not publisher.get_subscription_count():
             time.sleep(0.05)
         begin = states.next().stamp_ns + round(LEAD * 1e9)
-        publisher.publish(as_message(motion, names, begin))
+        publisher.publish(trajectory_message(motion, names, begin))
         samples = states.until(begin + round(motion.duration * 1e9))
         require_running(client, Path(folder))
         if states.publishers > 1:

@@ -30,8 +30,6 @@ class EnergyModel:
         At the joints [kg m^2]; from the configuration if not given.
     load_friction : float or (n,) array_like
         Dry friction per torque that a gear passes on [-].
-    payload : (10,) array_like, optional
-        Inertial parameters of what the arm carries, see `Dynamics.carry`.
     friction_width : float
         Velocity at which three quarters of the dry friction are felt [rad/s].
 
@@ -43,7 +41,7 @@ class EnergyModel:
     Raises
     ------
     ValueError
-        If a coefficient is negative, or no body has the payload's parameters.
+        If a coefficient is negative.
     """
 
     def __init__(
@@ -52,7 +50,6 @@ class EnergyModel:
         robot: Robot,
         rotor_inertia: npt.ArrayLike | None = None,
         load_friction: npt.ArrayLike = 0.0,
-        payload: npt.ArrayLike | None = None,
         friction_width: float = 0.02,
     ) -> None:
         self.n = robot.n
@@ -60,10 +57,12 @@ class EnergyModel:
         self.drives = DrivePower(config)
         inertia = config.column('reflected_inertia') if rotor_inertia is None else rotor_inertia
         self.dynamics = Dynamics(robot, inertia)
-        if payload is not None:
-            self.dynamics.carry(payload)
         self._friction_settings = (robot.viscous, robot.coulomb, load_friction)
         self.friction = self.friction_of_width(friction_width)
+
+    def carry(self, payload: npt.ArrayLike) -> None:
+        """Add a body to the last link, see `Dynamics.carry`."""
+        self.dynamics.carry(payload)
 
     def friction_of_width(self, width: float) -> FrictionCompensation:
         """Return the same friction, spread over other velocities about rest [rad/s]."""

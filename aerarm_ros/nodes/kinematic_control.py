@@ -9,6 +9,8 @@ from aerarm_ros.control.laws.cartesian_motion_control import CartesianMotionCont
 from aerarm_ros.control.laws.damped_inverse import DampedInverse
 from aerarm_ros.control.laws.joint_motion_control import JointMotionControl
 from aerarm_ros.control.laws.velocity_resolution import VelocityResolution
+from aerarm_ros.energy.energy_model import EnergyModel
+from aerarm_ros.energy.holding_loss import HoldingLoss
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.target_parameters import TARGET_PARAMETERS, make_target_follower
@@ -26,9 +28,11 @@ PARAMETERS = controller_parameters(
     Parameter('singular_threshold', 0.03, 'singular value that is damped', 'm/rad', 1e-4, 1.0),
     Parameter('singular_damping', 0.02, 'damping at the singularity', 'm/rad', 1e-4, 1.0),
     Parameter('rest_gain', 0.5, 'pull of the rest posture', '1/s', 0.0, 20.0),
+    Parameter('holding_gain', 0.0, 'speed down the slope of what holding the weight takes, where '
+              'the tool leaves joints free', 'rad^2/J', 0.0, 1.0),
     Parameter('limit_gain', 5.0, 'speed toward a limit over distance from it', '1/s', 0.1, 100.0),
     Parameter('limit_margin', 0.02, 'distance kept from limits', 'rad', 0.0, 1.0),
-)
+)  # fmt: skip
 
 
 class KinematicControlNode(ControllerNode):
@@ -49,6 +53,8 @@ class KinematicControlNode(ControllerNode):
             values.rest_gain,
             values.limit_gain,
             values.limit_margin,
+            HoldingLoss(EnergyModel(arm.config, arm.robot)).gradient,
+            values.holding_gain,
         )
         scheme = CartesianMotionControl if values.scheme == CARTESIAN else JointMotionControl
         return ControlLoop(arm.limits, self.follower, scheme(self.resolution, values.gain))

@@ -15,5 +15,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'plan_error': ['PlanError'],
         'plan_settings': ['OBJECTIVES', 'PlanSettings'],
         'spline_basis': ['SplineBasis'],
+        'tool_postures': ['ToolPostures'],
     },
 )

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from aerarm_ros.energy.energy_balance import EnergyBalance
 from aerarm_ros.excitation.feasibility.feasibility_report import FeasibilityReport
+from aerarm_ros.motion.float_array import FloatArray
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 
 
@@ -23,6 +24,11 @@ class MotionPlan:
     path: PolynomialPath
     balance: EnergyBalance
     report: FeasibilityReport
+
+    @property
+    def goal(self) -> FloatArray:
+        """(n,) where it ends [rad]."""
+        return self.path.evaluate(self.path.duration).q
 
     def as_text(self) -> str:
         """Return one line: how long, how much, and which limit is nearest."""

@@ -15,6 +15,7 @@ from aerarm_ros.excitation.feasibility.feasibility_report import FeasibilityRepo
 from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.settings.motion_limits import MotionLimits
 from aerarm_ros.excitation.trajectory.transfer import standstill
+from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.float_array import FloatArray
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.smooth_step import rest_to_rest_duration
@@ -27,6 +28,7 @@ from aerarm_ros.planner.motion_plan import MotionPlan
 from aerarm_ros.planner.plan_error import PlanError
 from aerarm_ros.planner.plan_settings import ENERGY, QUINTIC, TIME, PlanSettings
 from aerarm_ros.planner.spline_basis import SplineBasis
+from aerarm_ros.planner.tool_postures import ToolPostures
 
 _SHORTEST, _LONGEST = 0.05, 60.0  # [s]
 # Penalties of broken limits [1/s], tried one after the other.
@@ -36,6 +38,8 @@ _CHANGE = 1e-6  # relative, at which the search ends
 _QUICK = 1e3  # price of a second where nothing else counts
 _STRETCH = 1.02  # by which a motion of free duration gives way, step by step
 _STRETCHES = 40
+_CANDIDATES = 2  # postures whose motion is planned
+_TYPICAL = 2.0  # [s] of a motion whose duration is not known yet
 
 
 class MotionPlanner:
@@ -76,6 +80,54 @@ class MotionPlanner:
     def limits(self) -> MotionLimits:
         """The usable share of the limits."""
         return self._limits
+
+    def carry(self, payload: ArrayLike) -> None:
+        """Add a body (10,) to the last link, see `Dynamics.carry`; ValueError if none has it."""
+        self._model.carry(payload)
+        self._setup.effort_model.carry(payload)
+
+    def plan_tool(
+        self, start: ArrayLike, point: ArrayLike, frame: str = 'tool0', hold_time: float = 5.0
+    ) -> MotionPlan:
+        """Return a motion that brings the tool to a place, by the posture that costs least there.
+
+        Of the postures of `ToolPostures` the motions to the best ones are planned.
+
+        Parameters
+        ----------
+        start : (n,) array_like
+            [rad]
+        point : (3,) array_like
+            In the base frame [m].
+        frame : str
+            Of the tool.
+        hold_time : float
+            How long the arm is to stay there [s].
+
+        Raises
+        ------
+        PlanError
+            If no posture or no motion has been found; names what is in the way.
+        """
+        q0 = self._posture('start', start)
+        kinematics = Kinematics(self._setup.robot, frame)
+        postures = ToolPostures(self._model, kinematics, self._limits, hold_time)
+        found = postures.find(point, q0, self.settings.duration or _TYPICAL)
+        plans: list[MotionPlan] = []
+        reason: PlanError | None = None
+        for q in found:
+            try:
+                plans.append(self.plan(q0, q))
+            except PlanError as error:
+                reason = reason or error
+            if len(plans) == _CANDIDATES:
+                break
+        if not plans and reason is not None:
+            raise reason
+        return min(
+            plans,
+            key=lambda plan: plan.balance.motors.sum() + postures.holding(plan.goal),
+        )
 
     def plan(self, start: ArrayLike, goal: ArrayLike) -> MotionPlan:
         """Return a motion between two postures (n,) [rad].

@@ -43,7 +43,8 @@ def test_recovery_takes_from_what_is_burnt_and_standby_is_added(config, robot) -
 
 
 def test_a_payload_costs(model, config, robot) -> None:
-    laden = EnergyModel(config, robot, payload=[0.2, 0.02, 0, 0, 0, 0, 2e-3, 0, 0, 2e-3])
+    laden = EnergyModel(config, robot)
+    laden.carry([0.2, 0.02, 0, 0, 0, 0, 2e-3, 0, 0, 2e-3])
     assert (
         laden.balance(MOTION).motors.sum() > EnergyModel(config, robot).balance(MOTION).motors.sum()
     )

@@ -1,5 +1,7 @@
 """From a velocity of the tool to velocities of the joints."""
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -15,8 +17,8 @@ class VelocityResolution:
     """Inverse differential kinematics of a position task, thesis (2.8).
 
     The joint velocity that gives the frame's origin the wanted velocity; the motion it
-    leaves free draws the arm toward a rest posture. Near its limits a joint may approach
-    them only in proportion to the distance left (Faverjon, Tournassoud 1987). A joint at
+    leaves free draws the arm toward a rest posture, and down an objective. Near its limits a
+    joint may approach them only in proportion to the distance left (Faverjon, Tournassoud 1987). A joint at
     that bound is fixed and the others take over its part (Flacco, De Luca, Khatib 2012). If
     a joint is then still too fast, all are slowed down alike: the tool keeps its direction.
 
@@ -33,6 +35,11 @@ class VelocityResolution:
         [1/s]: speed toward a limit over distance from it.
     margin : float
         Distance [rad] from the limits that is kept.
+    slope : callable, optional
+        Returns an objective's derivative by the joints (n,) at q (n,), such as that of the loss of
+        holding the arm's weight [W/rad].
+    slope_gain : float
+        Speed down the objective [rad/s] over its slope.
 
     Attributes
     ----------
@@ -56,6 +63,8 @@ class VelocityResolution:
         rest_gain: float = 0.5,
         limit_gain: float = 5.0,
         margin: float = 0.02,
+        slope: Callable[[Array], Array] | None = None,
+        slope_gain: float = 0.0,
     ) -> None:
         self.kinematics = kinematics
         self._limits = limits
@@ -64,6 +73,8 @@ class VelocityResolution:
         self._rest_gain = non_negative_number('rest_gain', rest_gain)
         self._limit_gain = positive('limit_gain', limit_gain)
         margin = non_negative_number('margin', margin)
+        self._slope = slope
+        self._slope_gain = non_negative_number('slope_gain', slope_gain)
         self._low = limits.position_min + margin
         self._high = limits.position_max - margin
         self.least_singular_value = np.inf
@@ -81,6 +92,8 @@ class VelocityResolution:
         """
         jacobian = self.kinematics.position_jacobian(q)
         preferred = self._rest_gain * (self._rest - q)
+        if self._slope is not None:
+            preferred = preferred - self._slope_gain * self._slope(q)
         low = self._limit_gain * (self._low - q)
         high = self._limit_gain * (self._high - q)
         dq = self._within_bounds(jacobian, velocity, preferred, low, high)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.dynamics import Dynamics
@@ -34,6 +35,10 @@ class EffortModel:
         self._torque_per_ampere = (
             np.full(robot.n, np.inf) if torque_per_ampere is None else torque_per_ampere
         )
+
+    def carry(self, payload: ArrayLike) -> None:
+        """Add a body to the last link, see `Dynamics.carry`."""
+        self._dynamics.carry(payload)
 
     def effort(
         self, position: FloatArray, velocity: FloatArray, acceleration: FloatArray

@@ -9,6 +9,9 @@ from aerarm_ros.control.laws.cartesian_motion_control import CartesianMotionCont
 from aerarm_ros.control.laws.damped_inverse import DampedInverse
 from aerarm_ros.control.laws.joint_motion_control import JointMotionControl
 from aerarm_ros.control.laws.velocity_resolution import VelocityResolution
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.energy.energy_model import EnergyModel
+from aerarm_ros.energy.holding_loss import HoldingLoss
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.motion.task_reference import TaskReference
@@ -143,3 +146,19 @@ def test_the_singular_wrist_is_controlled_with_bounded_velocities(make_resolutio
     assert np.abs(np.diff(rows[-100:], axis=0)).max() < 1e-5
     end = resolution.kinematics.position(rows[-1])
     assert np.linalg.norm(goal - end) < np.linalg.norm(goal - start)
+
+
+def test_what_the_tool_leaves_free_goes_down_an_objective(make_resolution, robot) -> None:
+    """The loss of holding the weight falls to where the posture at this place has least of it."""
+    loss = HoldingLoss(EnergyModel(load_arm_config(), robot))
+    resolution = make_resolution(rest_gain=0.0, slope=loss.gradient, slope_gain=0.2)
+    place = resolution.kinematics.position(START)
+    rows = integrate(CartesianMotionControl(resolution, 5.0), still(place), START, 3.0)
+    watts = np.array([loss.watts(q) for q in rows])
+    assert watts[-1] < watts[0]
+    assert np.all(np.diff(watts) < 1e-6)
+    end = rows[-1]
+    np.testing.assert_allclose(resolution.kinematics.position(end), place, atol=1e-3)
+    null = np.linalg.svd(resolution.kinematics.position_jacobian(end))[2][-1]
+    start_null = np.linalg.svd(resolution.kinematics.position_jacobian(START))[2][-1]
+    assert abs(loss.gradient(end) @ null) < 0.1 * abs(loss.gradient(START) @ start_null)

@@ -1,0 +1,123 @@
+"""The planner as a process, fed with states and goals by this one."""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from geometry_msgs.msg import PointStamped
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.ros.controllers.trajectory_input import read_trajectory
+from aerarm_ros.ros.process.node_process import NodeProcess
+
+START, GOAL = np.array([0.2, 1.0, 0.0, 0.3]), [-0.6, 2.2, 0.5, -0.2]
+PLACE = [0.3, 0.35, 0.65]
+NAMES = load_arm_config().joint_names
+
+
+class Desk:
+    """Feeds a planner and hears it."""
+
+    def __init__(self, node: Node, process: NodeProcess) -> None:
+        self.node, self.process = node, process
+        self.dq = np.zeros(4)
+        self.told: list[dict] = []
+        self.sent: list = []
+        self._codec = JointStateCdr(NAMES)
+        self._publishers = {
+            topic.name: node.create_publisher(topic.type, topic.name, topic.qos)
+            for topic in (topics.JOINT_STATES, topics.JOINT_GOAL, topics.TOOL_GOAL)
+        }
+        topic = topics.PLAN_STATUS
+        node.create_subscription(
+            topic.type, topic.name, lambda m: self.told.append(json.loads(m.data)), topic.qos
+        )
+        topic = topics.JOINT_TRAJECTORY
+        node.create_subscription(topic.type, topic.name, self.sent.append, topic.qos)
+        self.wait(
+            lambda: all(p.get_subscription_count() for p in self._publishers.values()), 'planner'
+        )
+
+    def wait(self, condition: Callable[[], bool], what: str) -> None:
+        for k in range(3000):
+            if condition():
+                return
+            stamp = 10**9 + 10_000_000 * k
+            states = self._publishers[topics.JOINT_STATES.name]
+            states.publish(self._codec.pack(stamp, START, self.dq, np.zeros(4)))
+            rclpy.spin_once(self.node, timeout_sec=0.02)
+            assert self.process.returncode is None, self.process.tail()
+        raise AssertionError(f'waited for {what}: {self.told}')
+
+    def ask(self, topic: topics.Topic, message: object) -> dict:
+        """Return what came of a goal."""
+        told, sent = len(self.told), len(self.sent)
+        self._publishers[topic.name].publish(message)
+        self.wait(lambda: len(self.told) > told, 'an answer')
+        if self.told[-1]['accepted']:
+            self.wait(lambda: len(self.sent) > sent, 'a trajectory')
+        else:
+            assert len(self.sent) == sent
+        return self.told[-1]
+
+
+@pytest.fixture
+def desk(ros_node: Node, tmp_path: Path) -> Iterator[Desk]:
+    with NodeProcess('motion_planner', log=tmp_path / 'log') as process:
+        yield Desk(ros_node, process)
+
+
+def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) -> None:
+    limits = JointLimits.from_config(load_arm_config())
+    shuffled = [2, 0, 3, 1]
+    goal = JointState(name=[NAMES[i] for i in shuffled], position=[GOAL[i] for i in shuffled])
+    answer = desk.ask(topics.JOINT_GOAL, goal)
+    assert (answer['accepted'], answer['seconds']) == (True, 2.0), answer
+    trajectory, start = read_trajectory(limits, desk.sent[-1], 0.0)
+    assert start is None
+    path = trajectory.path(START, 'quintic')
+    np.testing.assert_allclose(path.evaluate(0.0).q, START, atol=1e-9)
+    np.testing.assert_allclose(path.evaluate(2.0).q, GOAL, atol=1e-9)
+
+    point = PointStamped()
+    point.point.x, point.point.y, point.point.z = PLACE
+    answer = desk.ask(topics.TOOL_GOAL, point)
+    tool = Kinematics(load_robot(), 'tool0').position(np.array(answer['goal']))
+    np.testing.assert_allclose(tool, PLACE, atol=1e-3)
+
+    set_duration(desk, 0.2)
+    refused = desk.ask(topics.JOINT_GOAL, goal)
+    assert not refused['accepted']
+    assert 'a motion of 0.2 s is out of reach' in refused['text']
+    assert 'the quickest takes' in refused['text']
+    point.header.frame_id = 'camera'
+    assert "given in 'camera'" in desk.ask(topics.TOOL_GOAL, point)['text']
+    assert 'needs 4 positions' in desk.ask(topics.JOINT_GOAL, JointState(name=NAMES))['text']
+    assert 'elbow' in desk.ask(topics.JOINT_GOAL, JointState(name=['elbow']))['text']
+    desk.dq = np.array([0.0, 0.3, 0.0, 0.0])
+    desk.wait(
+        lambda: 'the arm moves at 0.30 rad/s' in desk.ask(topics.JOINT_GOAL, goal)['text'], 'motion'
+    )
+
+
+def set_duration(desk: Desk, seconds: float) -> None:
+    client = desk.node.create_client(SetParameters, 'motion_planner/set_parameters')
+    assert client.wait_for_service(60.0)
+    request = SetParameters.Request(
+        parameters=[Parameter('duration', value=seconds).to_parameter_msg()]
+    )
+    future = client.call_async(request)
+    desk.wait(future.done, 'the parameter')
+    assert future.result().results[0].successful
