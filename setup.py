@@ -44,7 +44,6 @@ EXECUTABLES = [
     'base_reaction',
     'computed_torque',
     'demo',
-    'energy_monitor',
     'excitation',
     'excitation_designer',
     'experiment',

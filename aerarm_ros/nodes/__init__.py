@@ -3,7 +3,7 @@
 - the boards and the arm: `hardware_bridge`, `fake_hardware` (emulated boards), `arm` (requests)
 - controllers: `gravity_compensation`, `computed_torque`, `impedance_control`, `kinematic_control`
 - the drone: `px4_imu` (what it does to the arm), `base_reaction` (what the arm does to it)
-- energy: `energy_monitor`, `motion_planner`
+- motions that cost little: `motion_planner`
 - identification: `excitation_designer`, `excitation`, `recorder`, `identifier`, `motor_bench`
 - for people: `view`, `tool_path`
 - the whole in one command: `demo`, `experiment`

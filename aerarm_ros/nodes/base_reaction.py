@@ -1,7 +1,8 @@
-"""Tells the drone what the arm does to it: wrench at the mount, mass, centre, inertia.
+"""Tells the drone what the arm does to it: wrench at the mount, mass, centre, inertia, energy.
 
 Everything is in base_link's axes, moments about its origin. `base_wrench` is the wrench of
-the arm on the drone; `base_wrench_static` is its part due to gravity.
+the arm on the drone; `base_wrench_static` is its part due to gravity. `energy` tells what it takes
+from the battery, and for what.
 """
 
 import sys
@@ -19,7 +20,8 @@ from aerarm_ros.control.base.base_reaction import BaseReaction
 from aerarm_ros.control.base.free_base_estimator import FREE
 from aerarm_ros.control.control_loop import LONGEST_GAP
 from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD_PARAMETER
+from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS
+from aerarm_ros.ros.controllers.energy_topic import EnergyTopic
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
@@ -30,7 +32,7 @@ NAME = 'base_reaction'
 PARAMETERS = state_node_parameters(
     Parameter('rate', 100.0, 'how often the wrench is published', 'Hz', 1.0, 1000.0),
     Parameter('cutoff', 20.0, 'low-pass of the joint acceleration', 'Hz', 0.1, 500.0),
-    PAYLOAD_PARAMETER,
+    *ENERGY_PARAMETERS,
 )
 
 
@@ -61,6 +63,7 @@ class BaseReactionNode(StateNode):
         self._static = self.advertise(topics.STATIC_WRENCH)
         self._inertia = self.advertise(topics.ARM_INERTIA)
         self._com = self.advertise(topics.ARM_COM)
+        self._energy = EnergyTopic(self.node, self.arm, self.values)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
         """Publish the reaction if it is due."""
@@ -73,12 +76,17 @@ class BaseReactionNode(StateNode):
             self._acceleration.reset()
             self._due = -np.inf  # the clock may have been set back
         ddq = self._acceleration.update(state.dq, dt)
+        self._energy.add(now, state)
         if now < self._due:
             return
         self._due = now + self._period
         self._result = self._reaction.evaluate(state.q, state.dq, ddq, self.base.motion(now))
         self._send(stamp_ns, self._result)
         self.count_answer()
+
+    def describe(self) -> dict[str, object]:
+        """Tell the joules, too."""
+        return {**super().describe(), **self._energy.describe()}
 
     def _send(self, stamp_ns: int, result: BaseReaction.ArmReaction) -> None:
         header = base_header(stamp_ns, self.arm.robot.base_link)

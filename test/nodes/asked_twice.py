@@ -35,7 +35,6 @@ SERVING: Mapping[str, Sequence[str]] = {
     'impedance_control': (),
     'kinematic_control': (),
     'base_reaction': (),
-    'energy_monitor': (),
     'motion_planner': (),
     'flight_control': ('-p', f'drone_file:={resource("config", "drone.yaml")}'),
     'recorder': ('-p', 'bag:={folder}/bag'),

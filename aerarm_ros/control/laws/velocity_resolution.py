@@ -18,9 +18,10 @@ class VelocityResolution:
 
     The joint velocity that gives the frame's origin the wanted velocity; the motion it
     leaves free draws the arm toward a rest posture, and down an objective. Near its limits a
-    joint may approach them only in proportion to the distance left (Faverjon, Tournassoud 1987). A joint at
-    that bound is fixed and the others take over its part (Flacco, De Luca, Khatib 2012). If
-    a joint is then still too fast, all are slowed down alike: the tool keeps its direction.
+    joint may approach them only in proportion to the distance left (Faverjon, Tournassoud
+    1987). A joint at that bound is fixed and the others take over its part (Flacco, De Luca,
+    Khatib 2012). If a joint is then still too fast, all are slowed down alike: the tool keeps its
+    direction.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The energy monitor as a process, fed by this one."""
+"""What `base_reaction` tells of energy, a process that is fed by this one."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ def test_joules_are_by_cause_and_joint(ros_node: Node, tmp_path: Path) -> None:
     energy = topics.ENERGY
     ros_node.create_subscription(energy.type, energy.name, heard.append, energy.qos)
     stamp = 10**9
-    with NodeProcess('energy_monitor', parameters={'rate': 100.0}, log=tmp_path / 'log') as process:
+    with NodeProcess('base_reaction', log=tmp_path / 'log') as process:
         while not states.get_subscription_count():
             rclpy.spin_once(ros_node, timeout_sec=0.05)
             assert process.returncode is None, process.tail()
