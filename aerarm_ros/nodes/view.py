@@ -1,4 +1,4 @@
-"""Shows the running arm in a browser: 3-D, joint plots, jitter, mode and emergency stop.
+"""Shows the running arm in a browser, and lets a person stop, enable, move, record and play.
 
 Usage: ros2 run aerarm_ros view, then open the address it prints.
 """
@@ -9,15 +9,15 @@ import logging
 import socket
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
@@ -26,17 +26,18 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
 from aerarm_ros.ros.page.page_guard import PageGuard, is_loopback
+from aerarm_ros.ros.page.page_motion import PageMotion
+from aerarm_ros.ros.page.page_programs import PagePrograms
+from aerarm_ros.ros.page.page_requests import PageRequests
 from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics, ViewStatus
-from aerarm_ros.ros.page.view_history import ViewHistory
+from aerarm_ros.ros.page.view_feed import ViewFeed
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
 from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.stop_signals import StopSignals
-from aerarm_ros.ros.requests.arm_client import BRIDGES
-from aerarm_ros.ros.requests.bridge_service import BridgeService
-from aerarm_ros.ros.states.state_sampler import StateSampler
+from aerarm_ros.ros.requests.arm_at_end import BRIDGES_PARAMETER
 
 NAME = 'view'
 # The scene moves at every cycle, text and plots are sent at every third.
@@ -46,8 +47,8 @@ PARAMETERS = ParameterTable(
     Parameter('host', '127.0.0.1', 'address to serve the page at; others than this machine reach '
               'it only if it is another one, and then need the token in the address printed'),
     Parameter('port', 8080, 'first TCP port to try', '', 1, 65535),
-    Parameter('bridges', list(BRIDGES),
-              'node names of the bridges whose e_stop service the button calls'),
+    BRIDGES_PARAMETER,
+    Parameter('folder', '.', 'where the page records bags, and finds trajectories to play'),
     Parameter('rate', 30.0, 'pictures a second', 'Hz', 1.0, 100.0),
     Parameter('history', 10.0, 'time the plots show', 's', 1.0, 120.0),
     Parameter('tool', 'tool0', 'frame whose path is drawn; the last of the URDF if empty'),
@@ -84,15 +85,30 @@ class View:
             text = with_drone(robot.urdf_text, drone, robot.prefix)
             carried = load_robot(text, joint_names=config.joint_names)
             robot = replace(carried, prefix=robot.prefix)
-            self._listen_to_drone()
+        self._has_base = drone is not None
+        self._name = config.name
         self._names = list(robot.joint_names)
         self._mode = ''
-        self._odometry: Odometry | None = None
+        self._rejections: dict[str, str] = {}
         self._diagnostics = ViewDiagnostics()
-        self._history = ViewHistory(robot.n, values.history, values.rate)
-        self._heard = -np.inf
-        self._stop = BridgeService(self._node, 'e_stop', values.bridges)
-        self._states = StateSampler(self._node, self._names)
+        self._requests = PageRequests(self._node, values.bridges)
+        self._feed = ViewFeed(
+            self._node, self._names, values.history, values.rate, drone is not None
+        )
+        self._motion = PageMotion(self._node, config, robot.base_link)
+        self._programs = PagePrograms(
+            self._node.get_namespace(),
+            Path(values.folder),
+            {item.name: getattr(values, item.name) for item in ARM_FILES},
+            values.drone_file,
+        )
+        self._limits = {
+            'position': np.column_stack([robot.position_min, robot.position_max]),
+            **{
+                name: np.outer(config.column(f'{name}_max'), [-1.0, 1.0])
+                for name in ('velocity', 'effort')
+            },
+        }
         self._subscribe()
         self._loop = PeriodicLoop(1.0 / values.rate)
         self._serve(robot)
@@ -104,22 +120,25 @@ class View:
         print(f'{NAME}: the arm is shown at {address}', flush=True)
         if not is_loopback(self._values.host):
             self._node.get_logger().warning(
-                'the page is open to the network: who knows its address can stop the arm'
+                'the page is open to the network: who knows its address can move the arm'
             )
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 
     def close(self) -> None:
-        """Close the page and destroy the node."""
+        """End what the page started, close it and destroy the node."""
+        self._programs.close()
         with redirect_stdout(StringIO()):
             self._server.stop()
-        self._states.destroy()
+        self._feed.destroy()
         self._node.destroy_node()
 
     def _serve(self, robot: Robot) -> None:
         try:
             from aerarm_ros.ros.page.page_server import PageError, serve_page
+            from aerarm_ros.ros.page.view_controls import ViewControls
             from aerarm_ros.ros.page.view_panel import ViewPanel
+            from aerarm_ros.ros.page.view_plots import ViewPlots
             from aerarm_ros.ros.page.view_scene import ViewScene
         except ImportError as error:
             raise ViewError(f"{error}: install it with pip install 'viser>=1.1,<2'") from None
@@ -134,8 +153,17 @@ class View:
                 )
         except PageError as error:
             raise ViewError(str(error)) from None
+        # The stop button before all that takes longer to load.
+        self._panel = ViewPanel(self._server, self._name, self._requests.ask)
         self._scene = ViewScene(self._server, robot, self._values.tool)
-        self._panel = ViewPanel(self._server, self._names, self._values.history, self._stop.call)
+        limits = self._limits['position']
+        self._controls = ViewControls(
+            self._server, self._panel, self._motion, self._programs, self._names, limits
+        )
+        self._panel.add_reports(self._server)
+        self._plots = ViewPlots(
+            self._server, self._names, self._values.history, self._limits, self._has_base
+        )
 
     def _tell_refused(self, text: str) -> None:
         self._node.get_logger().warning(text)
@@ -149,47 +177,29 @@ class View:
 
     def _update(self, now_ns: int, index: int) -> None:
         now = now_ns * 1e-9
-        state = self._states.newest()
-        if state is not None:
-            self._heard = now
-            self._history.add(now, state)
-            self._place_drone()
-            self._scene.update(state[0])
+        feed = self._feed
+        if feed.update(now) and feed.posture is not None:
+            if feed.pose is not None:
+                self._scene.move_base(*feed.pose)
+            self._scene.update(feed.posture)
         # A page nobody looks at costs nothing.
         if index % TEXT_EVERY == 0 and self._server.get_clients():
-            self._scene.update_path()
-            self._panel.show_motion(*self._history.window(now))
-            self._panel.show_mode(self._mode, self._describe_states(now))
-            self._panel.show_diagnostics(
-                self._diagnostics.timing_html(now), self._diagnostics.status_html(now)
-            )
+            self._show(now)
 
-    def _listen_to_drone(self) -> None:
-        topic = topics.ODOMETRY
-        self._node.create_subscription(topic.type, topic.name, self._on_odometry, topic.qos)
-
-    def _on_odometry(self, message: Odometry) -> None:
-        self._odometry = message
-
-    def _place_drone(self) -> None:
-        message, self._odometry = self._odometry, None
-        if message is not None:
-            p, q = message.pose.pose.position, message.pose.pose.orientation
-            place, turn = np.array([p.x, p.y, p.z]), np.array([q.w, q.x, q.y, q.z])
-            if np.all(np.isfinite([*place, *turn])) and np.any(turn):
-                self._scene.move_base(place, turn / np.linalg.norm(turn))
-
-    def _describe_states(self, now: float) -> str:
-        if self._states.missing:
-            return (
-                f'joint_states lacks {", ".join(self._states.missing)}: another arm? (config, '
-                'urdf, tf_prefix)'
-            )
-        if not np.isfinite(self._heard):
-            return 'no joint_states in this ROS domain: start a bridge, check ROS_DOMAIN_ID'
-        if now - self._heard > 1.0:
-            return f'the last joint_states came {now - self._heard:.0f} s ago'
-        return f'joint_states at {self._states.frequency(now):.0f} Hz'
+    def _show(self, now: float) -> None:
+        feed, diagnostics = self._feed, self._diagnostics
+        self._scene.update_path()
+        self._plots.show(*feed.joints.window(now))
+        if self._has_base:
+            self._plots.show_base(*feed.base.window(now))
+        self._panel.show_mode(
+            self._mode,
+            feed.describe(now),
+            diagnostics.way_out(now),
+            self._requests.is_emulated,
+        )
+        self._controls.show(feed.posture, self._scene.tool)
+        self._panel.show_diagnostics(diagnostics.timing_html(now), diagnostics.status_html(now))
 
     def _on_mode(self, message: String) -> None:
         self._mode = message.data
@@ -199,7 +209,17 @@ class View:
         for status in message.status:
             values = {item.key: item.value for item in status.values}
             level = int.from_bytes(status.level, 'little')
+            self._tell_rejection(status.name, values)
             self._diagnostics.add(status.name, ViewStatus(level, status.message, values, now))
+
+    def _tell_rejection(self, name: str, values: Mapping[str, str]) -> None:
+        """Show why a controller did not take what it was sent, once."""
+        count = values.get('rejected inputs')
+        before = self._rejections.get(name)
+        if count is not None:
+            self._rejections[name] = count
+            if before not in (None, count) and count != '0':
+                self._panel.tell(False, 'rejected:', values.get('last rejection', ''))
 
 
 def _check_address(host: str) -> None:

@@ -87,6 +87,13 @@ class HeadlessBrowser:
         until(lambda: self.evaluate(f'Boolean({found})'))
         self.evaluate(f'{found}.click()')
 
+    def unfold(self, label: str) -> None:
+        found = (
+            f'[...document.querySelectorAll("div")].findLast(d => d.innerText.trim() == "{label}")'
+        )
+        until(lambda: self.evaluate(f'Boolean({found})'))
+        self.evaluate(f'{found}.click()')
+
     def picture(self) -> np.ndarray:
         from PIL import Image  # comes with viser
 
@@ -205,16 +212,49 @@ def test_shows_the_arm_its_timing_and_stops_it(
     log = tmp_path / 'fake_hardware.log'
     with NodeProcess('fake_hardware', log=log):
         until(lambda: 'idle' in browser.text() and 'joint_states at' in browser.text())
+        assert str(browser.evaluate('document.title')).startswith('idle')
+        browser.unfold('Timing')
         until(lambda: 'wake lateness' in browser.text())
         for name in ('position [rad]', 'velocity [rad/s]', 'effort [Nm]', 'joint4'):
             assert name in browser.text()
         until(lambda: orange_pixels(browser.picture()) > 100)
+        assert_fits_a_phone(browser)
         assert 'NOT STOPPED' not in browser.text()
         browser.press('EMERGENCY STOP')
         until(lambda: 'STOPPED' in browser.text())
         assert 'NOT STOPPED' not in browser.text()
         until(lambda: 'emergency stop' in browser.text())
         assert 'e_stop' in log.read_text()
+
+
+def assert_fits_a_phone(browser: HeadlessBrowser) -> None:
+    """Stop and mode on top, over the whole width, and the arm below them."""
+    browser.call(
+        'Emulation.setDeviceMetricsOverride',
+        width=390,
+        height=844,
+        deviceScaleFactor=1,
+        mobile=True,
+    )
+
+    def places() -> dict[str, list[float]]:
+        script = """(() => {
+          const box = e => { const r = e.getBoundingClientRect();
+                             return [r.left, r.top, r.right, r.bottom]; };
+          const stop = [...document.querySelectorAll('button')].find(
+            b => b.innerText == 'EMERGENCY STOP');
+          return {stop: box(stop), mode: box(document.querySelector('.arm-mode')),
+                  arm: box(document.querySelector('canvas'))};
+        })()"""
+        return browser.evaluate(script)  # type: ignore[return-value]
+
+    until(lambda: places()['stop'][2] > 370.0 and places()['arm'][1] > 400.0)
+    found = places()
+    assert found['stop'][0] < 20.0
+    assert found['stop'][3] < 120.0
+    assert found['stop'][3] <= found['mode'][1] < 150.0
+    assert found['arm'][3] <= 845.0
+    browser.call('Emulation.clearDeviceMetricsOverride')
 
 
 @needs_browser

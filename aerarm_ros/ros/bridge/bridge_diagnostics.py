@@ -35,6 +35,7 @@ class Watched:
     publishers: CommandPublishers
     watch: PublisherWatch
     rivals: RivalWatch
+    emulated: bool = False
 
 
 class BridgeDiagnostics:
@@ -123,6 +124,7 @@ def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
         level = DiagnosticStatus.ERROR
     values = {
         'mode': cycle.mode,
+        'way out': cycle.way_out(watched.emulated),
         'publishers of joint_command': ', '.join(publishers.names) or 'none',
         **cycle.counters,
     }

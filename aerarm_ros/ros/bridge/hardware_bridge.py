@@ -204,6 +204,7 @@ class HardwareBridge(LifecycleNode):
                 self._command_publishers,
                 self._watch,
                 self._rivals,
+                self.emulated,
             )
         )
         self.requests.open()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import msgspec
 
 Vector = tuple[float, float, float]
+Text = Annotated[str, msgspec.Meta(max_length=200)]
 
 
 class CameraMoved(
@@ -23,22 +26,62 @@ class CameraMoved(
     up_direction: Vector
 
 
-class Press(msgspec.Struct, forbid_unknown_fields=True):
-    """What a click changes of a button."""
+class Change(msgspec.Struct, forbid_unknown_fields=True):
+    """What a click changes of a button, a slider, a box to tick, a list or a text."""
 
-    value: bool
+    value: bool | float | Text
 
 
-class ButtonPressed(
+class ElementChanged(
     msgspec.Struct, tag_field='type', tag='GuiUpdateMessage', forbid_unknown_fields=True
 ):
     """A click. The same message could hide, rename or disable any element for everybody."""
 
     uuid: str
-    updates: Press
+    updates: Change
 
 
-_DECODER = msgspec.msgpack.Decoder(CameraMoved | ButtonPressed)
+class TargetMoved(
+    msgspec.Struct,
+    tag_field='type',
+    tag='TransformControlsUpdateMessage',
+    forbid_unknown_fields=True,
+):
+    """The tool's target, dragged."""
+
+    name: Text
+    wxyz: tuple[float, float, float, float]
+    position: Vector
+    owner: Text
+
+
+class TargetTaken(
+    msgspec.Struct,
+    tag_field='type',
+    tag='TransformControlsDragStartMessage',
+    forbid_unknown_fields=True,
+):
+    """The tool's target is held from now on."""
+
+    name: Text
+    owner: Text
+
+
+class TargetLeft(
+    msgspec.Struct,
+    tag_field='type',
+    tag='TransformControlsDragEndMessage',
+    forbid_unknown_fields=True,
+):
+    """The tool's target is held no more."""
+
+    name: Text
+    owner: Text
+
+
+_DECODER = msgspec.msgpack.Decoder(
+    CameraMoved | ElementChanged | TargetMoved | TargetTaken | TargetLeft
+)
 
 
 def is_allowed(message: object) -> bool:

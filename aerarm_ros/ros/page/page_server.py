@@ -14,6 +14,7 @@ from websockets import Headers
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+from aerarm_ros.ros.page.page_dress import dress
 from aerarm_ros.ros.page.page_guard import PageGuard
 from aerarm_ros.ros.page.page_messages import is_allowed
 
@@ -134,6 +135,7 @@ class _Gate:
         request.path = self._guard.inner_path(request.path)
         response = inner(connection, request)
         if response is not None:
+            dress(response)
             response.headers.update(Headers(_HEADERS))
         return response
 

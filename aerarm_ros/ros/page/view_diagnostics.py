@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from html import escape
 
 LEVELS = ('OK', 'WARN', 'ERROR', 'STALE')
+_STALE = 3
+_WAY_OUT = 'way out'
 _COLORS = ('#2b8a3e', '#b06000', '#c92a2a', '#868e96')
 _STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
 _TIMING_KEY = re.compile(rf'(.+) ({"|".join(map(re.escape, _STATISTICS))}) \[us\]')
@@ -43,22 +45,40 @@ class ViewDiagnostics:
     ----------
     stale_after
         Age at which a status is shown as stale [s]; publishers send once a second.
+    gone_after
+        Age at which it is shown no more: its node has ended [s].
     """
 
-    def __init__(self, stale_after: float = 3.0) -> None:
+    def __init__(self, stale_after: float = 3.0, gone_after: float = 10.0) -> None:
         self._stale_after = stale_after
+        self._gone_after = gone_after
         self._statuses: dict[str, ViewStatus] = {}
 
     def add(self, name: str, status: ViewStatus) -> None:
         """Store a status; it replaces the one of the same name."""
-        self._statuses[name] = status
+        # A copy: the thread that shows them reads the one before meanwhile.
+        latest = {**self._statuses, name: status}
+        self._statuses = {
+            key: kept
+            for key, kept in latest.items()
+            if status.received - kept.received < self._gone_after
+        }
+
+    def way_out(self, now: float) -> str:
+        """Return what ends the arm's fault, as its bridge tells it; '' without one."""
+        texts = [
+            status.values.get(_WAY_OUT, '')
+            for _, status in self._present(now)
+            if self._level(status, now) != _STALE
+        ]
+        return next(filter(None, texts), '')
 
     def timing_html(self, now: float) -> str:
         """Return a table of the quantiles [us] in all statuses, '' if none has any."""
         tables = [
             f'<b>{escape(name)}</b> {_badge(self._level(status, now))}{_timing_table(rows)}'
             f'<div>{escape(_counts(status.values))}</div>'
-            for name, status in sorted(self._copy())
+            for name, status in self._present(now)
             if (rows := timing_rows(status.values))
         ]
         return ''.join(tables)
@@ -68,16 +88,16 @@ class ViewDiagnostics:
         lines = [
             f'<div>{_badge(self._level(status, now))} <b>{escape(name)}</b> '
             f'{escape(status.message)}</div>'
-            for name, status in sorted(self._copy())
+            for name, status in self._present(now)
         ]
         return ''.join(lines) or '<i>nothing on /diagnostics yet</i>'
 
     def _level(self, status: ViewStatus, now: float) -> int:
-        return 3 if now - status.received > self._stale_after else status.level
+        return _STALE if now - status.received > self._stale_after else status.level
 
-    def _copy(self) -> list[tuple[str, ViewStatus]]:
-        # The thread that serves subscriptions may add a name meanwhile.
-        return list(self._statuses.items())
+    def _present(self, now: float) -> list[tuple[str, ViewStatus]]:
+        statuses = sorted(self._statuses.items())
+        return [(n, status) for n, status in statuses if now - status.received < self._gone_after]
 
 
 def timing_rows(values: Mapping[str, str]) -> dict[str, dict[str, str]]:

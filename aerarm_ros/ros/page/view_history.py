@@ -1,4 +1,4 @@
-"""The last seconds of the arm's motion, for plots."""
+"""The last seconds of what the page plots."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ Array = NDArray[np.float64]
 
 
 class ViewHistory:
-    """Ring buffer of joint states.
+    """Ring buffer of arrays of one shape.
 
     Parameters
     ----------
-    joints
-        Number of joints n.
+    shape
+        Of what is kept each time.
     duration
         Time kept [s].
     rate
         Samples a second.
     """
 
-    def __init__(self, joints: int, duration: float, rate: float) -> None:
+    def __init__(self, shape: tuple[int, ...], duration: float, rate: float) -> None:
         size = max(2, int(duration * rate))
         self._duration = duration
         self._time = np.full(size, -np.inf)
-        self._values = np.zeros((size, 3, joints))
+        self._values = np.zeros((size, *shape))
         self._next = 0
 
     def add(self, now: float, values: Array) -> None:
-        """Store position, velocity and effort, (3, n), taken at the monotonic time `now` [s]."""
+        """Store values of the shape given, taken at the monotonic time `now` [s]."""
         self._time[self._next] = now
         self._values[self._next] = values
         self._next = (self._next + 1) % len(self._time)
@@ -40,7 +40,7 @@ class ViewHistory:
         Returns
         -------
         time : (k,) before `now`, so negative, ascending [s]
-        values : (k, 3, n)
+        values : (k, *shape)
         """
         order = np.roll(np.arange(len(self._time)), -self._next)
         order = order[self._time[order] >= now - self._duration]

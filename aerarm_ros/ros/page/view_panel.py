@@ -1,126 +1,143 @@
-"""What stands beside the arm in the browser: mode, emergency stop, plots, jitter."""
+"""What stands beside the arm in the browser: mode, emergency stop, what can be asked of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable
 from html import escape
 
-import numpy as np
 import viser
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+# Does what it is named; returns whether that succeeded, and what to tell. May block.
+Ask = Callable[[str], tuple[bool, str]]
 
-_PLOTS = ('position [rad]', 'velocity [rad/s]', 'effort [Nm]')
-_STROKES = ('#e8590c', '#1971c2', '#2f9e44', '#9c36b5', '#e03131', '#0c8599', '#f08c00')
+_ARM_WIDTH = 400  # [pixels]
 _MODE_COLORS = {
     'aligning': '#b06000',
     'damping': '#b06000',
+    'disconnected': '#c92a2a',
     'fault': '#c92a2a',
+    'homing': '#b06000',
     'ready': '#2b8a3e',
     'running': '#2b8a3e',
 }
-_ARM_WIDTH, _PLOT_WIDTH, _PLOT_HEIGHT = 440, 440, 190  # [pixels]
+# Label of each button, and the modes in which it does something.
+_BUTTONS = {
+    'enable': ('Enable: the motors align, the arm moves', ('idle',)),
+    'hold': ('Hold the arm', ('damping',)),
+    'home': ('Home: the joints turn slowly', ('ready', 'running', 'damping')),
+    'clear_fault': ('Clear fault', ('fault',)),
+    'disable': (
+        'Disable: the arm sinks',
+        ('aligning', 'ready', 'homing', 'running', 'damping', 'fault'),
+    ),
+    'put_back': ('Put back (emulated)', ('idle',)),
+}
+_STEP = re.compile(r"'arm ([a-z_]+(?: [a-z0-9_:.]+)?)'")
 
 
 class ViewPanel:
-    """The two panels at the sides of the scene.
+    """The panel at the left of the scene.
 
     Everything that came from the ROS graph is escaped before it becomes HTML.
 
     Parameters
     ----------
     server
-        Where they are shown.
-    names
-        Joint names, n of them.
-    duration
-        Time the plots show [s].
-    stop
-        Stops the arm; returns whether that succeeded and what to tell. May block.
+        Where it is shown.
+    name
+        Of the arm.
+    ask
+        Asks the bridge for what a button says: 'e_stop', a key of the bridge's actions, or
+        'fault NAME:BOARD'.
     """
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        names: Sequence[str],
-        duration: float,
-        stop: Callable[[], tuple[bool, str]],
-    ) -> None:
-        self._stop = stop
+    def __init__(self, server: viser.ViserServer, name: str, ask: Ask) -> None:
+        self._ask = ask
+        self._name = name
+        self._step = ''
         gui = server.gui
         gui.configure_theme(show_logo=False, show_share_button=False)
-        gui.set_panel_label('aerarm')
+        gui.set_panel_label(name)
         gui.main_panel.dock_left()
         gui.main_panel.set_width(_ARM_WIDTH)
         self._mode = gui.add_html('')
-        button = gui.add_button('EMERGENCY STOP', color='red', icon=viser.Icon.HAND_STOP)
-        button.on_click(self._on_stop)
+        stop = gui.add_button('EMERGENCY STOP', color='red', icon=viser.Icon.HAND_STOP)
+        stop.on_click(lambda _: self.answer('e_stop'))
         self._answer = gui.add_html('')
-        with gui.add_folder('Timing'):
-            self._timing = gui.add_html('')
-        with gui.add_folder('Diagnostics'):
-            self._diagnostics = gui.add_html('')
-        panel = gui.add_panel()
-        with panel.add_tab('Joints'):
-            self._plots = [_add_plot(gui, title, names, duration) for title in _PLOTS]
-        panel.dock_right()
-        panel.set_width(_PLOT_WIDTH)
+        self._next = gui.add_button('Next', color='orange', visible=False)
+        self._next.on_click(lambda _: self.answer(self._step))
+        self._buttons = {
+            action: gui.add_button(label, visible=False) for action, (label, _) in _BUTTONS.items()
+        }
+        for action, button in self._buttons.items():
+            button.on_click(self._answering(action))
+        self.show_mode('', '')
 
-    def show_mode(self, mode: str, states: str) -> None:
-        """Show the arm's mode and a line about its states."""
+    def _answering(self, action: str) -> Callable[[object], None]:
+        return lambda _: self.answer(action)
+
+    def add_reports(self, server: viser.ViserServer) -> None:
+        """Show timing and diagnostics below what is there so far."""
+        with server.gui.add_folder('Timing', expand_by_default=False):
+            self._timing = server.gui.add_html('')
+        with server.gui.add_folder('Diagnostics'):
+            self._diagnostics = server.gui.add_html('')
+
+    def show_mode(self, mode: str, states: str, way_out: str = '', emulated: bool = False) -> None:
+        """Show the arm's mode, a line about its states, and what can be done in it.
+
+        Parameters
+        ----------
+        mode
+            Last arm_mode, '' before the first.
+        states
+            What is heard of the arm, or waited for.
+        way_out
+            Of a fault, as the bridge tells it: commands are in quotes.
+        emulated
+            Whether the arm can be put back.
+        """
+        shown = mode or 'waiting for a bridge'
         color = _MODE_COLORS.get(mode, '#495057')
-        self._mode.content = _indented(
-            f'<div style="font-size:1.6em;font-weight:bold;color:{color}">'
-            f'{escape(mode or "no bridge found")}</div>{escape(states)}'
+        title = f'{shown} \N{MIDDLE DOT} {self._name}'
+        way = f'<br>To recover: {escape(way_out)}' if way_out else ''
+        self._mode.content = indented(
+            f'<div class="arm-mode" data-title="{escape(title)}" style="color:{color}">'
+            f'{escape(shown)}</div>{escape(states)}{way}'
         )
+        step = _STEP.search(way_out)
+        self._step = step[1] if step else ''
+        self._next.visible = bool(self._step)
+        if self._step:
+            self._next.label = f'Next step: {self._step}'
+        for action, button in self._buttons.items():
+            button.visible = mode in _BUTTONS[action][1] and (emulated or action != 'put_back')
 
     def show_diagnostics(self, timing: str, statuses: str) -> None:
         """Show two pieces of HTML, already escaped."""
         timing = timing or '<i>no timing statistics on /diagnostics yet</i>'
-        self._timing.content = _indented(timing)
-        self._diagnostics.content = _indented(statuses)
+        self._timing.content = indented(timing)
+        self._diagnostics.content = indented(statuses)
 
-    def show_motion(self, time: Array, values: Array) -> None:
-        """Draw the plots.
+    def tell(self, done: bool, word: str, text: str) -> None:
+        """Show what came of something, in colour."""
+        color = '#2b8a3e' if done else '#c92a2a'
+        self._answer.content = indented(f'<b style="color:{color}">{word}</b> {escape(text)}')
 
-        Parameters
-        ----------
-        time
-            (k,) [s], 0 is now.
-        values
-            (k, 3, n) position [rad], velocity [rad/s], effort [Nm].
-        """
-        if len(time) < 2:
+    def answer(self, action: str) -> None:
+        """Do what a button says, and show what came of it."""
+        if not action:
             return
-        for quantity, plot in enumerate(self._plots):
-            plot.data = (time, *np.ascontiguousarray(values[:, quantity].T))
-
-    def _on_stop(self, _: object) -> None:
-        self._answer.content = _indented('<b>stopping...</b>')
-        stopped, text = self._stop()
-        word, color = ('STOPPED', '#2b8a3e') if stopped else ('NOT STOPPED', '#c92a2a')
-        self._answer.content = _indented(f'<b style="color:{color}">{word}</b> {escape(text)}')
-
-
-def _add_plot(
-    gui: viser.GuiApi, title: str, names: Sequence[str], duration: float
-) -> viser.GuiUplotHandle:
-    """Return a plot whose time axis is fixed: one that follows its data freezes at the first."""
-    lines = [
-        viser.uplot.Series(label=name, stroke=_STROKES[k % len(_STROKES)], width=1.5)
-        for k, name in enumerate(names)
-    ]
-    start = np.array([-duration, 0.0])
-    return gui.add_uplot(
-        (start, *([np.zeros(2)] * len(names))),
-        (viser.uplot.Series(label='t [s]'), *lines),
-        title=title,
-        scales={'x': viser.uplot.Scale(time=False, range=(-duration, 0.0))},
-        height=_PLOT_HEIGHT,
-    )
+        is_stop = action == 'e_stop'
+        self._answer.content = indented(f'<b>{"stopping" if is_stop else escape(action)}...</b>')
+        done, text = self._ask(action)
+        if is_stop:
+            self.tell(done, 'STOPPED' if done else 'NOT STOPPED', text)
+        else:
+            self.tell(done, action if done else f'{action} refused:', text)
 
 
-def _indented(html: str) -> str:
+def indented(html: str) -> str:
     """Return HTML with the margin that the page gives to everything else."""
     return f'<div style="padding:0 0.8em">{html}</div>'

@@ -35,6 +35,11 @@ class ViewScene:
     tool
         Frame whose path is drawn; the last one of the model if empty.
 
+    Attributes
+    ----------
+    tool
+        Place (3,) [m] of that frame in the URDF's root.
+
     Raises
     ------
     ValueError
@@ -53,6 +58,7 @@ class ViewScene:
         self._prepare(server, robot)
         self._base = self._scene.add_frame('/arm', show_axes=False)
         self._base_pose = pin.SE3.Identity()
+        self.tool: Array = np.zeros(3)
         self._joints = [
             self._scene.add_frame(f'/arm/{name}', show_axes=False) for name in robot.model.names
         ]
@@ -75,7 +81,8 @@ class ViewScene:
         for handle, placement in zip(self._joints, self._data.oMi, strict=True):
             handle.position, handle.wxyz = placement.translation, _wxyz(placement.rotation)
         tool_in_base = pin.updateFramePlacement(self._model, self._data, self._tool)
-        tool = self._base_pose.act(tool_in_base.translation)
+        self.tool = tool_in_base.translation.copy()
+        tool = self._base_pose.act(self.tool)
         if not self._path or np.linalg.norm(tool - self._path[-1]) > _TRAIL_STEP:
             self._path.append(tool.copy())
 

@@ -85,6 +85,10 @@ class NodeProcess:
         """
         return self._process.wait(timeout)
 
+    def ask_to_end(self) -> None:
+        """Ask the process to end, and do not wait for it."""
+        self._process.send_signal(signal.SIGTERM)
+
     def stop(self, sent: signal.Signals = signal.SIGTERM, timeout: float = STOP_TIMEOUT) -> int:
         """Ask the process to end, wait, and kill it if it does not; return its exit status.
 

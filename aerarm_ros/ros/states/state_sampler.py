@@ -1,4 +1,4 @@
-"""The newest joint state now and then, for nodes that serve people."""
+"""The newest joint state, or other message like it, now and then, for nodes that serve people."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_decoder import JointStateDecoder
 from aerarm_msgs_py.codecs.payloads import Payloads
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.live_topics.topic import Topic
 
 _COUNT_PERIOD = 1.0  # [s]
 
 
 class StateSampler:
-    """Takes what is newest on joint_states and leaves the rest, at no cost per message.
+    """Takes what is newest on a topic and leaves the rest, at no cost per message.
 
     Parameters
     ----------
@@ -26,6 +27,8 @@ class StateSampler:
         Owner of the subscription.
     names
         Joints wanted, n of them, in the order of the numbers returned.
+    topic
+        Of JointState; `joint_states` if not given.
 
     Attributes
     ----------
@@ -35,11 +38,14 @@ class StateSampler:
         Stamp of the newest message [ns].
     """
 
-    def __init__(self, node: Node, names: Sequence[str]) -> None:
+    def __init__(
+        self, node: Node, names: Sequence[str], topic: Topic = topics.JOINT_STATES
+    ) -> None:
         self.missing: list[str] = []
         self.stamp_ns = 0
         self._names = list(names)
-        self._reader = RawReader(node, topics.JOINT_STATES)
+        self._may_be_partial = topic is not topics.JOINT_STATES
+        self._reader = RawReader(node, topic)
         self._decoder = JointStateDecoder()
         self._counted = (time.monotonic(), 0)
         self._frequency = 0.0
@@ -47,7 +53,7 @@ class StateSampler:
     def newest(self) -> NDArray[np.float64] | None:
         """Return position, velocity, effort (3, n) [rad, rad/s, Nm], or None if nothing new came.
 
-        Velocity and effort are NaN where the message leaves them empty.
+        What the message leaves empty is NaN; a state without positions is none.
         """
         message = self._reader.take_newest()
         if message is None:
@@ -59,7 +65,8 @@ class StateSampler:
         if self.missing:
             return None
         state = values[0][:, [known.index(name) for name in self._names]]
-        return state if np.all(np.isfinite(state[0])) else None
+        complete = self._may_be_partial or np.all(np.isfinite(state[0]))
+        return state if complete else None
 
     def frequency(self, now: float) -> float:
         """Return the publisher's rate [Hz] over the last second, from its own numbering.

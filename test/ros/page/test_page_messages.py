@@ -23,6 +23,13 @@ CAMERA: dict[str, Any] = {
     'up_direction': [0, 0, 1],
 }
 PRESS: dict[str, Any] = {'type': 'GuiUpdateMessage', 'uuid': 'a', 'updates': {'value': True}}
+TARGET: dict[str, Any] = {
+    'type': 'TransformControlsUpdateMessage',
+    'name': '/arm/tool_target',
+    'wxyz': [1.0, 0.0, 0.0, 0.0],
+    'position': [0.3, 0, 0.5],
+    'owner': '',
+}
 
 
 def allowed(message: object) -> bool:
@@ -32,6 +39,11 @@ def allowed(message: object) -> bool:
 def test_what_the_page_sends_is_taken() -> None:
     assert allowed(CAMERA)
     assert allowed(PRESS)
+    for value in (0.35, -1, 'computed_torque', False):
+        assert allowed(PRESS | {'updates': {'value': value}})
+    assert allowed(TARGET)
+    for kind in ('TransformControlsDragStartMessage', 'TransformControlsDragEndMessage'):
+        assert allowed({'type': kind, 'name': '/arm/tool_target', 'owner': ''})
 
 
 @pytest.mark.parametrize(
@@ -44,6 +56,8 @@ def test_what_the_page_sends_is_taken() -> None:
         {'removed': True},
         {'value': 'x' * 1000},
         {'value': None},
+        {'value': [1.0, 2.0]},
+        {'value': {'label': 'start'}},
         {},
         [],
         None,
@@ -67,6 +81,8 @@ def test_a_press_changes_nothing_else(updates: object) -> None:
         CAMERA | {'wxyz': [1.0] * 5},
         CAMERA | {'position': [[1.0], 0.0, 0.0]},
         CAMERA | {'image_height': 10**12 * 0.5},
+        TARGET | {'visible': False},
+        TARGET | {'position': [0.3, 0.0]},
         {key: value for key, value in CAMERA.items() if key != 'fov'},
         {},
         [],

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import http.client
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
 
 import pytest
+from page_viewer import CAMERA, STOP, Viewer
 
 MISSING = find_spec('viser') is None
 pytestmark = pytest.mark.skipif(MISSING, reason="viser is not installed: 'aerarm_ros[view]'")
 if not MISSING:
-    import msgspec
     import viser
     import websockets.asyncio.server as websocket_server
-    import zstandard
     from websockets.exceptions import ConnectionClosed, InvalidStatus
     from websockets.sync.client import ClientConnection, connect
 
@@ -25,19 +23,6 @@ if not MISSING:
     from aerarm_ros.ros.page.page_guard import PageGuard
     from aerarm_ros.ros.page.page_server import PageError, serve_page
     from aerarm_ros.ros.page.view_panel import ViewPanel
-
-CAMERA = {
-    'type': 'ViewerCameraMessage',
-    'wxyz': [1.0, 0.0, 0.0, 0.0],
-    'position': [0.8, -0.9, 0.7],
-    'fov': 1.3,
-    'near': 0.01,
-    'far': 1000.0,
-    'image_height': 900,
-    'image_width': 1400,
-    'look_at': [0.0, 0.0, 0.3],
-    'up_direction': [0.0, 0.0, 1.0],
-}
 
 
 class ServedPage:
@@ -47,12 +32,12 @@ class ServedPage:
         self.presses = 0
         self.refused: list[str] = []
         self.server = serve_page(host, 18080, PageGuard(host, token), self.refused.append)
-        self.panel = ViewPanel(self.server, ['joint1'], 10.0, self._press)
+        self.panel = ViewPanel(self.server, 'arm', self._press)
         self.port = self.server.get_port()
         self.host = f'127.0.0.1:{self.port}'
 
-    def _press(self) -> tuple[bool, str]:
-        self.presses += 1
+    def _press(self, action: str) -> tuple[bool, str]:
+        self.presses += action == 'e_stop'
         return True, 'stopped'
 
     def get(self, path: str = '/', **headers: str) -> tuple[int, bytes, dict[str, str]]:
@@ -79,51 +64,6 @@ class ServedPage:
         )  # type: ignore[arg-type]
 
 
-class Viewer:
-    """A client that speaks the page's language, and keeps what it is told."""
-
-    def __init__(self, socket: ClientConnection) -> None:
-        self._socket = socket
-        self.told: list[dict[str, Any]] = []
-
-    def send(self, message: object) -> None:
-        self._socket.send(msgspec.msgpack.encode(message))
-
-    def listen(self, condition: Callable[[], object], patience: float = 20.0) -> None:
-        deadline = time.monotonic() + patience
-        while not condition():
-            assert time.monotonic() < deadline, 'waited in vain'
-            try:
-                raw = self._socket.recv(timeout=0.05)
-            except TimeoutError:
-                continue
-            size = int.from_bytes(raw[8:16], 'little')
-            content = msgspec.msgpack.decode(zstandard.decompress(raw[16 : 16 + size]))
-            self.told += content['messages']
-
-    def elements(self) -> dict[str, dict[str, Any]]:
-        """Return the properties of the panel's elements, as this client has been told."""
-        shown: dict[str, dict[str, Any]] = {}
-        for message in self.told:
-            kind = message['type']
-            if kind.startswith('Gui') and 'props' in message:
-                shown[message['uuid']] = {'kind': kind, **message['props']}
-            elif kind == 'GuiUpdateMessage' and message['uuid'] in shown:
-                shown[message['uuid']] |= message['updates']
-            elif kind == 'GuiRemoveMessage':
-                shown.pop(message['uuid'], None)
-            elif kind == 'ResetGuiMessage':
-                shown.clear()
-        return shown
-
-    def button(self) -> str:
-        """Return the stop button's name in messages, '' if it is not shown as it should be."""
-        for uuid, element in self.elements().items():
-            if element.get('label') == 'EMERGENCY STOP' and element['visible']:
-                return '' if element['disabled'] else uuid
-        return ''
-
-
 @contextmanager
 def served(host: str = '127.0.0.1', token: str = '') -> Iterator[ServedPage]:
     page = ServedPage(host, token)
@@ -143,7 +83,7 @@ def viewing(page: ServedPage, **options: Any) -> Iterator[Viewer]:
     with page.connect(**options) as socket:
         viewer = Viewer(socket)
         viewer.send(CAMERA)
-        viewer.listen(viewer.button)
+        viewer.listen(lambda: viewer.button(STOP))
         yield viewer
 
 
@@ -185,14 +125,14 @@ def test_the_button_stops(page: ServedPage) -> None:
     with viewing(page) as viewer:
         before = page.presses
         viewer.send(
-            {'type': 'GuiUpdateMessage', 'uuid': viewer.button(), 'updates': {'value': True}}
+            {'type': 'GuiUpdateMessage', 'uuid': viewer.button(STOP), 'updates': {'value': True}}
         )
         viewer.listen(lambda: page.presses == before + 1)
 
 
 def test_nobody_takes_the_button_from_others(page: ServedPage) -> None:
     with viewing(page) as viewer, viewing(page) as attacker:
-        button = attacker.button()
+        button = attacker.button(STOP)
         for updates in (
             {'visible': False},
             {'disabled': True},
@@ -219,12 +159,12 @@ def test_nobody_takes_the_button_from_others(page: ServedPage) -> None:
         attacker.listen(lambda: page.presses == before + 1)
         told = len(viewer.told)
         viewer.listen(lambda: any('STOPPED' in str(x.get('updates')) for x in viewer.told[told:]))
-        assert viewer.button() == button
+        assert viewer.button(STOP) == button
         assert not {'GuiRemoveMessage', 'RunJavascriptMessage', 'ShareUrlUpdated'} & {
             message['type'] for message in viewer.told
         }
         with viewing(page) as newcomer:
-            assert newcomer.button() == button
+            assert newcomer.button(STOP) == button
 
 
 def test_a_message_too_long_ends_the_connection_and_nothing_else(page: ServedPage) -> None:
@@ -236,7 +176,7 @@ def test_a_message_too_long_ends_the_connection_and_nothing_else(page: ServedPag
                     attacker.recv(timeout=10.0)
         before = page.presses
         viewer.send(
-            {'type': 'GuiUpdateMessage', 'uuid': viewer.button(), 'updates': {'value': True}}
+            {'type': 'GuiUpdateMessage', 'uuid': viewer.button(STOP), 'updates': {'value': True}}
         )
         viewer.listen(lambda: page.presses == before + 1)
 

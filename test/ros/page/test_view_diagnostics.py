@@ -46,3 +46,23 @@ def test_text_from_the_graph_is_escaped() -> None:
         assert '<script>' not in html
         assert '<img' not in html
         assert '<i>' not in html
+
+
+def test_who_has_ended_is_shown_no_more_and_forgotten() -> None:
+    diagnostics = ViewDiagnostics(gone_after=10.0)
+    diagnostics.add('recorder', ViewStatus(0, 'in order', received=1.0))
+    diagnostics.add('arm', ViewStatus(0, 'ready', received=12.0))
+    html = diagnostics.status_html(12.0)
+    assert ('recorder' in html, 'ready' in html) == (False, True)
+    for second in range(100):
+        diagnostics.add(f'node{second}', ViewStatus(0, '', received=13.0 + second))
+    assert len(diagnostics._statuses) <= 11
+
+
+def test_the_way_out_is_that_of_a_bridge_that_is_there() -> None:
+    diagnostics = ViewDiagnostics()
+    assert diagnostics.way_out(0.0) == ''
+    values = {'way out': "'arm clear_fault'"}
+    diagnostics.add('arm', ViewStatus(2, 'fault', values, received=10.0))
+    assert diagnostics.way_out(11.0) == "'arm clear_fault'"
+    assert diagnostics.way_out(20.0) == ''

@@ -4,7 +4,7 @@ from aerarm_ros.ros.page.view_history import ViewHistory
 
 
 def test_keeps_the_last_seconds_in_order() -> None:
-    history = ViewHistory(joints=2, duration=1.0, rate=10.0)
+    history = ViewHistory((3, 2), duration=1.0, rate=10.0)
     for k in range(35):
         history.add(0.1 * k, np.full((3, 2), float(k)))
     time, values = history.window(3.4)
@@ -14,7 +14,7 @@ def test_keeps_the_last_seconds_in_order() -> None:
 
 
 def test_what_is_too_old_is_left_out() -> None:
-    history = ViewHistory(joints=1, duration=1.0, rate=10.0)
+    history = ViewHistory((3, 1), duration=1.0, rate=10.0)
     history.add(0.0, np.zeros((3, 1)))
     history.add(5.0, np.ones((3, 1)))
     time, values = history.window(5.5)
@@ -23,6 +23,6 @@ def test_what_is_too_old_is_left_out() -> None:
 
 
 def test_an_empty_history_is_empty() -> None:
-    time, values = ViewHistory(joints=4, duration=10.0, rate=30.0).window(100.0)
+    time, values = ViewHistory((3, 4), duration=10.0, rate=30.0).window(100.0)
     assert time.shape == (0,)
     assert values.shape == (0, 3, 4)

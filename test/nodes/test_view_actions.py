@@ -1,0 +1,98 @@
+"""A person's hour at the page in short: enable, record, play, stop, clear, over its own socket."""
+
+from __future__ import annotations
+
+import socket
+import time
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from page_viewer import CAMERA, STOP, Viewer
+
+from aerarm_msgs_py import topics
+from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.ros.process.node_process import NodeProcess
+
+MISSING = find_spec('viser') is None
+pytestmark = pytest.mark.skipif(MISSING, reason="viser is not installed: 'aerarm_ros[view]'")
+if not MISSING:
+    import viser
+    from websockets.sync.client import connect
+
+    from aerarm_msgs_py.bags.bag_reader import read_joint_states
+
+PATIENCE = 120.0
+
+
+def mode(viewer: Viewer) -> str:
+    """Return what the page's title says."""
+    return viewer.text().partition('data-title="')[2].partition(' ')[0]
+
+
+def test_the_arm_is_enabled_recorded_played_stopped_and_brought_back(
+    ros_domain: dict[str, str], tmp_path: Path
+) -> None:
+    folder = tmp_path / 'folder'
+    folder.mkdir()
+    bias = np.array(load_excitation_config().bias)
+    series = FourierTrajectory(0.5, bias, *np.full((2, 4, 1), 0.05))
+    names = tuple(f'joint{k}' for k in range(1, 5))
+    TrajectoryFile(series, names, periods=5).save(folder / 'mine.yaml')
+    with socket.socket() as probe:
+        probe.bind(('127.0.0.1', 0))
+        port = probe.getsockname()[1]
+    log = tmp_path / 'view.log'
+    with (
+        NodeProcess('fake_hardware', (), {'pace': 'keep_up'}, log=tmp_path / 'arm.log'),
+        NodeProcess('view', (), {'port': port, 'folder': folder}, log=log) as view,
+    ):
+        while 'shown at' not in log.read_text():
+            assert view.returncode is None, view.tail()
+            time.sleep(0.1)
+        host = f'127.0.0.1:{port}'
+        with connect(
+            f'ws://{host}',
+            origin=f'http://{host}',  # type: ignore[arg-type]
+            subprotocols=[f'viser-v{viser.__version__}'],  # type: ignore[list-item]
+            compression=None,
+            max_size=None,
+        ) as connection:
+            viewer = Viewer(connection)
+            viewer.send(CAMERA)
+            drive(viewer)
+        assert view.stop() == 0, view.tail()  # its recorder ends before it does
+    states = read_joint_states(folder / 'bag', topics.JOINT_STATES.name)
+    assert len(states.stamp) > 100
+
+
+def drive(viewer: Viewer) -> None:
+    """Press the page's buttons as they come."""
+
+    def wait(condition: str) -> None:
+        viewer.listen(lambda: mode(viewer) == condition, PATIENCE)
+
+    viewer.set('name', 'bag')
+    viewer.set('Start recording', True)
+    viewer.listen(lambda: 'publishers found' in viewer.text(), PATIENCE)
+    wait('idle')
+    viewer.set('Enable', True)
+    wait('ready')
+    viewer.set('motion', 'mine.yaml')
+    viewer.set('Play', True)
+    wait('running')
+    viewer.set(STOP, True)
+    wait('fault')
+    assert '>STOPPED</b>' in viewer.text()
+    while mode(viewer) != 'ready':
+        if mode(viewer) == 'fault':
+            assert 'To recover' in viewer.text()
+        if viewer.button('Next step'):
+            viewer.set('Next step', True)
+        elif viewer.button('Enable'):
+            viewer.set('Enable', True)
+        told = len(viewer.told)
+        viewer.listen(lambda told=told: len(viewer.told) > told + 50, PATIENCE)

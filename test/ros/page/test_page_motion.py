@@ -1,0 +1,38 @@
+"""Motions from the page, as the topics that a controller takes."""
+
+import time
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.ros.controllers.trajectory_input import read_trajectory
+from aerarm_ros.ros.page.page_motion import PageMotion
+
+
+def test_a_posture_is_reached_at_no_more_than_the_speed_that_is_set(ros_node: Node) -> None:
+    config = load_arm_config()
+    motion = PageMotion(ros_node, config, 'base_link')
+    start, goal = np.array([0.0, 1.5, 0.0, 0.0]), [0.4, 0.2, -0.3, 0.0]
+    sent, text = motion.go(start, goal, 0.5)
+    assert (sent, 'start computed_torque' in text) == (False, True)
+    heard: list[Any] = []
+    topic = topics.JOINT_TRAJECTORY
+    ros_node.create_subscription(topic.type, topic.name, heard.append, topic.qos)
+    deadline = time.monotonic() + 20.0
+    while not (heard and sent):
+        assert time.monotonic() < deadline
+        sent = motion.go(start, goal, 0.5)[0]
+        rclpy.spin_once(ros_node, timeout_sec=0.1)
+    trajectory, begin = read_trajectory(JointLimits.from_config(config), heard[-1], 1.0)
+    assert begin is None
+    path = trajectory.path(start, 'quintic')
+    times = np.linspace(0.0, trajectory.times[-1], 200)
+    speed = np.array([np.abs(path.evaluate(t).dq) for t in times]).max(axis=0)
+    share = speed / config.column('velocity_max')
+    assert share.max() <= 0.501
+    np.testing.assert_allclose(path.evaluate(times[-1]).q, goal, atol=1e-9)

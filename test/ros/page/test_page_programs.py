@@ -1,0 +1,50 @@
+"""What the page may start; that it does so is seen in test/nodes/test_view_actions.py."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.ros.page.page_programs import RANDOM, PageProgramError, PagePrograms
+
+
+@pytest.fixture
+def programs(tmp_path: Path) -> Iterator[PagePrograms]:
+    programs = PagePrograms('/', tmp_path, {})
+    yield programs
+    programs.close()
+
+
+def test_only_trajectories_of_the_folder_are_offered(
+    programs: PagePrograms, tmp_path: Path
+) -> None:
+    rows = np.zeros((1, 1))
+    TrajectoryFile(FourierTrajectory(0.5, np.zeros(1), rows, rows), ('joint1',)).save(
+        tmp_path / 'mine.yaml'
+    )
+    (tmp_path / 'other.yaml').write_text('a: 1\n')
+    (tmp_path / 'huge.yaml').write_text('#' * 2_000_000)
+    (tmp_path / 'gone.yaml').symlink_to(tmp_path / 'nowhere')
+    assert programs.trajectories() == (RANDOM, 'mine.yaml')
+
+
+@pytest.mark.parametrize(
+    'name', ['', '../bag', '/tmp/bag', 'a/b', '.hidden', '-p', 'a b', 'x' * 90]
+)
+def test_a_bag_is_no_way_out_of_the_folder(programs: PagePrograms, name: str) -> None:
+    with pytest.raises(PageProgramError, match='is named by'):
+        programs.record(name)
+    assert not programs.recorder.runs
+
+
+def test_what_exists_or_is_not_offered_is_refused(programs: PagePrograms, tmp_path: Path) -> None:
+    (tmp_path / 'bag').mkdir()
+    with pytest.raises(PageProgramError, match='exists: give another name'):
+        programs.record('bag')
+    with pytest.raises(PageProgramError, match='there is no trajectory'):
+        programs.play('/etc/passwd')
+    with pytest.raises(PageProgramError, match='there is no controller'):
+        programs.control('arm', 0.5)
