@@ -18,12 +18,9 @@ from contextlib import ExitStack
 import numpy as np
 import rclpy
 from bare_loop import BareLoops
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.node import Node
-from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
+from timing.diagnosed import Diagnosed
+from timing.node_run import processor_time
 
-from aerarm_msgs_py.topics import DIAGNOSTICS
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
@@ -38,58 +35,9 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 
 PERIOD = 1e-3
-CLIENT_PERIOD = 0.1
 BRIDGE, CONTROLLER = 'fake_hardware', 'computed_torque'
 STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
 SWING = np.array([0.5, 0.1, 0.5, 0.5])
-
-
-class Diagnosed:
-    """Values of the newest diagnostics by status, and a client of the bridge's parameters."""
-
-    def __init__(self, node: Node) -> None:
-        self._node = node
-        self.values: dict[str, dict[str, str]] = {}
-        self.messages: dict[str, str] = {}
-        self._client = AsyncParameterClient(node, BRIDGE)
-        node.create_subscription(
-            DIAGNOSTICS.type, DIAGNOSTICS.name, self._on_diagnostics, DIAGNOSTICS.qos
-        )
-
-    def spin(self, seconds: float) -> None:
-        """Receive for a time [s]."""
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
-            rclpy.spin_once(self._node, timeout_sec=left)
-
-    def wait_for(self, status: str) -> None:
-        """Wait until a status has been received."""
-        end = time.monotonic() + 20.0
-        while status not in self.values:
-            if time.monotonic() > end:
-                raise SystemExit(f'bridge: no diagnostics of {status}')
-            self.spin(0.1)
-
-    def use_parameters(self, seconds: float) -> int:
-        """Get and set a parameter ten times a second; return how many answers came."""
-        answers = 0
-        for step in range(round(seconds / CLIENT_PERIOD)):
-            start = time.monotonic()
-            gains = [Parameter('board_kd', value=[0.2 + 0.001 * (step % 50)])]
-            for future in (
-                self._client.set_parameters(gains),
-                self._client.get_parameters(['board_kd', 'period']),
-            ):
-                rclpy.spin_until_future_complete(self._node, future, timeout_sec=1.0)
-                answers += future.done()
-            self.spin(start + CLIENT_PERIOD - time.monotonic())
-        return answers
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            part = status.name.rsplit(' ', 1)[-1]
-            self.values[part] = {item.key: item.value for item in status.values}
-            self.messages[part] = status.message
 
 
 def codec_costs() -> None:
@@ -148,19 +96,12 @@ def peak_memory() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
-def processor_time(process: NodeProcess) -> float:
-    """Processor time that a process has used [s]."""
-    with open(f'/proc/{process.pid}/stat') as file:
-        fields = file.read().rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
-
-
 def real_time_run(seconds: float) -> None:
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rclpy.init(args=[])
     node = rclpy.create_node('bench')
-    diagnosed, arm = Diagnosed(node), ArmClient(node, [BRIDGE])
+    diagnosed, arm = Diagnosed(node, BRIDGE), ArmClient(node, [BRIDGE])
     with ExitStack() as stack:
         bridge, controller = (
             stack.enter_context(NodeProcess(name, (), {'lock_memory': True, **parameters}))

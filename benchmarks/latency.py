@@ -1,10 +1,15 @@
-"""State-to-command latency and CPU: raw bytes against a plain rclpy pair, in the same run.
+"""State-to-command latency and CPU: the nodes that people run, beside the limit of their design.
 
-Two processes each time, 1 kHz, real DDS. The first publishes joint states; the second
+First two processes written for it, as raw bytes and as plain rclpy, 1 kHz, real DDS: what the
+design allows on this machine at this time. The first publishes joint states; the second
 computes the torques (RNEA) and publishes a joint command. Both latencies count from the
 state's stamp, taken just before it is published: to the finished torque in the controller,
 and to the command back in the bridge, where it can be used: as soon as the middleware has it
 if the bridge takes commands itself, otherwise once the callback was called.
+
+Then the nodes: `fake_hardware`, and `hardware_bridge` on emulated boards behind a preloaded SPI
+bus, with each controller and with `excitation`, in real time; and with a client of the bridge's
+parameters, 20 requests a second. Figures are medians of repeats.
 """
 
 import argparse
@@ -17,9 +22,11 @@ from collections.abc import Callable
 
 import numpy as np
 import rclpy
+from bare_loop import BareLoops
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
+from timing.node_run import EMULATED, EXCITATION, REAL, measure, median, why_not
 
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
@@ -37,6 +44,26 @@ from aerarm_ros.realtime.timing_statistics import TimingStatistics
 from aerarm_ros.ros.process.node_process import ros_environment
 
 PERIOD = 1e-3
+CONTROLLERS = (
+    'computed_torque',
+    'gravity_compensation',
+    'kinematic_control',
+    'impedance_control',
+    EXCITATION,
+)
+ASKED = 'computed_torque'  # the one that is measured beside a client of parameters, too
+NODE_LINE = '{:16}{:29}{:>11}{:>12}{:>10}{:>12}{:>7}{:>9}{:>9}'
+NODE_HEADINGS = (
+    'bridge',
+    'who answers',
+    'to torque',
+    'to command',
+    'answered',
+    'missed',
+    'cycle',
+    'bridge',
+    'answer',
+)
 SILENCE = 1.0  # [s] without a state after which a controller ends
 NAMES = ['joint1', 'joint2', 'joint3', 'joint4']
 NANOSECONDS = 1_000_000_000
@@ -213,7 +240,16 @@ def run_pair(pair: str, cycles: int) -> tuple[dict[str, float], dict[str, float]
     return bridge, controller
 
 
-def report(pairs: dict[str, tuple[dict[str, float], dict[str, float]]]) -> None:
+def median_pair(pair: str, cycles: int, repeats: int) -> tuple[dict[str, float], ...]:
+    """Return the medians of some runs of a pair."""
+    runs = [run_pair(pair, cycles) for _ in range(repeats)]
+    return tuple(
+        {name: float(np.median([run[part][name] for run in runs])) for name in runs[0][part]}
+        for part in (0, 1)
+    )
+
+
+def report(pairs: dict[str, tuple[dict[str, float], ...]]) -> None:
     rows = [
         (f'state to {end}, {name}', 'us', 1e6, [pair[part][name] for pair in pairs.values()])
         for part, end in ((1, 'torque'), (0, 'command'))
@@ -230,9 +266,45 @@ def report(pairs: dict[str, tuple[dict[str, float], dict[str, float]]]) -> None:
         print(f'{label + " [" + unit + "]":38}{cells}{values[0] / values[1]:8.2f}')
 
 
+def report_nodes(seconds: float, repeats: int) -> None:
+    """Run bridges with those that answer them, and print a line for each pair."""
+    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    rclpy.init(args=[])
+    node = rclpy.create_node('bench')
+    print(f'\nNodes: medians of {repeats} runs of {seconds:g} s; [us] p50/p99, [%]')
+    print(NODE_LINE.format(*NODE_HEADINGS))
+    cases = [(bridge, name, False) for bridge in (EMULATED, REAL) for name in CONTROLLERS]
+    for bridge, name, ask in [*cases, (EMULATED, ASKED, True), (REAL, ASKED, True)]:
+        if why_not(bridge):
+            print(f'{bridge}: {why_not(bridge)}')
+            continue
+        runs = [measure(node, bridge, name, seconds, ask) for _ in range(repeats)]
+        f = median(runs)
+        spread = f'{min(r.missed for r in runs):.2f}-{max(r.missed for r in runs):.2f}'
+        label = f'{name}, client' if ask else name
+        print(
+            NODE_LINE.format(
+                bridge,
+                label,
+                f'{f.torque:.0f}/{f.torque_99:.0f}',
+                f'{f.command:.0f}/{f.command_99:.0f}',
+                f'{f.answered:.2f}',
+                spread,
+                f'{f.cycle:.0f}',
+                f'{f.bridge:.1f}',
+                f'{f.controller:.1f}',
+            ),
+            flush=True,
+        )
+    node.destroy_node()
+    rclpy.shutdown()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seconds', type=float, default=10.0, help='length of each run')
+    parser.add_argument('--repeats', type=int, default=3, help='of each run')
     parser.add_argument('--cycles', type=int, help=argparse.SUPPRESS)
     parser.add_argument('--pair', choices=ROLES, help=argparse.SUPPRESS)
     parser.add_argument('--part', type=int, help=argparse.SUPPRESS)
@@ -241,15 +313,18 @@ def main() -> None:
         run_role(options.pair, options.part, options.cycles)
         return
     cycles = round(options.seconds / PERIOD)
-    pairs = {pair: run_pair(pair, cycles) for pair in ROLES}
+    bare = BareLoops(options.seconds)
+    quiet = '\n'.join(bare.lines())
+    pairs = {pair: median_pair(pair, cycles, options.repeats) for pair in ROLES}
     report(pairs)
     lateness = pairs['raw bytes'][0]['lateness']
     print(
         f'A sleeping thread wakes {1e6 * lateness:.0f} us late here (median); in either pair a '
         'state wakes two on its way.\nGoals: latency p50 at most half, CPU of the one that sends '
-        'states at most a quarter. Bridge\nand controllers of the suite do more in a cycle.'
-        ' Both pairs have SCHED_FIFO if it is granted.'
+        'states at most a quarter. Everybody\nhas SCHED_FIFO if it is granted.'
     )
+    print(quiet)
+    report_nodes(options.seconds, options.repeats)
 
 
 if __name__ == '__main__':

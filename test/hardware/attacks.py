@@ -233,6 +233,19 @@ def unloading(random: np.random.Generator) -> Source:
     return source
 
 
+def throwing(random: np.random.Generator) -> Source:
+    """Joint 2 is driven to a limit while all others, at full speed, throw the arm outward."""
+    way, by_effort = _signs(random), random.random() < 0.5
+
+    def source(rig: AttackRig) -> Offer:
+        speeds, efforts = way * _speeds(rig), np.full(4, NAN)
+        if by_effort:
+            speeds[1], efforts[1] = NAN, (way * _efforts(rig))[1]
+        return Offer(velocity=speeds, effort=efforts)
+
+    return source
+
+
 def creeping(random: np.random.Generator) -> Source:
     """Slowly into the limits, and on."""
     way, slow = _signs(random), random.uniform(0.02, 0.6)
@@ -291,6 +304,7 @@ ATTACKS: dict[str, Attack] = {
         violation,
         swinging,
         unloading,
+        throwing,
         creeping,
         limp,
         returning,

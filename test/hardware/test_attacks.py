@@ -6,8 +6,8 @@ from attack_campaign import BEYOND_MAX, SPEED_MAX, run
 from attack_rig import AttackRig, Offer
 from attacks import ATTACKS
 
-# What a board's integral and a base that is turned add.
-SPECIAL = [('position', 7), ('position', 15), ('full_law', 4), ('swinging', 9)]
+# What a board's integral and a base that is turned add; joint 1 throws a heavy arm outward.
+SPECIAL = [('position', 7), ('position', 15), ('full_law', 4), ('full_law', 11), ('swinging', 9)]
 PUSH = 9.0  # [Nm] or [rad/s], beyond any limit
 
 # Number 1 has gains of its own, 2 and 5 other arms.

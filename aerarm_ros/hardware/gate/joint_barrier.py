@@ -27,6 +27,11 @@ _TURNED_FADING = 0.03
 # Between two measurements further apart [s] the torque was another one than is known.
 _APART = 5e-3
 _SPEED_NOISE = 0.15  # [rad/s] of a speed made of counts, without its low-pass
+# A joint that gives way to another one is slowed from its speed limit to a share of it, where what
+# its motion pulls at others is a tenth, in a time [s], and may be fast again after another [s].
+_GIVE_WAY_SHARE = 0.3
+_GIVE_WAY_TIME = 0.3
+_RECOVERY_TIME = 1.0
 # A joint beyond its limit is led back at no more than this share of the speed limit.
 _RETURN_SHARE = 0.05
 
@@ -61,6 +66,9 @@ class JointBarrier:
         Predicted position [rad], speed, and what the board will make of it [rad/s].
     load
         What the arm's weight and motion take of the torque, the unknown part included [Nm].
+    is_overwhelmed
+        Whether the drive's whole torque does not brake it as the barrier asks: what other joints'
+        motion pulls at it is too much.
     noise
         Torque that the last count of an encoder may make of the bounds [Nm].
     lowest, highest
@@ -75,6 +83,7 @@ class JointBarrier:
         '_deceleration',
         '_disturbance',
         '_disturbance_max',
+        '_effort_max',
         '_fastest',
         '_gain_max',
         '_is_known',
@@ -88,10 +97,12 @@ class JointBarrier:
         '_speed',
         '_turned',
         '_turned_max',
+        '_unhindered',
         'dq',
         'far',
         'filtered',
         'highest',
+        'is_overwhelmed',
         'load',
         'lowest',
         'noise',
@@ -106,7 +117,8 @@ class JointBarrier:
         inertia_max: float,
     ) -> None:
         self._position_min, self._position_max = joint.position_min, joint.position_max
-        self._fastest = _SPEED_SHARE * joint.velocity_max
+        self._effort_max = joint.effort_max
+        self._unhindered = self._fastest = _SPEED_SHARE * joint.velocity_max
         self._return = _RETURN_SHARE * joint.velocity_max
         self._lag = settings.velocity_lag
         self._disturbance_max = _DISTURBANCE_SHARE * joint.effort_max
@@ -120,13 +132,30 @@ class JointBarrier:
         if self.far > self._corner:
             self.far = self._fastest**2 / (2.0 * deceleration) + 0.5 * self._corner
         self._kept, self._kept_time = 1.0, 0.0
+        self.is_overwhelmed = False
         self.q = self.dq = self.filtered = self.load = self.noise = self.lowest = self.highest = 0.0
         self.restart()
 
     def restart(self) -> None:
         """Forget what the joint did: its speed is taken as measured."""
         self._is_known = False  # how fast it was, and what pulled at it
+        self._fastest = self._unhindered
         self._disturbance = self._turned = 0.0
+
+    @property
+    def is_slowed(self) -> bool:
+        """Whether the joint may not use its whole speed, for another one's sake."""
+        return self._fastest < self._unhindered
+
+    def give_way(self, interval: float) -> None:
+        """Lower the speed of the joint, whose motion is too much for another, for a time [s]."""
+        least = _GIVE_WAY_SHARE * self._unhindered
+        self._fastest = max(self._fastest - self._unhindered * interval / _GIVE_WAY_TIME, least)
+
+    def recover(self, interval: float) -> None:
+        """Let the joint become as fast as it may be, over a time [s]."""
+        more = self._fastest + self._unhindered * interval / _RECOVERY_TIME
+        self._fastest = min(more, self._unhindered)
 
     def speed(self, distance: float) -> float:
         """Return the speed [rad/s] from which the joint stops within a distance [rad]."""
@@ -179,6 +208,8 @@ class JointBarrier:
         self.noise = _SPEED_NOISE * gain
         self.highest = load + self._bound(self._position_max - self.q, self.dq, gain, inertia)
         self.lowest = load - self._bound(self.q - self._position_min, -self.dq, gain, inertia)
+        most = self._effort_max
+        self.is_overwhelmed = self.lowest > most or self.highest < -most
 
     def _take(self, dq: float, inertia: float, interval: float) -> None:
         """Take another measured speed [rad/s], an interval [s] after the last."""
@@ -196,7 +227,7 @@ class JointBarrier:
         learned = self._disturbance + interval / (_DISTURBANCE_TIME + interval) * missing
         largest = self._disturbance_max
         self._disturbance = min(max(learned, -largest), largest)
-        if abs(speed) > _TURNED_SPEED_SHARE * self._fastest:
+        if abs(speed) > _TURNED_SPEED_SHARE * self._unhindered:
             turned = self._turned + _TURNED_PART * (learned - self._disturbance)
             largest = self._turned_max
             self._turned = min(max(turned, -largest), largest)

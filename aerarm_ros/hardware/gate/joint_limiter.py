@@ -10,7 +10,7 @@ from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 LIMITED: dict[str, str] = {
     'position': 'a position reference beyond its limit was held at the limit',
     'velocity': 'a reference faster than the velocity limit was slowed to it',
-    'soft_zone': 'motion towards a position limit was slowed near it',
+    'soft_zone': 'motion was slowed near a position limit, or for the sake of another joint',
     'braking': 'a joint was braked before a limit of position or speed',
     'effort': 'an effort above its limit was cut to the limit',
     'effort_rate': 'an effort that changed too fast was slowed',
@@ -122,7 +122,9 @@ class JointLimiter:
     def _speeds(self, q: float) -> tuple[float, float]:
         """Return the most negative and the most positive speed of a reference at q [rad]."""
         most, far = self._velocity_max, self.barrier.far
-        if self._position_min + far <= q <= self._position_max - far:
+        if not self.barrier.is_slowed and (
+            self._position_min + far <= q <= self._position_max - far
+        ):
             return -most, most
         speed, creep = self.barrier.speed, _CREEP_SHARE * most
         up = _REFERENCE_SHARE * speed(self._position_max - q)

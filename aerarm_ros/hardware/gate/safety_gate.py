@@ -15,6 +15,8 @@ from aerarm_ros.hardware.gate.joint_loads import JointLoads
 # Share of the speed limits that counts and a hand which holds the arm stay below; an arm that is
 # let go passes it in 0.04 s, and above it the field of an alignment loses the rotor.
 _AT_REST = 0.05
+# [s] between two measurements; longer ones say nothing of how long a joint was overwhelmed.
+_INTERVAL_MAX = 5e-3
 
 
 class SafetyGate:
@@ -66,6 +68,7 @@ class SafetyGate:
             for joint, barrier in zip(config.joints, self.barriers, strict=True)
         ]
         self._out = CommandBuffer(config.n)
+        self._is_slowed = False
 
     def trip(self, reason: str) -> None:
         """Latch a stop; the first reason stays."""
@@ -118,6 +121,23 @@ class SafetyGate:
         rows = zip(self.barriers, *columns, age.tolist(), interval.tolist(), strict=True)
         for barrier, *row in rows:
             barrier.update(*row)
+        overwhelmed = sum(barrier.is_overwhelmed for barrier in self.barriers)
+        if overwhelmed or self._is_slowed:
+            self._slow(overwhelmed, float(interval.max()))
+
+    def _slow(self, overwhelmed: int, interval: float) -> None:
+        """Slow whatever moves beside joints that their drives do not brake, for a time [s].
+
+        Joint 1 at full speed throws a loaded arm outward with more torque than joint 2 has.
+        """
+        if not interval <= _INTERVAL_MAX:
+            return  # no new measurement, or a pause, of which nobody knows what it did
+        for barrier in self.barriers:
+            if overwhelmed > barrier.is_overwhelmed:
+                barrier.give_way(interval)
+            else:
+                barrier.recover(interval)
+        self._is_slowed = any(barrier.is_slowed for barrier in self.barriers)
 
     def look_away(self) -> None:
         """Forget how the arm moved: its motors are off."""

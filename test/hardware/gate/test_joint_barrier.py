@@ -244,3 +244,46 @@ def test_what_was_known_before_a_restart_is_not_used():
         each.update(0.1, 1.0, 0.5, 0.2, INERTIA, DT, DT)
     assert (barrier.q, barrier.dq) == pytest.approx((fresh.q, fresh.dq))
     assert (barrier.load, barrier.highest) == pytest.approx((fresh.load, fresh.highest))
+
+
+def test_who_gives_way_gets_slower_to_a_share_and_is_fast_again_later():
+    barrier = make_barrier()
+    fastest = barrier.speed(2.0)
+    assert not barrier.is_slowed
+    speeds = []
+    for _ in range(400):
+        barrier.give_way(DT)
+        speeds.append(barrier.speed(2.0))
+    assert speeds[0] == pytest.approx(fastest * (1.0 - DT / 0.3))
+    assert speeds[-1] == pytest.approx(0.3 * fastest)
+    assert barrier.is_slowed
+    for _ in range(690):
+        barrier.recover(DT)
+    assert barrier.is_slowed
+    for _ in range(20):
+        barrier.recover(DT)
+    assert not barrier.is_slowed
+    assert barrier.speed(2.0) == fastest
+    barrier.give_way(0.1)
+    barrier.restart()
+    assert barrier.speed(2.0) == fastest
+
+
+def test_who_is_slowed_is_braked_far_from_its_limits():
+    slowed, free = make_barrier(), make_barrier()
+    slowed.give_way(0.15)
+    for barrier in (slowed, free):
+        barrier.update(0.0, 4.0, 0.0, 0.0, INERTIA, DT, DT)
+    assert slowed.highest < -2.0
+    assert free.highest > 0.0
+
+
+def test_overwhelmed_is_who_the_whole_torque_does_not_brake():
+    near = JOINT.position_max - 0.1
+    # 60 rad/s^2 leave 8.8 Nm for a load.
+    assert not seen(q=near, dq=3.0, load=-8.0).is_overwhelmed
+    assert seen(q=near, dq=3.0, load=10.5).is_overwhelmed is False
+    pulled = seen(q=near, dq=4.5, load=-12.0)
+    assert pulled.is_overwhelmed
+    assert seen(q=-near, dq=-4.5, load=12.0).is_overwhelmed
+    assert not seen(q=0.0, dq=3.0, load=-8.0).is_overwhelmed

@@ -99,6 +99,25 @@ def test_barriers_know_where_the_arm_is_and_what_it_carries(gate):
     assert gate.barriers[3].lowest < -9.39
 
 
+def test_others_are_slowed_while_a_joint_cannot_be_braked(gate):
+    # Joint 1 at full speed throws the stretched arm outward, towards the limit of joint 2.
+    q, fast = np.array([0.0, -0.3, 0.0, 0.0]), np.array([5.0, -4.0, 5.0, 5.0])
+    free = [barrier.speed(2.0) for barrier in gate.barriers]
+    for _ in range(20):
+        gate.watch(q, fast, DQ, CYCLE, CYCLE)
+    slowed = [barrier.speed(2.0) for barrier in gate.barriers]
+    assert gate.barriers[1].is_overwhelmed
+    assert slowed[1] == free[1]
+    assert (np.array(slowed)[[0, 2, 3]] < 0.96 * np.array(free)[[0, 2, 3]]).all()
+    assert gate.limit(command(dq=5.0), Q, 1e-3, now=0.0).dq[0] < 4.9
+    gate.watch(q, fast, DQ, CYCLE, np.full(4, 6e-3))  # after a pause nobody knows
+    assert [barrier.speed(2.0) for barrier in gate.barriers] == slowed
+    for _ in range(100):
+        gate.watch(Q, DQ, DQ, CYCLE, CYCLE)
+    assert [barrier.speed(2.0) for barrier in gate.barriers] == free
+    assert not any(barrier.is_slowed for barrier in gate.barriers)
+
+
 def test_braking_is_counted(gate):
     gate.note_braking(2.0)
     assert gate.limited == {'braking': 1}
