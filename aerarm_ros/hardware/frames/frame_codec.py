@@ -12,6 +12,7 @@ from aerarm_ros.hardware.frames.frame_profile import (
     FrameLayout,
     FrameProfile,
 )
+from aerarm_ros.hardware.frames.unrolled_layout import Record, unrolled_decoder, unrolled_encoder
 
 _CODES = {'u16': 'H', 'i16': 'h', 'u32': 'I', 'i32': 'i', 'bits': 'H'}
 _PAYLOAD_BYTES = 2 * PAYLOAD_WORDS
@@ -65,55 +66,39 @@ class FrameCodec:
 
 
 class _LayoutCodec:
-    """One direction of the exchange, its layout unrolled into tables for short loops.
-
-    A row of a table starts with the attribute's name, the motor (0, 1, or -1 for the whole
-    board) and the slot, which is the number of the struct's item that holds the field.
-    """
+    """One direction of the exchange: straight-line functions for what fits its fields."""
 
     def __init__(self, layout: FrameLayout) -> None:
         self._swap_crc = layout.crc_words == 'low_first'
-        self._struct, slots = _struct_of(layout)
-        self._blank = [0] * (max(slots.values()) + 1)
-        rows = [(e, e.name, e.motor - 1, slots[e.word], e.bit) for e in layout.fields]
-        self._integers = [
-            (name, motor, slot, shift, e.count_range[1])
-            for e, name, motor, slot, shift in rows
-            if e.is_count
-        ]
-        self._quantities = [
-            (name, motor, slot, shift, 1.0 / e.si_per_count, *e.count_range, e)
-            for e, name, motor, slot, shift in rows
-            if not e.is_count
-        ]
-        self._flags = [
-            (name, motor, slot, 1 << shift) for e, name, motor, slot, shift in rows if e.is_flag
-        ]
-        self._decoded = [
-            (name, motor, slot, shift, e.count_range[1] if e.is_bits else -1, _scale(e))
-            for e, name, motor, slot, shift in rows
-            if not e.is_flag
-        ]
+        self._struct, self._slots = _struct_of(layout)
+        self._fields = layout.fields
+        self._pack = unrolled_encoder(layout.fields, self._slots, self._struct)
+        self._fill = unrolled_decoder(layout.fields, self._slots, self._struct)
 
-    def encode(self, record: BoardCommand | BoardState) -> bytes:
+    def encode(self, record: Record) -> bytes:
         """Return the frame of a record, or raise FrameError."""
-        items = self._blank.copy()
-        for name, motor, slot, shift, mask in self._integers:
-            value = getattr(record, name)
-            items[slot] |= (value[motor] if motor >= 0 else value) << shift & mask << shift
-        for name, motor, slot, shift, counts_per_si, lowest, highest, entry in self._quantities:
-            value = getattr(record, name)
-            if motor >= 0:
-                value = value[motor]
-            try:
-                count = round(value * counts_per_si)
-            except (ValueError, OverflowError):
-                raise FrameError(f'{entry.label} is {value}: a frame needs numbers') from None
-            if not lowest <= count <= highest or (count <= 0 and entry.nonzero):
-                count = _limited(count, value, entry)
-            items[slot] |= count << shift
-        payload = self._struct.pack(*items)
+        payload = self._pack(record) or self._pack_limited(record)
         return payload + _CRC.pack(self._crc(payload))
+
+    def _pack_limited(self, record: Record) -> bytes:
+        """Return the payload of a record with values that their fields cannot hold."""
+        items = [0] * len(self._slots)
+        for entry in self._fields:
+            value = getattr(record, entry.name)
+            if entry.motor:
+                value = value[entry.motor - 1]
+            lowest, highest = entry.count_range
+            if entry.is_count:
+                count = value & highest
+            else:
+                try:
+                    count = round(value * (1.0 / entry.si_per_count))
+                except (ValueError, OverflowError):
+                    raise FrameError(f'{entry.label} is {value}: a frame needs numbers') from None
+                if not lowest <= count <= highest or (count <= 0 and entry.nonzero):
+                    count = _limited(count, value, entry)
+            items[self._slots[entry.word]] |= count << entry.bit
+        return self._struct.pack(*items)
 
     def payload(self, frame: bytes) -> bytes | None:
         """Return the payload of a frame whose length and CRC are right."""
@@ -123,20 +108,9 @@ class _LayoutCodec:
         (check,) = _CRC.unpack_from(frame, _PAYLOAD_BYTES)
         return payload if check == self._crc(payload) else None
 
-    def fill(self, record: BoardCommand | BoardState, payload: bytes) -> None:
+    def fill(self, record: Record, payload: bytes) -> None:
         """Write the fields of a checked payload into a record."""
-        items = self._struct.unpack(payload)
-        for name, motor, slot, mask in self._flags:
-            if motor >= 0:
-                getattr(record, name)[motor] = items[slot] & mask != 0
-            else:
-                setattr(record, name, items[slot] & mask != 0)
-        for name, motor, slot, shift, mask, scale in self._decoded:
-            value = (items[slot] >> shift & mask) * scale
-            if motor >= 0:
-                getattr(record, name)[motor] = value
-            else:
-                setattr(record, name, value)
+        self._fill(record, payload)
 
     def _crc(self, payload: bytes) -> int:
         """Return the check as it stands on the wire, a big-endian word."""
@@ -156,11 +130,6 @@ def _struct_of(layout: FrameLayout) -> tuple[Struct, dict[int, int]]:
         codes.append(_CODES[entry.type] if entry else 'H')
         word += entry.words if entry else 1
     return Struct('>' + ''.join(codes)), slots
-
-
-def _scale(entry: FrameField) -> float:
-    """Return the SI value of a count, an integer for plain integers."""
-    return 1 if entry.is_count else entry.si_per_count
 
 
 def _limited(count: int, value: float, entry: FrameField) -> int:
