@@ -43,7 +43,7 @@ def unrolled_encoder(
             count, lowest = f'c{index}', field.count_range[0]
             known[f'k{index}'] = 1.0 / field.si_per_count
             lines.append(f'  c{index} = round({_value(field)} * k{index})')
-            checks.append(f'{max(lowest, int(field.nonzero))} <= c{index} <= {highest}')
+            checks.append(f'{1 if field.nonzero else lowest} <= c{index} <= {highest}')
             count = f'{count} {shift}' if field.bit else count
         parts[slots[field.word]].append(count)
     lines += [' except (ValueError, OverflowError):', '  return None']

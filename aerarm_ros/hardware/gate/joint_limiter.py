@@ -10,7 +10,7 @@ from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 LIMITED: dict[str, str] = {
     'position': 'a position reference beyond its limit was held at the limit',
     'velocity': 'a reference faster than the velocity limit was slowed to it',
-    'soft_zone': 'motion was slowed near a position limit, or for the sake of another joint',
+    'soft_zone': "motion towards a position limit was slowed near it, or for another joint's sake",
     'braking': 'a joint was braked before a limit of position or speed',
     'effort': 'an effort above its limit was cut to the limit',
     'effort_rate': 'an effort that changed too fast was slowed',
