@@ -9,15 +9,14 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from aerarm_ros.excitation.design.design_result import DesignResult
 from aerarm_ros.excitation.design.design_specification import BOTH, DesignSpecification
+from aerarm_ros.excitation.design.designed_file import designed_file
 from aerarm_ros.excitation.design.parallel_design import design_all
 from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
-from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile, describe_margins
 from aerarm_ros.excitation.preview.preview import Preview
 from aerarm_ros.excitation.settings.excitation_error import (
     DesignStoppedError,
@@ -208,22 +207,9 @@ class DesignRun:
                 ) from None
 
     def _save(self, result: DesignResult, path: Path, specification: DesignSpecification) -> None:
-        quality = result.quality
-        made_with: dict[str, Any] = {
-            'objective': specification.objective,
-            'seed': specification.seed,
-            'start': result.start,
-            'condition_number': round(quality.condition_number, 3),
-            'scaled_condition_number': round(quality.scaled_condition_number, 3),
-            'log_deviation': round(quality.log_deviation, 5),
-            'margins': describe_margins(result.report),
-            'notes': list(result.report.notes),
-        }
         # As long as asked for, and at least one period.
         ratio = specification.fundamental / self._options.fundamental
-        periods = max(1, round(self._periods * ratio))
-        names = specification.setup.limits.joint_names
-        TrajectoryFile(result.trajectory, names, made_with, periods).save(path)
+        designed_file(specification, result, max(1, round(self._periods * ratio))).save(path)
 
     def _report(self, result: DesignResult, best: DesignResult, random: DesignResult) -> None:
         compared = result.quality.compared_with(random.quality, 'random')

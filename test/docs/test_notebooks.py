@@ -1,0 +1,51 @@
+"""Every notebook runs from its first cell to its last, and shows what it says."""
+
+import ast
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+FOLDER = Path(__file__).resolve().parents[2] / 'docs' / 'notebooks'
+
+
+def run(name: str, monkeypatch: pytest.MonkeyPatch, folder: Path) -> tuple[dict[str, Any], list]:
+    """Run the cells of a notebook; return its names, and what its cells end with."""
+    monkeypatch.chdir(folder)
+    names: dict[str, Any] = {}
+    shown = []
+    for cell in json.loads((FOLDER / name).read_text())['cells']:
+        if cell['cell_type'] != 'code':
+            continue
+        assert not cell['outputs'], 'a notebook is kept without outputs: clear them'
+        tree = ast.parse(''.join(cell['source']))
+        last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+        exec(compile(tree, name, 'exec'), names)
+        if last is not None:
+            shown.append(eval(compile(ast.Expression(last.value), name, 'eval'), names))
+    return names, shown
+
+
+def test_all_of_them_are_run() -> None:
+    assert sorted(file.name for file in FOLDER.iterdir()) == ['identify.ipynb', 'plan.ipynb']
+
+
+def test_from_a_motion_to_a_model(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    names, shown = run('identify.ipynb', monkeypatch, tmp_path)
+    arm = names['arm']
+    assert shown[0] is arm
+    assert '<table>' in arm._repr_html_()
+    assert arm.errors[0].filtered < 2.0
+    for joint, true in zip(names['robot'].joint_names, names['coulomb'], strict=True):
+        assert arm.parameters[f'fs_{joint}'] == pytest.approx(true, rel=0.05)
+    found, true = shown[-2]
+    assert found == pytest.approx(true, abs=0.1)
+    assert {'estimate.yaml', 'identified.sdf', 'report.html'} <= set(shown[-1])
+
+
+def test_a_motion_worth_recording(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    names, shown = run('plan.ipynb', monkeypatch, tmp_path)
+    assert shown[0] is names['plan']
+    assert 'condition number' in names['plan']._repr_html_()
+    assert 'fundamental_frequency' in ' '.join(shown[-1])
