@@ -27,8 +27,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the identifier; return 0, 1 if limits were not kept, 2 if there is something to check."""
     parser = identifier_parser(_NAME, __doc__)
     options = parser.parse_args(_without_ros_arguments(arguments))
-    if not options.bag and not options.model:
-        parser.error('the following arguments are required: --bag, or --model and --payload')
+    if not options.bag and not options.model and not options.compare:
+        parser.error(
+            'the following arguments are required: --bag, or --model and --payload, or --compare'
+        )
     interrupt = _Interrupt()
     # SIGINT too: a shell that starts this in the background, or in a script, makes it ignored.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
@@ -49,11 +51,16 @@ def _run(options: argparse.Namespace) -> int:
     from aerarm_ros.description.config_error import ConfigError
     from aerarm_ros.description.description_error import DescriptionError
     from aerarm_ros.identification.recording.identification_error import IdentificationError
+    from aerarm_ros.ros.programs.identifier_compare import CompareRun
     from aerarm_ros.ros.programs.identifier_payload import PayloadRun
     from aerarm_ros.ros.programs.identifier_run import IdentifierRun
 
     try:
-        run: IdentifierRun = (PayloadRun if options.model else IdentifierRun)(options)
+        run: IdentifierRun | CompareRun
+        if options.compare:
+            run = CompareRun(options)
+        else:
+            run = (PayloadRun if options.model else IdentifierRun)(options)
         print(run.execute())
     except (BagError, ConfigError, DescriptionError, IdentificationError, OSError) as error:
         return _report(error)

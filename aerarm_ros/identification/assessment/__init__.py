@@ -13,6 +13,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'bag_demand': ['BagDemand', 'extrapolation_warnings'],
         'identification_result': ['IdentificationResult', 'Solution'],
         'plausibility': ['bound_warnings', 'error_warnings', 'joint_warnings'],
+        'residual_trend': ['ResidualTrend', 'trend_warnings'],
         'truth': ['InertialTorqueError', 'Truth', 'inertial_torque_errors', 'load_truth'],
         'verdict': ['LIMITS', 'Check', 'Verdict', 'judge', 'read_limits'],
     },

@@ -8,7 +8,9 @@ import numpy.typing as npt
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.assessment.assessment import BagAssessment
 from aerarm_ros.identification.assessment.bag_demand import BagDemand
+from aerarm_ros.identification.assessment.residual_trend import ResidualTrend
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
+from aerarm_ros.identification.model_choice.effort_delay import EffortDelay
 from aerarm_ros.identification.model_choice.filter_choice import FilterChoice
 from aerarm_ros.identification.model_choice.gravity_direction import GravityDirection
 from aerarm_ros.identification.model_choice.joint_model_selection import Comparison
@@ -16,6 +18,7 @@ from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
+from aerarm_ros.identification.rollout.rollout_error import RolloutError
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED
 
@@ -41,8 +44,10 @@ class IdentificationResult:
     cad : ArmParameters
     gravity : GravityDirection or None
         What the data say of it; None if it wasn't asked.
+    delay : EffortDelay or None
+        How late efforts are; None if it wasn't asked.
     conditioner : Conditioner
-        Cut-off, period and harmonics.
+        Cut-off, period, harmonics, and the delays that were taken off.
     filter_choice : FilterChoice
         How the kinematics were cleaned; holds the identification bags.
     validation : list of SampleColumns
@@ -58,6 +63,10 @@ class IdentificationResult:
         Columns that the data had no use for: at their bound 0.
     demands : list of BagDemand
         What each bag, of identification and then of validation, asks of the model.
+    trends : list of ResidualTrend
+        What changed during each bag of identification.
+    rollouts : list of RolloutError
+        Of each solver on each bag, if they were asked for.
     warnings : list of str
     """
 
@@ -65,6 +74,7 @@ class IdentificationResult:
     cad: ArmParameters
     conditioner: Conditioner
     gravity: GravityDirection | None
+    delay: EffortDelay | None
     filter_choice: FilterChoice
     validation: list[SampleColumns]
     thesis_base: BaseParameters
@@ -74,6 +84,8 @@ class IdentificationResult:
     solutions: dict[str, Solution]
     left_out: list[str]
     demands: list[BagDemand]
+    trends: list[ResidualTrend]
+    rollouts: list[RolloutError]
     warnings: list[str]
 
     @property

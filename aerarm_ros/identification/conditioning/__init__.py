@@ -14,6 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'kinematics_filter': ['KinematicsFilter'],
         'periodicity': ['PeriodicPart', 'count_harmonics', 'find_periodic_part'],
         'samples': ['BLOCKS', 'FOLDS', 'Samples'],
+        'signal_delays': ['SignalDelays'],
         'spectral_filter': ['SpectralFilter', 'harmonic_gain', 'low_pass_gain'],
         'uniform_motion': ['UniformMotion', 'aperiodic_motion', 'periodic_motion', 'sampling_time'],
     },

@@ -22,6 +22,7 @@ from aerarm_ros.identification.conditioning.periodicity import (
     find_periodic_part,
 )
 from aerarm_ros.identification.conditioning.samples import BLOCKS, Samples
+from aerarm_ros.identification.conditioning.signal_delays import SignalDelays
 from aerarm_ros.identification.conditioning.spectral_filter import (
     SETTLING_PERIODS,
     SpectralFilter,
@@ -34,6 +35,7 @@ from aerarm_ros.identification.conditioning.uniform_motion import (
     periodic_motion,
     sampling_time,
 )
+from aerarm_ros.identification.conditioning.velocity_lag import velocity_lag
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
 
@@ -91,6 +93,10 @@ class Conditioner:
         f0 [Hz] of the first bag; None if a bag isn't periodic.
     band : float
         Frequency [Hz] below which the motion lies.
+    delays : SignalDelays
+        How late measured velocities are, unless stamps are exact, and efforts, by
+        `with_effort_delay`. That of efforts is taken off, that of velocities where the filter of
+        the kinematics is `in_time`.
     warnings : list of str
         What of the options doesn't fit the motion, and motions that are short.
 
@@ -102,6 +108,7 @@ class Conditioner:
 
     def __init__(self, recordings: Sequence[Recording], options: ConditioningOptions) -> None:
         self._options = options
+        self.delays = SignalDelays.none(len(recordings[0].joint_names))
         self._parts: dict[Recording, PeriodicPart | None] = {}
         self._motions: dict[tuple[Recording, int], UniformMotion] = {}
         motions = [self._motion(r, 1, _factor(r, _SEARCH_RATE)) for r in recordings]
@@ -141,11 +148,19 @@ class Conditioner:
             least = _LEAST_PER_POSITION_BAND * positions
             self.cutoffs = _tried(self.cutoff, least, 1.0 / (_FEWEST_PER_CUTOFF * dt))
         self._trial_rate = max(_TRIAL_RATE, _RATE_PER_CUTOFF * self.cutoff)
+        if not options.exact_stamps:
+            self.delays = replace(self.delays, velocity=velocity_lag(motions, self.cutoff))
 
     def at(self, cutoff: float) -> 'Conditioner':
         """Return the same with another cut-off [Hz]."""
         other = copy(self)
         other.cutoff = cutoff
+        return other
+
+    def with_effort_delay(self, delay: Array) -> 'Conditioner':
+        """Return the same for efforts that are late by (n,) [s]."""
+        other = copy(self)
+        other.delays, other._motions = replace(self.delays, effort=delay), {}
         return other
 
     def candidates(self) -> list[KinematicsFilter]:
@@ -217,7 +232,10 @@ class Conditioner:
         """Filter one bag, with fine and coarse samples at no less than two rates [Hz]."""
         factor = _factor(recording, rates[0])
         step = _factor(recording, rates[1] * factor)
-        return self._samples(self._motion(recording, step, factor, shortest), kinematics, step)
+        motion = self._motion(recording, step, factor, shortest)
+        if kinematics.in_time:
+            motion = motion.with_velocity_earlier(self.delays.velocity)
+        return self._samples(motion, kinematics, step)
 
     def forget_motions(self) -> None:
         """Free what is kept of recordings between one filter and the next."""
@@ -233,10 +251,11 @@ class Conditioner:
         part = self._parts[recording]
         known = self._motions.get((recording, factor))
         if known is None or (known.period or 0) % multiple:
+            late = self.delays.effort
             known = (
-                aperiodic_motion(recording, factor, shortest)
+                aperiodic_motion(recording, factor, shortest, late)
                 if part is None
-                else periodic_motion(recording, part, multiple, factor)
+                else periodic_motion(recording, part, multiple, factor, late)
             )
             self._motions[recording, factor] = known
         return known

@@ -25,12 +25,15 @@ class ConditioningOptions:
     filter : str
         How kinematics are cleaned: 'harmonics' (rectangular windows at the N harmonics of a
         periodic motion, thesis section 3.5), 'butterworth' (zero-phase low-pass) or 'auto'.
+    exact_stamps : bool
+        Whether all of a message is known to be of one instant: no delays are looked for.
     """
 
     fundamental: float | None = None
     harmonics: int | None = None
     cutoff: float | None = None
     filter: str = 'auto'
+    exact_stamps: bool = False
 
     def __post_init__(self) -> None:
         """Check the numbers."""

@@ -29,19 +29,28 @@ class KinematicsFilter:
         the frequency domain); None for the low-pass.
     from_position : bool
         Differentiate positions (once, twice) rather than measured velocities.
+    in_time : bool
+        Whether what measured velocities are late has been taken off.
     """
 
     cutoff: float
     harmonics: int | None = None
     from_position: bool = False
+    in_time: bool = False
 
     @property
     def label(self) -> str:
         """Short text for reports."""
-        source = 'differentiated positions' if self.from_position else 'measured velocities'
         if self.harmonics is None:
-            return f'zero-phase Butterworth at {self.cutoff:.3g} Hz, {source}'
-        return f'rectangular windows at {self.harmonics} harmonics, {source}'
+            return f'zero-phase Butterworth at {self.cutoff:.3g} Hz, {self.source}'
+        return f'rectangular windows at {self.harmonics} harmonics, {self.source}'
+
+    @property
+    def source(self) -> str:
+        """Where velocities come from, in words."""
+        if self.from_position:
+            return 'differentiated positions'
+        return 'measured velocities' + (', their lag taken off' if self.in_time else '')
 
     def apply(self, motion: UniformMotion) -> tuple[Array, Array, Array]:
         """Return q, dq, ddq of the motion's window.

@@ -76,7 +76,8 @@ class SpectralFilter:
     dt : float
         Sampling time [s].
     gain : callable
-        Frequencies [Hz] to real gains, 1 for constants, such as `low_pass_gain(5.0)`.
+        Frequencies [Hz] to gains, 1 for constants, such as `low_pass_gain(5.0)`; complex ones
+        shift in time.
     decimation : int
         Every how many samples one is kept; it must divide `count` of a periodic signal.
     settling : float or None
@@ -92,7 +93,7 @@ class SpectralFilter:
         self,
         count: int,
         dt: float,
-        gain: Callable[[Array], Array],
+        gain: Callable[[Array], Gain],
         decimation: int = 1,
         settling: float | None = None,
     ) -> None:
@@ -109,6 +110,11 @@ class SpectralFilter:
         frequency: Array = np.asarray(np.fft.rfftfreq(self._length, dt), dtype=float)
         self._gain = gain(frequency)
         self._omega = 2.0 * np.pi * frequency
+
+    @property
+    def periodic(self) -> bool:
+        """Whether it takes signals for periodic."""
+        return self._periodic
 
     def __call__(self, signal: npt.ArrayLike, derivative: int = 0, decimate: bool = True) -> Array:
         """Filter along the first axis.

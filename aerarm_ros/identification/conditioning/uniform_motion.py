@@ -70,6 +70,14 @@ class UniformMotion:
         """Number of samples in the window."""
         return int(self.window.stop - self.window.start)
 
+    def with_velocity_earlier(self, delay: Array) -> 'UniformMotion':
+        """Return the same motion for measured velocities that are late by (n,) [s]."""
+        if self.dq is None:
+            return self
+        columns = zip(delay, self.dq.T, strict=True)
+        dq = [np.interp(self.time + d, self.time, column) for d, column in columns]
+        return replace(self, dq=np.column_stack(dq))
+
 
 def sampling_time(recording: Recording) -> float:
     """Return the usual time between two samples [s].
@@ -83,7 +91,11 @@ def sampling_time(recording: Recording) -> float:
 
 
 def periodic_motion(
-    recording: Recording, part: PeriodicPart, multiple: int = 1, factor: int = 1
+    recording: Recording,
+    part: PeriodicPart,
+    multiple: int = 1,
+    factor: int = 1,
+    effort_delay: Array | None = None,
 ) -> UniformMotion:
     """Resample so that a period has a whole number of samples.
 
@@ -96,6 +108,8 @@ def periodic_motion(
         Number that divides the samples a period (for further decimation).
     factor : int
         Of decimation.
+    effort_delay : (n,) ndarray, optional
+        By which efforts are late [s]: they are moved to where they belong.
     """
     whole = multiple * factor
     count = max(1, round(part.period / (sampling_time(recording) * whole))) * whole
@@ -107,11 +121,15 @@ def periodic_motion(
     time = part.start + dt * np.arange(-before, after + 1)
     first = before // factor
     window = slice(first, first + part.periods * count // factor)
-    return _resampled(recording, np.asarray(time), dt, factor, window, count // factor)
+    motion = (np.asarray(time), dt, factor, window, count // factor)
+    return _resampled(recording, *motion, effort_delay)
 
 
 def aperiodic_motion(
-    recording: Recording, factor: int = 1, shortest: float = SHORTEST
+    recording: Recording,
+    factor: int = 1,
+    shortest: float = SHORTEST,
+    effort_delay: Array | None = None,
 ) -> UniformMotion:
     """Resample at the recorded rate, decimated; leave out standing still at both ends.
 
@@ -122,6 +140,8 @@ def aperiodic_motion(
         Of decimation.
     shortest : float
         Least motion [s].
+    effort_delay : (n,) ndarray, optional
+        By which efforts are late [s]: they are moved to where they belong.
 
     Raises
     ------
@@ -130,7 +150,7 @@ def aperiodic_motion(
     """
     dt = sampling_time(recording)
     time = recording.time[0] + dt * np.arange(int(recording.duration / dt + 1e-6) + 1)
-    motion = _resampled(recording, time, dt, factor, slice(0, None), None)
+    motion = _resampled(recording, time, dt, factor, slice(0, None), None, effort_delay)
     dq = motion.dq if motion.dq is not None else np.gradient(motion.q, motion.dt, axis=0)
     speed = np.abs(dq).max(axis=1)
     moving = np.flatnonzero(speed > _STANDSTILL * speed.max())
@@ -156,24 +176,33 @@ def _resampled(
     factor: int,
     window: slice,
     period: int | None,
+    effort_delay: Array | None,
 ) -> UniformMotion:
     """Interpolate and decimate, a column at a time: long recordings are large."""
+    late = np.zeros(recording.tau.shape[1]) if effort_delay is None else effort_delay
     cutoff = _ANTI_ALIASING / (dt * factor)
     settling = SETTLING_PERIODS / cutoff
     smooth = SpectralFilter(len(time), dt, low_pass_gain(cutoff), factor, settling)
 
-    def at(values: Array) -> Array:
-        columns = (np.interp(time, recording.time, column) for column in values.T)
+    def at(values: Array, delay: Array | None = None) -> Array:
+        behind = np.zeros(values.shape[1]) if delay is None else delay
+        columns = (
+            np.interp(time + d if d else time, recording.time, column)
+            for d, column in zip(behind, values.T, strict=True)
+        )
         return np.column_stack([smooth(c) if factor > 1 else c for c in columns])
 
     thinned = time[::factor]
-    raw = [np.interp(thinned, recording.time, column) for column in recording.tau.T]
+    raw = [
+        np.interp(thinned + d, recording.time, column)
+        for d, column in zip(late, recording.tau.T, strict=True)
+    ]
     return UniformMotion(
         recording=recording,
         dt=dt * factor,
         time=thinned,
         q=at(recording.q),
-        tau=at(recording.tau),
+        tau=at(recording.tau, late),
         dq=None if recording.dq is None else at(recording.dq),
         tau_raw=np.column_stack(raw),
         factor=factor,

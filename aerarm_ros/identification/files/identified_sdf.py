@@ -46,7 +46,9 @@ def identified_sdf(
     for index, (own, (effort, velocity)) in enumerate(zip(bodies, efforts, strict=True)):
         parent = None if own.parent is None else bodies[own.parent].link
         _add_link(model, own, parent)
-        axis = _add_joint(model, own, parent or 'world')
+        joint = _add_joint(model, own, parent or 'world')
+        axis = ET.SubElement(joint, 'axis')
+        _text(axis, 'xyz', own.axis)
         dynamics = ET.SubElement(axis, 'dynamics')
         _text(dynamics, 'damping', viscous[index])
         _text(dynamics, 'friction', coulomb[index])
@@ -57,8 +59,8 @@ def identified_sdf(
         for tag, value in known:
             if np.isfinite(value):
                 _text(limit, tag, value)
-        _text(axis, f'{{{_DRAKE}}}rotor_inertia', rotor_inertia[index])
-        _text(axis, f'{{{_DRAKE}}}gear_ratio', 1.0)
+        _text(joint, f'{{{_DRAKE}}}rotor_inertia', rotor_inertia[index])
+        _text(joint, f'{{{_DRAKE}}}gear_ratio', 1.0)
     ET.indent(root)
     return ET.tostring(root, encoding='unicode') + '\n'
 
@@ -78,16 +80,14 @@ def _add_link(model: ET.Element, own: LinkBody, parent: str | None) -> None:
 
 
 def _add_joint(model: ET.Element, own: LinkBody, parent: str) -> ET.Element:
-    """Return the axis of a joint whose frame is that of its link."""
+    """Return a joint whose frame is that of its link."""
     kind = 'prismatic'
     if own.turns:
         kind = 'revolute' if np.isfinite(own.limits).all() else 'continuous'
     joint = ET.SubElement(model, 'joint', name=own.joint, type=kind)
     ET.SubElement(joint, 'parent').text = parent
     ET.SubElement(joint, 'child').text = own.link
-    axis = ET.SubElement(joint, 'axis')
-    _text(axis, 'xyz', own.axis)
-    return axis
+    return joint
 
 
 def _text(parent: ET.Element, tag: str, values: npt.ArrayLike) -> None:

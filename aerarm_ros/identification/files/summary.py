@@ -11,11 +11,13 @@ from aerarm_ros.identification.assessment.identification_result import (
     IdentificationResult,
     Solution,
 )
+from aerarm_ros.identification.assessment.residual_trend import ResidualTrend
 from aerarm_ros.identification.assessment.truth import InertialTorqueError
 from aerarm_ros.identification.parameters.joint_term import JointTerm, TermKind
 from aerarm_ros.identification.payload.payload import Payload
 from aerarm_ros.identification.recording.bag_facts import BagFacts
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
+from aerarm_ros.identification.rollout.rollout_error import RolloutError
 
 
 def summarise(
@@ -53,10 +55,14 @@ def summarise(
         'excitation': [_demand(demand) for demand in result.demands],
         'conditioning': _conditioning(result),
         'gravity': _gravity(result),
+        'delays': _delays(result),
+        'trends': [_trend(trend) for trend in result.trends],
+        'rollouts': [_rollout(error) for error in result.rollouts],
         'friction': {
             joint: [term_text(term, result.robot.joint_names) for term in terms]
             for joint, terms in zip(result.robot.joint_names, result.fit.model.terms, strict=True)
         },
+        'weights': {bag.samples.name: bag.weights.tolist() for bag in result.identification},
         'seconds': {**seconds, 'total': sum(seconds.values())},
         'solvers': {name: _solver(solution) for name, solution in result.solutions.items()},
         'bags': {name: asdict(known) for name, known in (facts or {}).items()},
@@ -107,6 +113,35 @@ def _gravity(result: IdentificationResult) -> dict[str, Any]:
         'stated': (used if found is None else found.stated).tolist(),
         'used': used.tolist(),
         'tilt': 0.0 if found is None else found.tilt,
+    }
+
+
+def _delays(result: IdentificationResult) -> dict[str, Any]:
+    used, found = result.conditioner.delays, result.delay
+    return {
+        'velocity': used.velocity.tolist(),
+        'velocity_used': result.filter_choice.kinematics.in_time,
+        'effort': used.effort.tolist(),
+        'effort_found': None if found is None else found.found.tolist(),
+    }
+
+
+def _trend(trend: ResidualTrend) -> dict[str, Any]:
+    return {
+        'bag': trend.bag,
+        'friction': trend.friction.tolist(),
+        'offset': trend.offset.tolist(),
+    }
+
+
+def _rollout(error: RolloutError) -> dict[str, Any]:
+    return {
+        'bag': error.bag,
+        'solver': error.solver,
+        'seconds': error.seconds,
+        'windows': error.windows,
+        'total': error.total if math.isfinite(error.total) else None,
+        'per_joint': _numbers(error.per_joint),
     }
 
 

@@ -9,7 +9,9 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        'bag_weights': ['weighted_bags'],
         'cross_validation': ['CrossValidation'],
+        'effort_delay': ['EffortDelay', 'find_effort_delay'],
         'filter_choice': ['FilterChoice', 'FilterTrial', 'choose_filter', 'condition_once'],
         'gravity_direction': ['GravityDirection', 'find_gravity'],
         'joint_model_selection': ['Comparison', 'candidate_terms', 'select_terms'],

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.kinematics_filter import KinematicsFilter
+from aerarm_ros.identification.model_choice.effort_delay import EffortDelay
 from aerarm_ros.identification.model_choice.simple_fit import SimpleFit
 from aerarm_ros.identification.model_choice.standard_errors import block_sums, standard_errors
 from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
@@ -58,6 +59,28 @@ class FilterChoice:
     conditioner: Conditioner
     kinematics: KinematicsFilter
     bags: list[SampleColumns]
+
+    def in_time(
+        self, regressor: Regressor, recordings: Sequence[Recording]
+    ) -> list[SampleColumns] | None:
+        """Return the bags with velocities moved to where positions say; None if they are there."""
+        kinematics = self.kinematics
+        lag = self.conditioner.delays.velocity
+        if kinematics.from_position or kinematics.in_time or not lag.any():
+            return None
+        moved = replace(kinematics, in_time=True)
+        return [condition_once(regressor, self.conditioner, r, moved) for r in recordings]
+
+    def with_effort_delay(
+        self, regressor: Regressor, recordings: Sequence[Recording], delay: EffortDelay
+    ) -> 'FilterChoice':
+        """Return the same choice for the same recordings, signals moved by what they are late."""
+        if not delay.used.any() and not delay.in_time:
+            return self
+        moved = self.conditioner.with_effort_delay(delay.used)
+        kinematics = replace(self.kinematics, in_time=self.kinematics.in_time or delay.in_time)
+        bags = [condition_once(regressor, moved, r, kinematics) for r in recordings]
+        return replace(self, conditioner=moved, kinematics=kinematics, bags=bags)
 
 
 def choose_filter(
@@ -136,13 +159,20 @@ class _Trials:
     def best_at(self, cutoff: float) -> KinematicsFilter:
         """Try the ways to clean the kinematics at one cut-off, and return the best.
 
-        First filters, with measured velocities if there are any, then the other source with the
+        First filters, with measured velocities if there are any, then the other sources with the
         best of them.
         """
         candidates = self._conditioner.at(cutoff).candidates()
         source = not self._measured
         best = self._best_of(cutoff, [k for k in candidates if k.from_position == source])
-        return self._best_of(cutoff, [best, replace(best, from_position=True)])
+        best = self._best_of(cutoff, [best, replace(best, from_position=True)])
+        in_time = replace(best, in_time=True, from_position=False)
+        if self._measured and self._conditioner.delays.velocity.any():
+            self.run(cutoff, in_time)
+            errors = self._squared_errors()
+            if standard_errors(errors[best] - errors[in_time]) > _BY_CHANCE:
+                return in_time
+        return best
 
     def _best_of(self, cutoff: float, candidates: Sequence[KinematicsFilter]) -> KinematicsFilter:
         for kinematics in candidates:

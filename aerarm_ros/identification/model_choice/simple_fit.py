@@ -14,12 +14,14 @@ from aerarm_ros.identification.regression.sample_columns import SampleColumns
 
 Array = npt.NDArray[np.float64]
 
-_TERMS = (
+SIMPLE_TERMS = (
     JointTerm(TermKind.VISCOUS),
     JointTerm(TermKind.COULOMB),
     ROTOR,
     JointTerm(TermKind.OFFSET),
 )
+"""What every joint has in a simple model."""
+
 # A model this simple leaves about so much of a joint's torque, as a share, and so many
 # neighbouring samples say the same: that weighs data against the drawing.
 _NOISE = 0.03
@@ -52,6 +54,10 @@ class SimpleFit:
         Decides what the motion doesn't.
     shared : sequence of SharedColumns
         One a bag, or none.
+    terms : sequence of JointTerm
+        Of every joint.
+    inertial : (10 n,) ndarray, optional
+        Inertial parameters that give the load, for terms that depend on it.
 
     Attributes
     ----------
@@ -64,8 +70,11 @@ class SimpleFit:
         bags: Sequence[SampleColumns],
         cad: ArmParameters,
         shared: Sequence[SharedColumns] = (),
+        terms: Sequence[JointTerm] = SIMPLE_TERMS,
+        inertial: Array | None = None,
     ) -> None:
         self._bags = bags
+        self._terms, self._inertial = tuple(terms), inertial
         self._filtered = [
             np.concatenate([bag.rigid, *(own.filtered for own in shared[i : i + 1])], axis=2)
             for i, bag in enumerate(bags)
@@ -84,6 +93,19 @@ class SimpleFit:
         solved = mean + spread * np.linalg.solve(system, wanted[..., None])[..., 0]
         self._parts, self.theta = solved[:-1], solved[-1]
 
+    def rates(self) -> list[Array]:
+        """Return the (M, n) time derivative of each bag's filtered prediction [Nm/s].
+
+        Of the links and joints, without the shared columns.
+        """
+        n = self._bags[0].samples.n
+        own = self.theta[self._common :].reshape(n, -1)
+        return [
+            bag.samples.coarse_filter(bag.rigid_raw @ self.theta[: 10 * n], derivative=1)
+            + sum(bag.rate(term, self._inertial) * own[:, k] for k, term in enumerate(self._terms))
+            for bag in self._bags
+        ]
+
     def raw_residuals(self) -> list[Array]:
         """Return recorded minus predicted torque of the links and joints, each part held out.
 
@@ -95,28 +117,28 @@ class SimpleFit:
         list of (M, n) ndarray
             [Nm]; NaN where the torque wasn't measured.
         """
-        columns = [_joint_columns(bag, raw=True) for bag in self._bags]
+        columns = [self._raw_columns(bag) for bag in self._bags]
         torques = [bag.samples.tau_raw for bag in self._bags]
         return self._residuals([bag.rigid_raw for bag in self._bags], columns, torques)
 
     def residuals(self) -> list[Array]:
         """Return the same of filtered torque, shared columns included."""
-        columns = [_joint_columns(bag, raw=False) for bag in self._bags]
+        columns = [self._joint_columns(bag) for bag in self._bags]
         return self._residuals(self._filtered, columns, [bag.samples.tau for bag in self._bags])
 
     def _normal_equations(self) -> tuple[Array, Array, Array]:
         """Return products of the columns and with the torque, for each part, and spreads."""
-        n, own = self._bags[0].samples.n, len(_TERMS)
+        n, own = self._bags[0].samples.n, len(self._terms)
         common, size = self._common, self._common + n * own
         gram, right, spread = np.zeros((FOLDS, size, size)), np.zeros((FOLDS, size)), np.ones(size)
-        terms = [_joint_columns(bag, raw=False) for bag in self._bags]
+        terms = [self._joint_columns(bag) for bag in self._bags]
         for joint in range(n):
             index = np.concatenate([np.arange(common), common + own * joint + np.arange(own)])
             used, fold = [], []
             for bag, links, columns in zip(self._bags, self._filtered, terms, strict=True):
                 rows = bag.samples.usable[:, joint]
                 block = [links[rows, joint], columns[rows, joint], bag.samples.tau[rows, joint]]
-                used.append(np.column_stack(block))
+                used.append(bag.weights[joint] * np.column_stack(block))
                 fold.append(bag.samples.fold[rows])
             stacked, part_of = np.vstack(used), np.concatenate(fold)
             norms = np.linalg.norm(stacked, axis=0)
@@ -145,11 +167,12 @@ class SimpleFit:
             residuals.append(np.where(samples.measured, residual, np.nan))
         return residuals
 
+    def _joint_columns(self, bag: SampleColumns) -> Array:
+        """Return the (M, n, k) columns of the joints' terms, filtered."""
+        return np.stack([bag.term(term, self._inertial) for term in self._terms], axis=2)
 
-def _joint_columns(bag: SampleColumns, raw: bool) -> Array:
-    """Return the (M, n, k) columns of the joints' terms, filtered or not."""
-    samples = bag.samples
-    columns = [
-        term.basis(samples.dq, samples.ddq, None) if raw else bag.term(term) for term in _TERMS
-    ]
-    return np.stack(columns, axis=2)
+    def _raw_columns(self, bag: SampleColumns) -> Array:
+        """Return the same without the torque's low-pass."""
+        samples = bag.samples
+        load = None if self._inertial is None else np.abs(bag.links_torque(self._inertial))
+        return np.stack([t.basis(samples.dq, samples.ddq, load) for t in self._terms], axis=2)

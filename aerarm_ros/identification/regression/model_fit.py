@@ -30,6 +30,7 @@ class ModelFit:
     regression : ReducedRegression
     prior : Prior
     noise : Noise
+        Of a bag that counts once; weighted bags have theirs over their weight.
     theta : (p,) ndarray
         Weighted, regularised solution without constraints.
     """
@@ -74,7 +75,9 @@ def fit_model(
     usable = [bag.samples.usable for bag in bags]
     theta = solve_regularised(regression.system(noise.weights), prior)
     for _ in range(_ROUNDS):
-        residuals = [bag.samples.tau - bag.predict(model, theta).filtered for bag in bags]
+        residuals = [
+            bag.weights * (bag.samples.tau - bag.predict(model, theta).filtered) for bag in bags
+        ]
         noise = noise_from_residuals(residuals, usable, rms)
         theta = solve_regularised(regression.system(noise.weights), prior)
     return ModelFit(model, regression, prior, noise, theta)

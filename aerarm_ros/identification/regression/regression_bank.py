@@ -48,7 +48,8 @@ class RegressionBank:
         self._rows = np.zeros((self.n, FOLDS), dtype=np.intp)
         for joint in range(self.n):
             blocks = [
-                np.column_stack(
+                bag.weights[joint]
+                * np.column_stack(
                     [bag.rigid[:, joint]]
                     + [column[:, joint] for column in own]
                     + [bag.samples.tau[:, joint]]

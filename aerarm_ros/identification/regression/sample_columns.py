@@ -1,5 +1,6 @@
 """Regressor columns of one bag, as measured torque sees them: through the torque's filter."""
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,8 @@ class SampleColumns:
     samples : Samples
     rigid, rigid_raw : (M, n, 10 n) ndarray
         The links' columns, with and without the torque's low-pass.
+    weights : (n,) ndarray
+        Of each joint's rows among those of other bags.
     """
 
     def __init__(self, samples: Samples, regressor: Regressor) -> None:
@@ -53,6 +56,34 @@ class SampleColumns:
         self.rigid_raw = regressor.stack_rigid(samples.q, samples.dq, samples.ddq)
         self.rigid = samples.coarse_filter(self.rigid_raw)
         self._cache: dict[JointTerm, Array] = {}
+        self.weights = np.ones(samples.n)
+
+    def with_samples(self, samples: Samples) -> 'SampleColumns':
+        """Return the same columns with other torques: `samples` of the same motion."""
+        other = copy(self)
+        other.samples = samples
+        return other
+
+    def with_weights(self, weights: Array) -> 'SampleColumns':
+        """Return the same bag that counts more or less, (n,) joint by joint."""
+        other = copy(self)
+        other.weights = weights
+        return other
+
+    def rate(self, term: JointTerm, inertial: Array | None = None) -> Array:
+        """Return the time derivative of a term's filtered column for every joint, (M, n) [1/s].
+
+        Not of a term that depends on another joint; parameters are those of `term`.
+        """
+        samples = self.samples
+        if term.kind is TermKind.LOAD and inertial is not None:
+            joints = range(samples.n)
+            return np.column_stack([self._load_column(term, j, inertial, 1) for j in joints])
+        if term.smooth:
+            basis = term.basis(samples.dq, samples.ddq, None)
+            return samples.coarse_filter(basis, derivative=1)
+        basis = term.basis(samples.dq_fine, samples.ddq_fine, None)
+        return samples.fine_filter(basis, derivative=1)
 
     def term(self, term: JointTerm, inertial: Array | None = None) -> Array:
         """Return a joint term's column for every joint.
@@ -117,12 +148,14 @@ class SampleColumns:
         """Return the (M, n) torque on the links [Nm], not filtered, of (10 n,) parameters."""
         return np.asarray(self.rigid_raw @ inertial)
 
-    def _load_column(self, term: JointTerm, joint: int, inertial: Array) -> Array:
-        """Return the filtered column (M,) of a joint's load-dependent friction."""
+    def _load_column(
+        self, term: JointTerm, joint: int, inertial: Array, derivative: int = 0
+    ) -> Array:
+        """Return the filtered column (M,) of a joint's load-dependent friction, or its rate."""
         samples = self.samples
         torque = self.rigid_raw[:, joint] @ inertial
         fine = np.arange(len(samples.dq_fine), dtype=float)
         coarse = np.arange(len(torque), dtype=float) * samples.step
         load = np.abs(np.interp(fine, coarse, torque))
         basis = term.basis(samples.dq_fine[:, joint], samples.ddq_fine[:, joint], load)
-        return samples.fine_filter(basis)
+        return samples.fine_filter(basis, derivative)

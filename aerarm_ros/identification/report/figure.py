@@ -1,7 +1,10 @@
 """Figures of an HTML page, drawn in the browser by the plotting script the page carries."""
 
+import base64
+import gzip
 import importlib.util
 import json
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +16,7 @@ from aerarm_ros.identification.report.html_text import Html
 
 Array = npt.NDArray[np.float64]
 
-_MOST_POINTS = 2000  # of a curve: beyond what a screen shows
+_MOST_POINTS = 1000  # of a curve: about what a screen shows
 _ROW_HEIGHT = 190  # [px] of one joint's axes
 # What is measured is a broad pale band that stays visible under the thin lines on top of it.
 _LINES = {
@@ -22,6 +25,20 @@ _LINES = {
     'reference': {'color': '#d0672b', 'width': 1.3},
     'residual': {'color': '#b3261e', 'width': 1.3},
 }
+_CLOUD = {'color': '#7d94b5', 'size': 4}  # of single points
+
+# A classic script, as the library asks for: it is run as one once it is unpacked.
+_UNPACK = """
+const plotting = (async () => {
+  const bytes = Uint8Array.from(atob('PACKED'), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
+  const script = document.createElement('script');
+  script.textContent = await new Response(stream).text();
+  document.head.append(script);
+})();
+plotting.catch(() => document.body.prepend(
+  'The figures need a browser of 2023 or later: Chrome 80, Firefox 113, Safari 16.4.'));
+"""
 
 
 class StackedFigure:
@@ -37,6 +54,11 @@ class StackedFigure:
         Of the common axis.
     logarithmic : bool
         All axes.
+
+    Attributes
+    ----------
+    traces : list of dict
+        The curves so far, as the plotting script takes them.
     """
 
     def __init__(
@@ -50,9 +72,18 @@ class StackedFigure:
         self._rows = rows
         self._unit = unit
         self._x_title = x_title
-        self._traces: list[dict[str, Any]] = []
+        self.traces: list[dict[str, Any]] = []
 
-    def add(self, row: int, x: Array, y: Array, name: str, role: str, dash: str = 'solid') -> None:
+    def add(
+        self,
+        row: int,
+        x: Array,
+        y: Array,
+        name: str,
+        role: str,
+        dash: str = 'solid',
+        marked: bool = False,
+    ) -> None:
         """Add a curve.
 
         Parameters
@@ -63,22 +94,29 @@ class StackedFigure:
         name : str
             In the legend, once.
         role : str
-            'measured', 'predicted', 'reference' or 'residual': colour and width of the line.
+            'measured', 'predicted', 'reference' or 'residual': colour and width of the line;
+            'cloud': single points.
         dash : str
             Of the line: 'solid', 'dot', 'dash'.
+        marked : bool
+            Whether the line's points are shown.
         """
+        if role == 'cloud':
+            look: dict[str, Any] = {'mode': 'markers', 'marker': _CLOUD}
+        else:
+            mode = 'lines+markers' if marked else 'lines'
+            look = {'mode': mode, 'line': {**_LINES[role], 'dash': dash}}
         step = -(-len(x) // _MOST_POINTS)
         suffix = '' if row == 0 else str(row + 1)
-        self._traces.append(
+        self.traces.append(
             {
                 'type': 'scatter',
-                'mode': 'lines',
-                'x': _short(x[::step]),
+                **look,
+                **_places(x[::step]),
                 'y': _short(y[::step]),
                 'name': name,
                 'legendgroup': name,
-                'showlegend': not any(trace['name'] == name for trace in self._traces),
-                'line': {**_LINES[role], 'dash': dash},
+                'showlegend': not any(trace['name'] == name for trace in self.traces),
                 'xaxis': 'x',
                 'yaxis': f'y{suffix}',
             }
@@ -87,7 +125,7 @@ class StackedFigure:
     def html(self, identifier: str) -> Html:
         """Return the figure as a division and the script that draws it."""
         layout = self._layout()
-        return figure_html(identifier, self._traces, layout)
+        return figure_html(identifier, self.traces, layout)
 
     def _layout(self) -> dict[str, Any]:
         count = len(self._rows)
@@ -129,12 +167,14 @@ def figure_html(identifier: str, traces: list[dict[str, Any]], layout: dict[str,
     arguments = ', '.join(_script(value) for value in (identifier, traces, layout, options))
     return Html(
         f'<div class="figure" id="{identifier}"></div>\n'
-        f'<script>Plotly.newPlot({arguments});</script>\n'
+        f'<script>plotting.then(() => Plotly.newPlot({arguments}));</script>\n'
     )
 
 
 def plotting_script() -> Html:
     """Return the plotting library as an inline script, so that the page needs no network.
+
+    It is compressed, to a third, and unpacked by the browser: figures wait for that.
 
     Raises
     ------
@@ -146,7 +186,13 @@ def plotting_script() -> Html:
     if found is None or not found.submodule_search_locations:
         raise IdentificationError('plotly is not installed: install the package again')
     path = Path(found.submodule_search_locations[0]) / 'package_data' / 'plotly.min.js'
-    return Html(f'<script>{path.read_text(encoding="utf-8")}</script>\n')
+    packed = base64.b64encode(_compressed(path)).decode()
+    return Html(f'<script>{_UNPACK.replace("PACKED", packed)}</script>\n')
+
+
+@lru_cache(maxsize=1)
+def _compressed(path: Path) -> bytes:
+    return gzip.compress(path.read_bytes(), mtime=0)
 
 
 def _script(value: object) -> str:
@@ -158,6 +204,13 @@ def _script(value: object) -> str:
 def plain_text(text: str) -> str:
     """Return a text that the plotting script shows as it is: it reads some HTML tags itself."""
     return text.replace('&', '&amp;').replace('<', '&lt;').replace('>', '&gt;')
+
+
+def _places(x: Array) -> dict[str, Any]:
+    """Return where points lie: first and distance if that is the same for all."""
+    if len(x) > 2 and np.ptp(np.diff(x)) <= 1e-6 * np.ptp(x):
+        return {'x0': float(f'{x[0]:.8g}'), 'dx': float(f'{(x[-1] - x[0]) / (len(x) - 1):.8g}')}
+    return {'x': _short(x)}
 
 
 def _short(values: Array) -> list[float]:

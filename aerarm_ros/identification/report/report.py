@@ -3,18 +3,24 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
-
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.assessment.truth import InertialTorqueError, Truth
 from aerarm_ros.identification.payload.payload import Payload
 from aerarm_ros.identification.recording.bag_facts import BagFacts
 from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
-from aerarm_ros.identification.regression.sample_columns import SampleColumns
-from aerarm_ros.identification.report.figure import StackedFigure, plotting_script
-from aerarm_ros.identification.report.html_text import Html, bullets, page, paragraph, section
+from aerarm_ros.identification.report.figure import plotting_script
+from aerarm_ros.identification.report.grouped_warnings import grouped_warnings
+from aerarm_ros.identification.report.html_text import Html, page, paragraph, section
 from aerarm_ros.identification.report.inertia_view import inertia_view
+from aerarm_ros.identification.report.interval_view import interval_view
+from aerarm_ros.identification.report.report_figures import (
+    cutoff_figure,
+    friction_figure,
+    residual_figure,
+    spectrum_figure,
+    torque_figure,
+    velocity_figure,
+)
 from aerarm_ros.identification.report.report_tables import (
     bags_of,
     base_parameter_table,
@@ -26,11 +32,9 @@ from aerarm_ros.identification.report.report_tables import (
     parameter_table,
     payload_table,
     recording_table,
+    rollout_table,
     truth_table,
 )
-from aerarm_ros.identification.report.residual_spectrum import amplitude_density
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +72,9 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
     robot = result.robot
     body = [paragraph(_headline(result), 'lead')]
     if result.warnings:
-        body.append(bullets(result.warnings, 'warnings'))
+        names = [*robot.joint_names, *robot.link_names]
+        names += [bag.samples.name for bag in (*result.identification, *result.validation)]
+        body.append(grouped_warnings(result.warnings, names))
     body += [
         section('Torque errors', paragraph(_metric(result), 'note'), error_table(result)),
         section('Torque errors joint by joint', joint_error_table(result)),
@@ -81,6 +87,8 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
                 truth_table(extras.truth_errors, robot.joint_names),
             )
         )
+    if result.rollouts:
+        body.append(section('Rollouts', paragraph(_ROLLOUTS, 'note'), rollout_table(result)))
     if extras.payload is not None:
         body.append(section('Payload', payload_table(extras.payload)))
     body += _figures(result, extras)
@@ -96,14 +104,22 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
         section(
             'Base parameters',
             paragraph(_BASE, 'note'),
+            paragraph(_INTERVALS, 'note'),
+            interval_view(result, extras.truth),
             paragraph(_TRUE_BASE, 'note') if extras.truth else '',
             base_parameter_table(result, extras.truth),
         ),
-        section('Friction models', friction_tables(result)),
+        section(
+            'Friction',
+            paragraph(_FRICTION, 'note'),
+            friction_figure(result).html('friction'),
+            friction_tables(result),
+        ),
         section(
             'Conditioning and excitation',
             recording_table(extras.facts),
             conditioning_tables(result),
+            cutoff_figure(result).html('cutoff'),
             paragraph(_EXCITATION, 'note'),
             excitation_table(result),
         ),
@@ -128,6 +144,7 @@ _SOLVERS = {
     'slsqp': f'{_THESIS}, by sequential quadratic programming',
     'annealing': f'{_THESIS}, by simulated annealing',
     'entropic': 'as sdp, with an entropic prior, so that links stay solid',
+    'output_error': "sdp with the joints' coefficients fitted to simulated positions",
     'sdp': 'semidefinite program, every link physically consistent, close to CAD where the motion '
     'says nothing',
 }
@@ -136,6 +153,11 @@ _TRUTH = (
     'of the simulated arm. Measured torque is current times the nominal torque constant; the '
     'truth is scaled by what this constant is off, because no data can show it. The last '
     'column compares without this scaling.'
+)
+_ROLLOUTS = (
+    'The arm simulated by the measured torque alone, from the measured state at the beginning of '
+    'each window: root mean square of the position error along the windows, and the same of all '
+    'joints as a share of how far they move within them. A dash: the simulated arm runs away.'
 )
 _BOXES = (
     'Homogeneous boxes with the mass and inertia of each link, as in thesis figure 5.2c, in the '
@@ -153,6 +175,16 @@ _BASE = (
     'Combinations that the torque depends on, each named after its first parameter. Standard '
     'deviations by the data alone, with correlated residuals taken into account. Excitation: how '
     'many times less that is than what CAD leaves open; below about 3 the motion says little.'
+)
+_INTERVALS = (
+    'In the figure all are on one scale: how far from CAD, in standard deviations of what CAD '
+    'leaves open; bars are 95 % by the data alone. A bar from edge to edge: the motion says '
+    'nothing of it.'
+)
+_FRICTION = (
+    'Points are measured torque less that of links and rotors, filtered as the torque is, which '
+    'rounds the step at standstill. The line is the model, at the usual load where friction grows '
+    'with it.'
 )
 _TRUE_PARAMETERS = (
     'True: of the simulated arm itself. What the torque constants are off is part of what is '
@@ -179,19 +211,24 @@ def _metric(result: IdentificationResult) -> str:
 
 
 def _headline(result: IdentificationResult) -> str:
-    def error(name: str) -> float:
-        solution = result.solutions[name]
-        bags = solution.validation or solution.identification
-        return float(np.mean([bag.filtered for bag in bags]))
-
-    role = 'validation' if result.validation else 'identification'
-    cad, sdp = error('cad'), error('sdp')
-    better = f', {cad / sdp:.1f} times less' if 0.0 < sdp < cad else ''
-    consistent = result.recommended.estimate.physically_consistent
+    recommended = result.recommended
+    bags = recommended.validation or recommended.identification
+    role = 'validation' if recommended.validation else 'identification'
+    worst = max(range(len(bags)), key=lambda index: bags[index].filtered)
+    found = bags[worst]
+    cad = bags_of(result.solutions['cad'])
+    cad_error = [bag.filtered for part, bag in cad if part == role][worst]
+    which = f'{found.bag} ({role})'
+    if len(bags) > 1:
+        which += f', the worst of {len(bags)} {role} bags'
+    better = (
+        f', {cad_error / found.filtered:.1f} times less' if 0 < found.filtered < cad_error else ''
+    )
+    consistent = recommended.estimate.physically_consistent
     return (
-        f'Torque error on {role}: {sdp:.2f} % with the identified model, {cad:.2f} % with the CAD '
-        f'model{better}. The identified model is {"" if consistent else "not "}physically '
-        'consistent.'
+        f'Torque error on {which}: {found.filtered:.2f} % filtered ({found.raw:.2f} % raw) with '
+        f'the identified model, {cad_error:.2f} % filtered with the CAD model{better}. The '
+        f'identified model is {"" if consistent else "not "}physically consistent.'
     )
 
 
@@ -207,74 +244,14 @@ def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
     columns = [*result.identification, *result.validation]
     for index, ((role, assessment), bag) in enumerate(zip(assessments, columns, strict=True)):
         title = f'{assessment.bag} ({role})'
+        predicted = assessment.prediction.filtered
         cad = bags_of(result.solutions['cad'])[index][1].prediction.filtered
-        parts.append(
-            section(
-                f'{title}: measured and predicted torque',
-                _torque_figure(result, bag, assessment.prediction.filtered, cad).html(
-                    f'tau-{index}'
-                ),
-            )
-        )
         desired = extras.desired.get(assessment.bag)
-        parts.append(
-            section(
-                f'{title}: spectrum of the residual',
-                _spectrum_figure(result, bag, assessment.prediction.filtered).html(
-                    f'spectrum-{index}'
-                ),
-            )
-        )
-        parts.append(
-            section(
-                f'{title}: velocities',
-                _velocity_figure(result, bag, desired).html(f'dq-{index}'),
-            )
-        )
-    return parts
-
-
-def _torque_figure(
-    result: IdentificationResult, bag: SampleColumns, predicted: Array, cad: Array
-) -> StackedFigure:
-    figure = StackedFigure(result.robot.joint_names, 'Nm')
-    samples, kept = bag.samples, bag.samples.kept
-    time = samples.time[kept]
-    for joint in range(result.robot.n):
-        figure.add(joint, time, samples.tau[kept, joint], 'measured, filtered', 'measured')
-        figure.add(joint, time, cad[kept, joint], 'predicted, CAD', 'reference', 'dot')
-        figure.add(joint, time, predicted[kept, joint], 'predicted, sdp', 'predicted')
-    return figure
-
-
-def _spectrum_figure(
-    result: IdentificationResult, bag: SampleColumns, predicted: Array
-) -> StackedFigure:
-    figure = StackedFigure(result.robot.joint_names, 'Nm/√Hz', 'frequency [Hz]', logarithmic=True)
-    samples, kept = bag.samples, bag.samples.kept
-    dt = float(np.median(np.diff(samples.time)))
-    below = 1.5 * result.conditioner.cutoff
-    for joint in range(result.robot.n):
-        tau = samples.tau[kept, joint]
-        for values, name, role in (
-            (tau, 'measured, filtered', 'measured'),
-            (tau - predicted[kept, joint], 'residual of sdp', 'residual'),
+        for what, name, figure in (
+            ('measured and predicted torque', 'tau', torque_figure(result, bag, predicted, cad)),
+            ('residual over time', 'residual', residual_figure(result, bag, predicted)),
+            ('spectrum of the residual', 'spectrum', spectrum_figure(result, bag, predicted)),
+            ('velocities', 'dq', velocity_figure(result, bag, desired)),
         ):
-            frequency, density = amplitude_density(values, dt)
-            shown = (frequency > 0.0) & (frequency < below)
-            figure.add(joint, frequency[shown], density[shown], name, role)
-    return figure
-
-
-def _velocity_figure(
-    result: IdentificationResult, bag: SampleColumns, desired: DesiredVelocity | None
-) -> StackedFigure:
-    figure = StackedFigure(result.robot.joint_names, 'rad/s')
-    samples, kept = bag.samples, bag.samples.kept
-    time = samples.time[kept]
-    for joint in range(result.robot.n):
-        figure.add(joint, time, samples.dq[kept, joint], 'measured', 'measured')
-        if desired is not None:
-            wanted = np.interp(time, desired.time, desired.dq[:, joint])
-            figure.add(joint, time, wanted, 'desired', 'predicted')
-    return figure
+            parts.append(section(f'{title}: {what}', figure.html(f'{name}-{index}')))
+    return parts

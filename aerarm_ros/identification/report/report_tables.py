@@ -58,14 +58,9 @@ def error_table(result: IdentificationResult) -> Html:
 
 
 def joint_error_table(result: IdentificationResult) -> Html:
-    """Return the errors (5.3) of each joint alone."""
-    headings = [
-        'bag',
-        'part',
-        'solver',
-        'torque',
-        *(f'{name} [%]' for name in result.robot.joint_names),
-    ]
+    """Return the errors (5.3) of each joint alone; those of other solvers are opened by a click."""
+    names = [f'{name} [%]' for name in result.robot.joint_names]
+    shown: list[list[object]] = []
     rows: list[list[object]] = []
     for name, solution in result.solutions.items():
         for role, bag in bags_of(solution):
@@ -74,9 +69,15 @@ def joint_error_table(result: IdentificationResult) -> Html:
                 ('measured filtered', bag.per_joint_filtered_measured),
                 ('raw', bag.per_joint_raw),
             ):
-                rows.append([bag.bag, role, name, kind, *map(float, values)])
-    rows.sort(key=lambda row: (str(row[1]), str(row[0])))
-    return table(headings, rows)
+                row: list[object] = [bag.bag, role, name, kind, *map(float, values)]
+                is_shown = name == 'sdp' and kind != 'measured filtered'
+                (shown if is_shown or (name, kind) == ('cad', 'filtered') else rows).append(row)
+    for each in (shown, rows):
+        each.sort(key=lambda row: (str(row[1]), str(row[0])))
+    headings = ['bag', 'part', 'solver', 'torque', *names]
+    best = [index for index, row in enumerate(shown) if row[2:4] == ['sdp', 'filtered']]
+    others = folded('Other solvers and kinds of error', table(headings, rows))
+    return Html(table(headings, shown, best) + others)
 
 
 def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
@@ -141,6 +142,7 @@ def conditioning_tables(result: IdentificationResult) -> Html:
         ['torque low-pass', f'{conditioner.cutoff:.3g} Hz, zero phase'],
         ['kinematics', result.filter_choice.kinematics.label],
         ['gravity', _gravity(result)],
+        ['delays', _delays(result)],
     ]
     for name, base in (('thesis', result.thesis_base), ('used', result.used_base)):
         text = f'{len(base.columns)} columns, rank {base.rank}, '
@@ -182,6 +184,15 @@ def _gravity(result: IdentificationResult) -> str:
     if found.tilt == 0.0:
         return f'as stated ({share})'
     return f'{np.degrees(found.tilt):.2f}° off the stated direction ({share})'
+
+
+def _delays(result: IdentificationResult) -> str:
+    names, used = result.robot.joint_names, result.conditioner.delays
+    parts = []
+    for word, values in (('velocities', used.velocity), ('efforts', used.effort)):
+        late = [f'{n} {1e3 * v:.1f} ms' for n, v in zip(names, values, strict=True) if v]
+        parts += [f'{word} are late: {", ".join(late)}'] if late else []
+    return '; '.join(parts) or 'none'
 
 
 def payload_table(payload: Payload) -> Html:
@@ -241,6 +252,24 @@ def friction_tables(result: IdentificationResult) -> Html:
             table(headings, tried, best),
         )
     )
+
+
+def rollout_table(result: IdentificationResult) -> Html:
+    """Return how far the simulated arms stray from the recorded one."""
+    headings: list[object] = ['bag', 'solver', 'windows', 'error [%]']
+    headings += [f'{name} [mrad]' for name in result.robot.joint_names]
+    rows: list[list[object]] = [
+        [
+            e.bag,
+            e.solver,
+            f'{e.windows} of {e.seconds:.2g} s',
+            e.total,
+            *map(float, 1e3 * e.per_joint),
+        ]
+        for e in result.rollouts
+    ]
+    best = [i for i, e in enumerate(result.rollouts) if e.solver == 'sdp']
+    return table(headings, rows, best)
 
 
 def truth_table(errors: Sequence[InertialTorqueError], joints: Sequence[str]) -> Html:

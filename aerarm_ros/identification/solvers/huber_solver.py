@@ -57,7 +57,10 @@ def solve_huber(
 
 def _reweighted(fit: ModelFit, bags: Sequence[SampleColumns], theta: Array) -> TriangularSystem:
     """Return the problem with each row weighted by how far off it is at `theta`."""
-    residuals = [np.abs(bag.samples.tau - bag.predict(fit.model, theta).filtered) for bag in bags]
+    residuals = [
+        bag.weights * np.abs(bag.samples.tau - bag.predict(fit.model, theta).filtered)
+        for bag in bags
+    ]
     scale = np.array([_scale(fit, bags, residuals, joint) for joint in range(fit.model.n)])
     roots = [np.sqrt(np.minimum(1.0, _BEND * scale / np.maximum(r, 1e-300))) for r in residuals]
     terms = [term for _, term in fit.model.joint_columns]

@@ -15,11 +15,13 @@ from aerarm_ros.identification.recording.identification_error import Identificat
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regularised_regression import posterior_covariance
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
+from aerarm_ros.identification.rollout.rollout_windows import RolloutWindows
 from aerarm_ros.identification.solvers.annealing_solver import solve_annealing
 from aerarm_ros.identification.solvers.entropic_solver import solve_entropic
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.huber_solver import solve_huber
 from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
+from aerarm_ros.identification.solvers.output_error_solver import solve_output_error
 from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
 from aerarm_ros.identification.solvers.relaxation import solve_relaxed
 from aerarm_ros.identification.solvers.slsqp_solver import solve_slsqp
@@ -30,7 +32,10 @@ Array = npt.NDArray[np.float64]
 RECOMMENDED = 'sdp'
 """The solver whose estimate is physically consistent."""
 
-SOLVERS = ('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', RECOMMENDED)
+SOLVERS = (
+    *('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', RECOMMENDED),
+    'output_error',
+)
 """All solvers, in the order of tables."""
 
 ALWAYS = ('cad', 'ols', RECOMMENDED)
@@ -47,6 +52,7 @@ def solve_all(
     names: Collection[str] = FAST,
     progress: Callable[[str], None] | None = None,
     bounds: LinkBounds | None = None,
+    windows: RolloutWindows | None = None,
 ) -> dict[str, Estimate]:
     """Return the estimate of each solver.
 
@@ -64,6 +70,8 @@ def solve_all(
         Is told the name of each solver that takes its time.
     bounds : LinkBounds, optional
         Given up where they contradict: the recommended estimate's notes say so.
+    windows : RolloutWindows, optional
+        Of the same motion; only 'output_error' needs them.
 
     Raises
     ------
@@ -77,7 +85,7 @@ def solve_all(
             f'no solver {", ".join(unknown)}: choose among {", ".join(SOLVERS)}'
         )
     limits = physical_limits(fit, cad, bounds)
-    solvers = _solvers(fit, limits, bags)
+    solvers = _solvers(fit, limits, bags, windows)
     estimates: dict[str, Estimate] = {}
     failures: list[str] = []
     for name in SOLVERS:
@@ -101,7 +109,10 @@ def solve_all(
 
 
 def _solvers(
-    fit: ModelFit, limits: PhysicalLimits, bags: Sequence[SampleColumns]
+    fit: ModelFit,
+    limits: PhysicalLimits,
+    bags: Sequence[SampleColumns],
+    windows: RolloutWindows | None,
 ) -> dict[str, Callable[[], tuple[Array, tuple[str, ...]]]]:
     """Return functions that give parameters and what the user should know."""
     regression, prior, weights = fit.regression, fit.prior, fit.noise.weights
@@ -116,7 +127,19 @@ def _solvers(
             regression.system(weights), prior, limits, solve_entropic
         ),
         RECOMMENDED: lambda: solve_relaxed(regression.system(weights), prior, limits),
+        'output_error': lambda: _output_error(fit, limits, windows),
     }
+
+
+def _output_error(
+    fit: ModelFit, limits: PhysicalLimits, windows: RolloutWindows | None
+) -> tuple[Array, tuple[str, ...]]:
+    if windows is None:
+        raise IdentificationError('it needs windows of the motion to simulate')
+    weights = fit.noise.weights
+    start, notes = solve_relaxed(fit.regression.system(weights), fit.prior, limits)
+    std = np.sqrt(_variance(fit)[10 * fit.model.n :])
+    return solve_output_error(fit.model, windows, start, std), notes
 
 
 def thesis_problem(fit: ModelFit, limits: PhysicalLimits) -> ThesisProblem:
@@ -144,7 +167,12 @@ def physical_limits(
 
 def _with_uncertainty(estimate: Estimate, fit: ModelFit) -> Estimate:
     """Add standard deviations: prior and data as normal distributions, constraints left out."""
-    system = fit.regression.system(fit.noise.information_weights)
-    variance = np.diag(posterior_covariance(system, fit.prior))
+    variance = _variance(fit)
     determined = np.clip(1.0 - variance / fit.prior.std**2, 0.0, 1.0)
     return replace(estimate, std=np.sqrt(variance), determined=determined)
+
+
+def _variance(fit: ModelFit) -> Array:
+    """Return the (p,) variances of the parameters given data and prior."""
+    system = fit.regression.system(fit.noise.information_weights)
+    return np.diag(posterior_covariance(system, fit.prior))

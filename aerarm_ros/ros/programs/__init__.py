@@ -14,6 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'design_options': ['excitation_setup', 'torque_noise', 'whole_periods'],
         'design_run': ['DesignRun'],
         'identifier_bags': ['IdentifierBags', 'RecordedBag'],
+        'identifier_compare': ['CompareRun'],
         'identifier_files': ['RESULT_FILES', 'write_result'],
         'identifier_options': ['identifier_parser'],
         'identifier_payload': ['PayloadRun'],

@@ -86,6 +86,11 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         {'type': Path, 'metavar': 'FILE'},
         'limits that the result must keep, as filtered: 2.0; the exit status is 1 if it does not',
     ),
+    (
+        '--compare',
+        {'nargs': 2, 'type': Path, 'metavar': ('OLD', 'NEW')},
+        'two results: which friction and inertia differ by more than their uncertainty; no bags',
+    ),
     ('--truth', {'type': Path, 'metavar': 'FILE'}, 'true parameters of a simulated arm'),
     (
         '--tf-prefix',
@@ -118,6 +123,11 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         {'action': 'store_true'},
         'the base stands as it is said to: look for no tilt of it',
     ),
+    (
+        '--exact-stamps',
+        {'action': 'store_true'},
+        'positions, velocities and efforts of a message are of one instant: look for no delays',
+    ),
     ('--fundamental', {'type': float, 'metavar': 'HZ'}, 'f0 of a periodic motion (default: found)'),
     (
         '--harmonics',
@@ -147,6 +157,11 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         "joints that feel another one's velocity and acceleration, besides those of --config",
     ),
     (
+        '--rollouts',
+        {'action': 'store_true'},
+        'simulate every model over half seconds of what it is validated on',
+    ),
+    (
         '--total-mass',
         {'nargs': 2, 'type': float, 'metavar': ('MIN', 'MAX')},
         'of all moving links, from weighing [kg]',
@@ -160,12 +175,15 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         '--solvers',
         {
             'nargs': '+',
-            'choices': ('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', 'sdp'),
+            'choices': (
+                *('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', 'sdp'),
+                'output_error',
+            ),
             'default': [],
             'metavar': 'NAME',
         },
-        'besides cad, ols and sdp: wls (default), huber, entropic, slsqp, annealing (the last two '
-        'take seconds)',
+        'besides cad, ols and sdp: wls (default), huber, entropic, output_error, slsqp, annealing '
+        '(the last two take seconds)',
     ),
 )
 

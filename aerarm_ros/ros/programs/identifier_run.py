@@ -158,6 +158,7 @@ class IdentifierRun:
                 harmonics=options.harmonics,
                 cutoff=options.cutoff,
                 filter=options.filter,
+                exact_stamps=options.exact_stamps,
             ),
             friction=options.friction,
             coupled=tuple(_pair(text, '--coupled') for text in options.coupled),
@@ -166,6 +167,7 @@ class IdentifierRun:
                 tuple(options.total_mass) if options.total_mass else None, options.bound_centres
             ),
             tilt=not options.exact_gravity,
+            rollouts=options.rollouts,
             progress=lambda solver: _progress(f'solving by {solver}'),
         )
         result = identify(

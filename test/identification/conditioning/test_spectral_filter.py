@@ -60,6 +60,15 @@ def test_decimation_picks_samples_of_the_filtered_signal(
     assert np.allclose(smooth(signal), smooth(signal, decimate=False)[::12], atol=1e-8)
 
 
+def test_all_harmonics_of_whole_periods_are_their_mean() -> None:
+    """Windows at every harmonic average the periods of a motion: noise falls by their root."""
+    periods, length, dt = 4, 50, 0.01
+    signal = np.random.default_rng(0).normal(size=(periods * length, 2))
+    comb = SpectralFilter(periods * length, dt, harmonic_gain(1.0 / (length * dt), length // 2))
+    mean = signal.reshape(periods, length, 2).mean(axis=0)
+    assert comb(signal) == pytest.approx(np.tile(mean, (periods, 1)), abs=1e-12)
+
+
 def test_straight_lines_pass_up_to_their_ends() -> None:
     """The continuation by point reflection keeps value and slope."""
     line = np.linspace(-3.0, 5.0, 900)

@@ -56,10 +56,10 @@ def test_it_needs_the_same_torque(file: str | None, example_urdf: Callable[[str]
     text = identified_sdf(robot, inertial, viscous, coulomb, rotor)
     model = pinocchio_model(text)
     model.gravity.linear = robot.gravity_in_base
-    axes = ET.fromstring(text).findall('model/joint/axis')
-    assert [float(axis.findtext('dynamics/damping')) for axis in axes] == viscous.tolist()
-    assert [float(axis.findtext('dynamics/friction')) for axis in axes] == coulomb.tolist()
-    model.armature = np.array([float(axis.findtext(ROTOR)) for axis in axes])
+    joints = ET.fromstring(text).findall('model/joint')
+    assert [float(own.findtext('axis/dynamics/damping')) for own in joints] == viscous.tolist()
+    assert [float(own.findtext('axis/dynamics/friction')) for own in joints] == coulomb.tolist()
+    model.armature = np.array([float(own.findtext(ROTOR)) for own in joints])
     wanted, data = Dynamics(robot.with_inertial_parameters(inertial), rotor), model.createData()
     for _ in range(20):
         q, dq, ddq = random.uniform(-1.5, 1.5, (3, robot.n))

@@ -1,15 +1,18 @@
 """Figures as data for the plotting script."""
 
+import base64
+import gzip
 import json
 import re
 
 import numpy as np
+import pytest
 
 from aerarm_ros.identification.report.figure import StackedFigure, plotting_script
 
 
 def arguments(html: str) -> tuple:
-    (call,) = re.findall(r'Plotly\.newPlot\((.*)\);</script>', html)
+    (call,) = re.findall(r'Plotly\.newPlot\((.*)\)\);</script>', html)
     return tuple(json.loads(f'[{call}]'))
 
 
@@ -40,7 +43,9 @@ def test_long_curves_are_thinned_out() -> None:
     figure = StackedFigure(('a',), 'Nm')
     figure.add(0, np.arange(1e6), np.arange(1e6), 'b', 'predicted')
     _, traces, _, _ = arguments(figure.html('x'))
-    assert len(traces[0]['x']) <= 2000
+    assert len(traces[0]['y']) <= 2000
+    # Evenly spread points are told by the first and their distance.
+    assert traces[0]['dx'] * (len(traces[0]['y']) - 1) == pytest.approx(1e6, rel=2e-3)
 
 
 def test_strings_cannot_leave_the_script() -> None:
@@ -52,6 +57,8 @@ def test_strings_cannot_leave_the_script() -> None:
 
 
 def test_the_plotting_library_is_carried_along() -> None:
-    script = plotting_script()
+    (packed,) = re.findall(r"atob\('([^']*)'\)", plotting_script())
+    assert len(packed) < 2_100_000
+    script = gzip.decompress(base64.b64decode(packed)).decode()
     assert len(script) > 1_000_000
     assert 'Plotly' in script

@@ -13,7 +13,7 @@ from aerarm_ros.model.kinematics import Kinematics
 
 
 def traces(result: IdentificationResult) -> list[dict]:
-    (arguments,) = re.findall(r'Plotly\.newPlot\((.*)\);', inertia_view(result))
+    (arguments,) = re.findall(r'Plotly\.newPlot\((.*)\)\);', inertia_view(result))
     return json.loads(f'[{arguments}]')[1]
 
 

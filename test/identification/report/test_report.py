@@ -15,9 +15,12 @@ from aerarm_ros.identification.assessment.truth import Truth, inertial_torque_er
 from aerarm_ros.identification.recording.bag_facts import BagFacts
 from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
 from aerarm_ros.identification.report.html_text import number
+from aerarm_ros.identification.report.interval_view import interval_view
 from aerarm_ros.identification.report.report import ReportExtras, report_html
+from aerarm_ros.identification.report.report_figures import cutoff_figure, friction_figure
 from aerarm_ros.identification.report.report_tables import (
     base_parameter_table,
+    joint_error_table,
     parameter_table,
 )
 from aerarm_ros.identification.solvers.solvers import SOLVERS
@@ -77,7 +80,7 @@ def test_it_is_well_formed_and_needs_no_network(html: str) -> None:
     page = Page(html)
     assert not page.stack
     assert page.references == []
-    assert len(html) < 8e6
+    assert len(html) < 3e6
 
 
 def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) -> None:
@@ -87,28 +90,82 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
         'Torque errors joint by joint',
         'Against the true parameters',
         'bag1 (identification): measured and predicted torque',
+        'bag1 (identification): residual over time',
         'bag1 (identification): spectrum of the residual',
         'bag1 (identification): velocities',
         'bag2 (validation): measured and predicted torque',
+        'bag2 (validation): residual over time',
         'bag2 (validation): spectrum of the residual',
         'bag2 (validation): velocities',
         'Inertia boxes',
         'Parameters',
         'Base parameters',
-        'Friction models',
+        'Friction',
         'Conditioning and excitation',
     ]
-    assert html.count('Plotly.newPlot(') == 7
+    # Four of each bag, boxes, intervals, friction and cut-off.
+    assert html.count('Plotly.newPlot(') == 12
     assert '"name":"desired"' in html
     text = ' '.join(page.texts)
     sdp, cad = (result.solutions[name].validation[0].filtered for name in ('sdp', 'cad'))
-    assert f'Torque error on validation: {sdp:.2f} %' in text
+    assert f'Torque error on bag2 (validation): {sdp:.2f} % filtered' in text
     assert f'{cad / sdp:.1f} times less' in text
     assert '1.0 .. 25.0 s of 26.0 s (motion)' in page.texts
     for column in result.fit.model.columns:
         assert column in page.texts
     for expression in result.used_base.expressions():
         assert expression in page.texts
+
+
+def test_the_joints_table_shows_what_matters_and_folds_the_rest(
+    result: IdentificationResult,
+) -> None:
+    shown, _, folded = joint_error_table(result).partition('<details>')
+    assert shown.count('<tr') == 1 + 2 * 3  # of each bag sdp filtered and raw, and CAD
+    assert folded.count('<tr') == 1 + 2 * (3 * len(result.solutions) - 3)
+
+
+def test_warnings_that_say_the_same_stand_together(result: IdentificationResult) -> None:
+    texts = [f'bag1: joint {name} does not move' for name in result.robot.joint_names]
+    texts += ['bag1: 3 spikes of effort', 'bag2: 17 spikes of effort', 'something else']
+    page = Page(report_html(replace(result, warnings=texts), ReportExtras()))
+    for text in texts:
+        assert text in page.texts
+    assert [text for text in page.texts if 'more like it' in text] == [
+        '3 more like it',
+        '1 more like it',
+    ]
+
+
+def test_friction_curves_have_the_data_behind_them(result: IdentificationResult) -> None:
+    traces = friction_figure(result).traces
+    model = result.recommended.estimate
+    for joint in range(4):
+        cloud, curve, _ = (t for t in traces if t['yaxis'] == f'y{joint + 1 if joint else ""}')
+        speed = curve['x0'] + curve['dx'] * np.arange(len(curve['y']))
+        fs, fv = (model.joint_values(symbol)[joint] for symbol in ('fs', 'fv'))
+        assert curve['y'][-1] == pytest.approx(fs + fv * speed[-1], rel=1e-3)
+        dq, torque = np.array(cloud['x']), np.array(cloud['y'])
+        fast = np.abs(dq) > 0.3 * speed[-1]
+        off = torque - (fs * np.sign(dq) + fv * dq)
+        assert np.sqrt(np.mean(off[fast] ** 2)) < 0.3 * fs
+
+
+def test_the_cut_off_that_was_chosen_is_marked(result: IdentificationResult) -> None:
+    *tried, chosen = cutoff_figure(result).traces
+    assert sum(len(trace['y']) for trace in tried) == len(result.filter_choice.trials)
+    assert chosen['x'] == [pytest.approx(result.conditioner.cutoff, rel=1e-4)]
+
+
+def test_intervals_are_those_of_the_table(result: IdentificationResult) -> None:
+    found = re.search(r'"error_x":{"type":"data","array":\[([^]]*)\]', interval_view(result, None))
+    assert found is not None
+    spread = np.array(found[1].split(','), dtype=float)
+    base, prior = result.used_base, result.fit.prior.std
+    left_open = np.sqrt(
+        prior[base.independent] ** 2 + base.combination**2 @ prior[base.dependent] ** 2
+    )
+    assert spread == pytest.approx(2.0 * result.base_deviations / left_open, abs=1e-4)
 
 
 def test_only_solvers_that_ran_are_explained(result: IdentificationResult) -> None:
@@ -164,7 +221,9 @@ def test_parameters_that_only_a_sum_is_known_of_are_told_apart(
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason='chromium is not installed: apt install chromium')
-def test_a_real_browser_draws_every_figure(html: str, tmp_path: Path) -> None:
+def test_a_real_browser_draws_every_figure(
+    html: str, result: IdentificationResult, tmp_path: Path
+) -> None:
     page = tmp_path / 'report.html'
     # What the browser says about errors and requests goes into the page it prints.
     watch = (
@@ -181,10 +240,14 @@ def test_a_real_browser_draws_every_figure(html: str, tmp_path: Path) -> None:
     assert 'data-error' not in root
     assert 'data-fetched' not in root
     body = done.stdout[done.stdout.rindex('<body>') :]
-    # A bag has three curves of torque, two of its spectrum, one or two (with commands) of
-    # velocity; all are in legends too, and there the line of the three-dimensional arm.
-    names = 2 * (3 + 2) + 2 + 1
-    assert len(re.findall(r'class="js-line"', body)) == 4 * names + names + 1
+    # A bag has three curves of torque, one of its residual, two of its spectrum, one or two (with
+    # commands) of velocity; friction has two, and the cut-off one a source. All are in legends too,
+    # and there the line of the three-dimensional arm.
+    sources = {trial.kinematics.source for trial in result.filter_choice.trials}
+    names = 2 * (3 + 1 + 2) + 2 + 1 + 2
+    lines = 5 * names + 2 * len(sources) + 1
+    found = len(re.findall(r'class="js-line"', body))
+    assert found == lines, (found, lines)
     assert 'WebGL is not supported' not in body
     for joint in ('joint1', 'joint4'):
         assert f'{joint} [Nm]' in body

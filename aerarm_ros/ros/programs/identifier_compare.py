@@ -1,0 +1,84 @@
+"""Two results of the identifier compared."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+
+from aerarm_ros.identification.files.estimate_comparison import (
+    EstimateComparison,
+    compare_estimates,
+)
+from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.report.comparison_page import comparison_page
+
+_FILE, _PAGE = 'estimate.yaml', 'comparison.html'
+
+
+class CompareRun:
+    """What `--compare OLD NEW` asks for: a table, and with `--out` a page and numbers.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed arguments of the identifier.
+
+    Raises
+    ------
+    IdentificationError
+        If bags are given too.
+    """
+
+    passed = True
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        if options.bag or options.model or options.payload:
+            raise IdentificationError('--compare compares two results: give no bags with it')
+        self._paths: list[Path] = [_estimate(path) for path in options.compare]
+        self._out: Path | None = options.out
+
+    def execute(self) -> str:
+        """Compare, write what was asked for, and return a table for the terminal.
+
+        Raises
+        ------
+        IdentificationError, ConfigError
+            If a result can't be read, or nothing can be written.
+        """
+        comparison = compare_estimates(*self._paths)
+        lines = _lines(comparison)
+        if self._out is not None:
+            old, new = (path.resolve().parent.name for path in self._paths)
+            with ResultDirectory(self._out, files=(MARKER, _PAGE)) as directory:
+                directory.write(_PAGE, comparison_page(comparison, old, new))
+                changes = [
+                    asdict(c) | {'deviations': c.deviations, 'clear': c.is_clear}
+                    for c in comparison.changes
+                ]
+                directory.write_json(
+                    MARKER, {'changes': changes, 'unmatched': comparison.unmatched}
+                )
+            lines.append(f'Page: {directory.target / _PAGE}')
+        return '\n'.join(lines)
+
+
+def _estimate(path: Path) -> Path:
+    return path / _FILE if path.is_dir() else path
+
+
+def _lines(comparison: EstimateComparison) -> list[str]:
+    """Return what differs clearly, one a line, and how much does not."""
+    clear = [change for change in comparison.changes if change.is_clear]
+    lines = [
+        f'{change.name}: {change.old:.4g} -> {change.new:.4g} {change.unit}'.rstrip()
+        + f' ({change.deviations:+.1f} standard deviations)'
+        for change in clear
+    ]
+    lines.append(
+        f'{len(clear)} of {len(comparison.changes)} differ by more than three standard deviations'
+    )
+    if comparison.unmatched:
+        lines.append(f'{comparison.unmatched} sums are determined by one of the two only')
+    return lines

@@ -1,0 +1,36 @@
+"""Friction by simulated positions."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.parameters.joint_model import JointModel
+from aerarm_ros.identification.parameters.joint_term import THESIS_TERMS
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.rollout.rollout_windows import RolloutWindows
+from aerarm_ros.identification.solvers.output_error_solver import solve_output_error
+from aerarm_ros.identification.stopwatch import Stopwatch
+
+
+def test_friction_that_torque_shows_badly_gets_better(arm, robot: Robot, config: ArmConfig) -> None:
+    """With noisy torque some viscous friction comes out as nil; positions know better."""
+    options = IdentificationOptions(friction='coulomb', solvers=('output_error',), rollouts=True)
+    bags = [arm.recording(seed, noise=1.0) for seed in (1, 2)]
+    result = identify(robot, config, bags[:1], bags[1:], options, Stopwatch())
+    refined, sdp = (result.solutions[name].estimate for name in ('output_error', 'sdp'))
+    assert np.array_equal(refined.inertial, sdp.inertial)
+    assert refined.physically_consistent
+    off = [np.abs(each.joint_values('fv') - arm.viscous).sum() for each in (refined, sdp)]
+    assert off[0] < 0.8 * off[1]
+    held_out = {error.solver: error.total for error in result.rollouts}
+    assert held_out['output_error'] < held_out['sdp'] < held_out['cad']
+
+
+def test_without_a_window_there_is_no_solution(robot: Robot) -> None:
+    model = JointModel.uniform(robot.joint_names, robot.link_names, THESIS_TERMS)
+    nothing = np.zeros((0, 51, 4))
+    windows = RolloutWindows(robot, 0.01, nothing, nothing, nothing)
+    with pytest.raises(IdentificationError, match='no half second'):
+        solve_output_error(model, windows, np.ones(48), np.ones(8))
