@@ -6,9 +6,12 @@ Usage: ros2 run aerarm_ros arm enable --wait ready
 from __future__ import annotations
 
 import argparse
+import json
+import os
 import sys
 from collections.abc import Callable, Sequence
 from math import isfinite
+from typing import NoReturn
 
 import rclpy
 from rclpy.node import Node
@@ -22,6 +25,7 @@ from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
 from aerarm_ros.ros.requests.parameter_request import set_parameter
 from aerarm_ros.ros.requests.set_point_request import SetPointRequest
+from aerarm_ros.ros.requests.tool_request import ToolRequest
 
 NAME = 'arm'
 MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]
@@ -35,6 +39,12 @@ _MEANING = {
     'e_stop': 'damp the arm at once, latched until clear_fault',
     'put_back': f'{_FAKE} with motors off: the arm back where it started',
 }
+# What runs another executable: its name, the parameter that is given, and what it is.
+_PROGRAMS = {
+    'play': ('excitation', 'trajectory', 'FILE', 'play a motion of a file, once it can begin'),
+    'record': ('recorder', 'bag', 'NAME', 'record a bag of that name, until Ctrl-C'),
+}
+_STOP_TIMEOUT = 3.0  # [s]
 
 
 class Arm:
@@ -65,10 +75,14 @@ class Arm:
         self._node.destroy_node()
 
 
+def _say_wait(what: str) -> None:
+    print(f'{NAME}: waiting for {what}', file=sys.stderr, flush=True)
+
+
 def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     """Return a call of the bridge's service, made ready: discovery takes its time."""
     bridges = options.bridge or ((_FAKE,) if options.command == 'put_back' else BRIDGES)
-    client = ArmClient(node, bridges, [options.command])
+    client = ArmClient(node, bridges, [options.command], _say_wait)
 
     def ask() -> None:
         if options.wait_before:
@@ -87,8 +101,19 @@ def _go(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     request = SetPointRequest(node)
 
     def ask() -> None:
-        request.go(options.angle, options.tolerance, options.timeout)
+        request.go(options.angle, options.tolerance, options.timeout, _say_wait)
         print('the arm is there', flush=True)
+
+    return ask
+
+
+def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    request = ToolRequest(node)
+
+    def ask() -> None:
+        place = options.x, options.y, options.z
+        request.go(place, options.tolerance, options.timeout, _say_wait)
+        print('the tool is there', flush=True)
 
     return ask
 
@@ -125,11 +150,24 @@ def make_parser() -> argparse.ArgumentParser:
 
     for name in (*ACTIONS, 'put_back'):
         _add_waits(add(name, _MEANING[name], _action))
+    # Who needs it waits for no discovery of a bridge that is not there.
+    commands.choices['e_stop'].set_defaults(timeout=_STOP_TIMEOUT)
     command = add('go', 'let the controller that runs move the arm to a posture', _go)
     command.add_argument('angle', type=finite_number, nargs='+', help='of each joint in turn [rad]')
     command.add_argument(
         '--tolerance', type=positive_number, default=0.05, help='that is there [rad]'
     )
+    command = add('tool', 'let the Cartesian controller that runs move the tool to a place', _tool)
+    for axis in 'xyz':
+        command.add_argument(axis, type=finite_number, help="in the arm's base [m]")
+    command.add_argument(
+        '--tolerance', type=positive_number, default=0.01, help='that is there [m]'
+    )
+    for name, (executable, _, what, meaning) in _PROGRAMS.items():
+        command = commands.add_parser(
+            name, help=meaning, description=f'{meaning[0].upper()}{meaning[1:]}: {executable}.'
+        )
+        command.add_argument('what', metavar=what)
     command = add('set', 'set a live parameter of a node', _set)
     command.add_argument('node', help='as in computed_torque')
     command.add_argument('name', help='of the parameter')
@@ -137,6 +175,7 @@ def make_parser() -> argparse.ArgumentParser:
     command = add('fault', f'inject a fault into {_FAKE}', _fault)
     command.add_argument('fault', metavar=FORM, help=f'NAME is one of {", ".join(FAULTS)}')
     command.add_argument('--bridge', metavar='NODE', default=_FAKE, help='its node name')
+    commands.add_parser('completion', help='print what makes bash or zsh complete all this')
     return parser
 
 
@@ -171,10 +210,49 @@ def positive_number(text: str) -> float:
     return value
 
 
+def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
+    """Run another executable instead of this one; Ctrl-C is its own."""
+    executable, parameter, *_ = _PROGRAMS[options.command]
+    given = f'{parameter}:={json.dumps(options.what)}'  # whatever it looks like, it is text
+    begin = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
+    command = [sys.executable, '-m', f'aerarm_ros.nodes.{executable}', '--ros-args', '-p', given]
+    sys.stdout.flush()
+    os.execv(sys.executable, [*command, '--', *arguments[begin:]])
+
+
+def _completion(parser: argparse.ArgumentParser) -> str:
+    """Return a script for bash, and zsh with bashcompinit: commands first, then their options."""
+    (commands,) = (action.choices for action in parser._actions if isinstance(action.choices, dict))
+    cases = '\n'.join(
+        f'    {name}) words="{" ".join(sorted(command._option_string_actions))}" ;;'
+        for name, command in commands.items()
+    )
+    return f"""# eval "$({NAME} completion)"
+_{NAME}() {{
+  local words="{' '.join(commands)}"
+  [ "$COMP_CWORD" -gt 1 ] && case "${{COMP_WORDS[1]}}" in
+{cases}
+  esac
+  COMPREPLY=($(compgen -o default -W "$words" -- "${{COMP_WORDS[COMP_CWORD]}}"))
+}}
+[ -n "$ZSH_VERSION" ] && autoload -U +X bashcompinit && bashcompinit
+complete -o default -F _{NAME} {NAME}"""
+
+
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command; 0 if what was asked was done."""
-    arguments = list(sys.argv if args is None else ['', *args])
-    options = make_parser().parse_args(remove_ros_args(arguments)[1:])
+    arguments = list(sys.argv[1:] if args is None else args)
+    parser = make_parser()
+    given = remove_ros_args(['', *arguments])[1:]
+    if not given:
+        parser.print_help()
+        parser.exit()
+    options = parser.parse_args(given)
+    if options.command == 'completion':
+        print(_completion(parser))
+        return 0
+    if options.command in _PROGRAMS:
+        _become(options, arguments)
     return run_node(NAME, lambda: Arm(options), args)
 
 

@@ -148,7 +148,8 @@ class _Selection:
         found = (
             'overlaps in every posture'
             if farthest < 0.0
-            else f'is never more than {farthest:.3g} m apart, and {wanted:g} m are to be kept'
+            else f'is never more than {farthest:.3g} m apart, {wanted - farthest:.2g} m less than '
+            f'the {wanted:g} m to be kept'
         )
         remedy = (
             'ground_height and ground_clearance'

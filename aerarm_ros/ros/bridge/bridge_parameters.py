@@ -84,6 +84,7 @@ BRIDGE_PARAMETERS = (
             maximum=maximum,
             live=True,
             element=float,
+            group="The boards' gains",
         )
         # What a profile's fields hold is less, and is checked when they are set.
         for name, what, unit, maximum in (
@@ -93,7 +94,14 @@ BRIDGE_PARAMETERS = (
         )
     ),
     *(
-        Parameter(name, getattr(_DEFAULTS, name), description, unit, *BridgeSettings.BOUNDS[name])
+        Parameter(
+            name,
+            getattr(_DEFAULTS, name),
+            description,
+            unit,
+            *BridgeSettings.BOUNDS[name],
+            group='When the bridge slows, damps or stops',
+        )
         for name, (unit, description) in _SETTINGS.items()
     ),
 )

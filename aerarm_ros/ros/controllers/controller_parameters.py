@@ -38,10 +38,11 @@ from aerarm_ros.model.last_link import checked_payload
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
 from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS
 
-ARM_PARAMETERS = (
+ARM_PARAMETERS = grouped(
+    'How the base moves',
     *ARM_FILES,
     DRONE_FILE,
     Parameter(
@@ -66,7 +67,8 @@ ARM_PARAMETERS = (
               'below it is ignored on a free base', 'm/s^2', 0.0, 5.0),
 )  # fmt: skip
 
-LOOP_PARAMETERS = (
+LOOP_PARAMETERS = grouped(
+    'Real time',
     Parameter('state_timeout', 0.1, 'silence of joint_states that is reported', 's', 0.005, 10.0),
     *REAL_TIME_PARAMETERS,
 )
@@ -86,7 +88,8 @@ PAYLOAD_PARAMETER = Parameter(
     live=True,
 )
 
-FRICTION_PARAMETERS = (
+FRICTION_PARAMETERS = grouped(
+    'The model',
     PAYLOAD_PARAMETER,
     Parameter('friction_fraction', 1.0, "share of the URDF's joint friction compensated", '', 0, 1),
     Parameter('friction_width', 0.02, 'velocity of 3/4 of the friction', 'rad/s', 1e-4, 1.0),
@@ -103,13 +106,15 @@ ENERGY_PARAMETERS = tuple(
     if parameter.name not in ('friction_fraction', 'friction_width')
 )
 
-OBSERVER_PARAMETERS = (
+OBSERVER_PARAMETERS = grouped(
+    'Disturbances',
     Parameter('observer_gain', 30.0, 'disturbance observer; 0 for none', '1/s', 0.0, 1000.0),
     Parameter('compensation', 0.0, 'largest compensated disturbance over effort_max; 0 only '
               'observes', '', 0.0, 1.0),
 )  # fmt: skip
 
-FOLLOWER_PARAMETERS = (
+FOLLOWER_PARAMETERS = grouped(
+    'How trajectories are followed',
     Parameter('interpolation', 'quintic', 'between points', choices=('cubic', 'quintic')),
     Parameter('start_tolerance', 0.1, 'distance of a start from the reference', 'rad', 0.0, 3.0),
     Parameter('path_tolerance', 0.3, 'error at which a motion is aborted', 'rad', 1e-3, 10.0),

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.simulation.delayed_sensor import DelayedSensor
 from aerarm_ros.simulation.faulty_imu import FaultyImu, ImuErrors, ImuReading
 from aerarm_ros.simulation.flying_plant import FlyingPlant
@@ -17,7 +17,8 @@ from aerarm_ros.simulation.random_drift import RandomDrift
 _GUST_PERIOD = 1e-3  # [s]
 _IMU_SEED, _ODOMETRY_SEED, _GUST_SEED = range(3)
 
-DRONE_PARAMETERS = (
+DRONE_PARAMETERS = grouped(
+    'The emulated drone',
     Parameter(
         'rotor_timeout',
         0.2,

@@ -8,9 +8,10 @@ from types import SimpleNamespace
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
-ARM_FILES = (
+ARM_FILES = grouped(
+    'Which arm',
     Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
     Parameter('urdf', '', 'URDF of the arm, for example an identified one; the packaged if empty'),
     Parameter('tf_prefix', '', 'before the names of all links and joints on topics, as left_: for '

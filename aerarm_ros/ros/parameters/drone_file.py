@@ -14,7 +14,7 @@ from aerarm_ros.ros.parameters.parameter import Parameter
 
 DRONE_FILE = Parameter(
     'drone_file', '', 'YAML file of the drone that carries the arm, as config/drone.yaml; none if '
-    'empty'
+    'empty', group='Which arm'
 )  # fmt: skip
 
 

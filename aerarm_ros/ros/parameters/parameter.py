@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -36,6 +36,8 @@ class Parameter:
         Whether it may change while the node runs.
     element
         Type of the elements of a list whose default is empty.
+    group
+        Heading under which help lists it; the node's own, which come first, have none.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Parameter:
     choices: tuple[str | int, ...] = ()
     live: bool = False
     element: type = str
+    group: str = ''
 
     @property
     def type(self) -> RosParameter.Type:
@@ -163,3 +166,8 @@ _KINDS = {
 
 def _is_whole(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
+
+
+def grouped(group: str, *parameters: Parameter) -> tuple[Parameter, ...]:
+    """Return parameters under a heading of the help, those that have one already under theirs."""
+    return tuple(item if item.group else replace(item, group=group) for item in parameters)

@@ -12,9 +12,10 @@ from aerarm_ros.realtime.scheduling import (
     set_affinity,
     set_fifo,
 )
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
-REAL_TIME_PARAMETERS = (
+REAL_TIME_PARAMETERS = grouped(
+    'Real time',
     Parameter(
         'realtime_priority',
         0,

@@ -56,9 +56,14 @@ class CommandLine:
             '',
             'Parameters (those marked live may change while the node runs: ros2 param set):',
         ]
-        for parameter in self._parameters.values():
-            lines.append(_wrap(parameter.heading(), width, 2, 6))
-            lines.append(_wrap(parameter.description, width, 6, 6))
+        parameters = list(self._parameters.values())
+        groups = dict.fromkeys(['', *(parameter.group for parameter in parameters)])
+        for group in groups:
+            lines += ['', f'{group}:'] if group else []
+            for parameter in parameters:
+                if parameter.group == group:
+                    lines.append(_wrap(parameter.heading(), width, 2, 6))
+                    lines.append(_wrap(parameter.description, width, 6, 6))
         return '\n'.join(lines)
 
     def check(self, arguments: RosArguments) -> list[str]:

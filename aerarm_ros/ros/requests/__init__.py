@@ -13,6 +13,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'arm_client': ['ArmClient', 'ArmClientError', 'BRIDGES'],
         'bridge_service': ['BridgeService'],
         'parameter_request': ['set_parameter'],
+        'rejection_watch': ['RejectionWatch'],
         'set_point_request': ['SetPointRequest'],
+        'tool_request': ['ToolRequest'],
     },
 )

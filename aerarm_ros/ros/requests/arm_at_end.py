@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 from rclpy.node import Node
 
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.requests.arm_client import BRIDGES
 from aerarm_ros.ros.requests.bridge_service import BridgeService
 
@@ -14,7 +14,8 @@ HOLD, RELEASE = 'hold', 'release'
 
 BRIDGES_PARAMETER = Parameter('bridges', list(BRIDGES), 'node names of the bridges to ask')
 
-AT_END_PARAMETERS = (
+AT_END_PARAMETERS = grouped(
+    'At the end',
     Parameter(
         'at_end',
         HOLD,

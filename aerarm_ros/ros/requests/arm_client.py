@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import time
+from collections.abc import Callable, Collection, Sequence
 
 from rclpy.client import Client
 from rclpy.node import Node
@@ -15,6 +16,7 @@ from aerarm_ros.ros.executors.spinning import spin_until, this_domain
 
 BRIDGES = ('hardware_bridge', 'fake_hardware')
 _DISCOVERY_TIME = 0.5  # [s]
+_QUIET = 1.0  # [s] in which who waits need not be told what for
 
 
 class ArmClientError(RuntimeError):
@@ -35,6 +37,8 @@ class ArmClient:
         Node names the bridge may have.
     actions
         Those that will be called.
+    on_wait
+        Told what is waited for, if there is no bridge for a second.
 
     Attributes
     ----------
@@ -43,10 +47,15 @@ class ArmClient:
     """
 
     def __init__(
-        self, node: Node, bridges: Sequence[str] = BRIDGES, actions: Collection[str] = ACTIONS
+        self,
+        node: Node,
+        bridges: Sequence[str] = BRIDGES,
+        actions: Collection[str] = ACTIONS,
+        on_wait: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.mode = ''
         self._node = node
+        self._on_wait = on_wait
         self._clients = {
             action: [node.create_client(Trigger, f'{bridge}/{action}') for bridge in bridges]
             for action in actions
@@ -78,7 +87,7 @@ class ArmClient:
         def ready() -> list[Client]:
             return [client for client in clients if client.service_is_ready()]
 
-        if not spin_until(self._node, ready, timeout):
+        if not self._find(ready, timeout):
             names = ' or '.join(client.srv_name for client in clients)
             raise ArmClientError(f'no service {names}: is a bridge running in {this_domain()}?')
         found = ready()
@@ -103,11 +112,23 @@ class ArmClient:
         ArmClientError
             If it is not within `timeout` [s].
         """
-        if not spin_until(self._node, lambda: self.mode in modes, timeout):
+        deadline = time.monotonic() + timeout
+        self._find(lambda: self.mode, timeout)
+        left = deadline - time.monotonic()
+        if not spin_until(self._node, lambda: self.mode in modes, left):
             seen = f'there is no arm_mode: is a bridge running in {this_domain()}?'
             if self.mode:
                 seen = f"arm_mode is '{self.mode}': see the log of the bridge"
             raise ArmClientError(f'waited {timeout:g} s for {" or ".join(modes)}: {seen}')
+
+    def _find(self, condition: Callable[[], object], timeout: float) -> bool:
+        """Wait for what shows that a bridge is there, and say so after a second."""
+        if spin_until(self._node, condition, min(timeout, _QUIET)):
+            return True
+        if timeout <= _QUIET:
+            return False
+        self._on_wait(f'a bridge in {this_domain()}')
+        return spin_until(self._node, condition, timeout - _QUIET)
 
     def _ask(self, client: Client, timeout: float) -> Trigger.Response:
         future = client.call_async(Trigger.Request())

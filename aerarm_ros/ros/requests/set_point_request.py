@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -16,12 +15,11 @@ from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.ros.executors.spinning import spin_until, this_domain
 from aerarm_ros.ros.graph.endpoint_name import endpoint_name
 from aerarm_ros.ros.requests.arm_client import ArmClientError
+from aerarm_ros.ros.requests.rejection_watch import RejectionWatch
 from aerarm_ros.ros.states.arm_modes import HELD
 
 _LISTENER = 'recorder'  # hears everything, and moves nothing
 _SEARCH = 10.0  # [s] that a busy machine may take to bring processes together
-_REPORT = 1.5  # [s] within which every controller has reported on /diagnostics
-_COUNT, _REASON = 'rejected inputs', 'last rejection'  # of a controller's status
 
 
 class SetPointRequest:
@@ -37,14 +35,19 @@ class SetPointRequest:
         self._node = node
         self._state: JointState | None = None
         self._mode = ''
-        self._rejections: dict[str, tuple[int, str]] = {}
+        self._rejections = RejectionWatch(node)
         topic = topics.SET_POINT
         self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._listen(topics.JOINT_STATES, self._on_state)
         self._listen(topics.ARM_MODE, self._on_mode)
-        self._listen(topics.DIAGNOSTICS, self._on_diagnostics)
 
-    def go(self, posture: Sequence[float], tolerance: float, timeout: float) -> None:
+    def go(
+        self,
+        posture: Sequence[float],
+        tolerance: float,
+        timeout: float,
+        on_wait: Callable[[str], None] = lambda _: None,
+    ) -> None:
         """Send the arm to a posture and wait until it is there.
 
         Parameters
@@ -56,6 +59,8 @@ class SetPointRequest:
         timeout
             Longest time for a controller to be found once the arm is there, and again for the
             way [s].
+        on_wait
+            Told what is waited for.
 
         Raises
         ------
@@ -63,16 +68,11 @@ class SetPointRequest:
             If no arm or controller is there, the posture is of another arm or rejected, or it is
             not reached.
         """
-        names = self._find_arm(timeout)
+        names = self._find_arm(timeout, on_wait)
         if len(posture) != len(names):
             raise ArmClientError(f'give {len(names)} angles [rad], of {", ".join(names)}')
-        spin_until(self._node, lambda: self._rejections, _REPORT)
-        before = dict(self._rejections)
+        self._rejections.begin()
         self._publisher.publish(JointState(name=names, position=list(posture)))
-
-        def rejection() -> str:
-            later = self._rejections.items()
-            return next((why for name, (n, why) in later if n > before.get(name, (n, ''))[0]), '')
 
         def distance() -> NDArray[np.float64]:
             assert self._state is not None
@@ -80,11 +80,11 @@ class SetPointRequest:
             return error
 
         def ended() -> bool:
-            return bool(np.all(distance() <= tolerance) or rejection())
+            return bool(np.all(distance() <= tolerance) or self._rejections.reason())
 
         in_time = spin_until(self._node, ended, timeout)
-        if rejection():
-            raise ArmClientError(f'rejected: {rejection()}')
+        if self._rejections.reason():
+            raise ArmClientError(f'rejected: {self._rejections.reason()}')
         if not in_time:
             far = np.argmax(distance())
             raise ArmClientError(
@@ -92,13 +92,15 @@ class SetPointRequest:
                 f'arm_mode is {self._mode}'
             )
 
-    def _find_arm(self, timeout: float) -> list[str]:
+    def _find_arm(self, timeout: float, on_wait: Callable[[str], None]) -> list[str]:
         """Return the joints' names once arm and controller are there."""
 
         def is_there() -> bool:
             return self._state is not None and bool(self._mode)
 
         what = ''
+        if not spin_until(self._node, is_there, 1.0):
+            on_wait(f'joint_states and arm_mode in {this_domain()}')
         if not spin_until(self._node, is_there, max(timeout, _SEARCH)):
             what = 'there are no joint_states'
         elif not spin_until(self._node, self._is_heard, timeout):
@@ -129,9 +131,3 @@ class SetPointRequest:
 
     def _on_mode(self, message: String) -> None:
         self._mode = message.data
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
-            if _COUNT in values:
-                self._rejections[status.name] = int(values[_COUNT]), values[_REASON]

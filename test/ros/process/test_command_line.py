@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.command_line import CommandLine
 from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
@@ -30,6 +30,14 @@ def test_help_tells_of_every_parameter() -> None:
     assert '  periods (integer, default 2, from 1 to 10)\n      how often' in text
     assert '  gains (double list [Nm/rad], default [1.0, 2.0], at least 0.0, live)' in text
     assert '  bag (string)\n' in text
+
+
+def test_help_begins_with_the_node_s_own_parameters() -> None:
+    shared = grouped('Which arm', Parameter('urdf', '', 'its drawing'))
+    table = ParameterTable(*shared, Parameter('speed', 1.0, 'how fast'))
+    lines = CommandLine('player', table, '').help().splitlines()
+    order = [lines.index(line) for line in lines if line.startswith(('  speed', 'Which', '  urdf'))]
+    assert [lines[k].split()[0] for k in order] == ['speed', 'Which', 'urdf']
 
 
 @pytest.mark.parametrize(
