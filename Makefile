@@ -24,11 +24,12 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup demo experiment view test attacks lint fuzz mutants bench clean
+.PHONY: help setup demo experiment energy view test attacks lint fuzz mutants bench clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
 	@echo 'make experiment  the controllers, the drone still, tilted and moving'
+	@echo 'make energy      100 random moves, planned for least energy beside quintics and trapezoids'
 	@echo 'make view        the running arm in a browser'
 	@echo 'make test        lint, type check and all tests'
 	@echo 'make attacks     hundreds of attacks on the bridge in virtual time, and their worst figures'
@@ -54,6 +55,9 @@ demo: setup
 
 experiment: setup
 	$(BIN)/experiment
+
+energy: setup
+	$(BIN)/python benchmarks/energy.py --moves 100 --out output/energy
 
 view: setup
 	$(BIN)/view

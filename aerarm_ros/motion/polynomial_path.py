@@ -68,6 +68,19 @@ class PolynomialPath:
         zero = np.zeros((2, len(start)))
         return cls.quintic((0.0, duration), np.array([start, end]), zero, zero)
 
+    @classmethod
+    def trapezoid(cls, start: FloatArray, end: FloatArray, duration: float) -> 'PolynomialPath':
+        """Return the way from rest at `start` (n,) to rest at `end` (n,) [rad] at even speed.
+
+        The first and the last third of the time take up and let go of it, with an acceleration
+        that jumps.
+        """
+        shares = np.array([[0.0], [0.25], [0.75], [1.0]])
+        speed = 1.5 / duration * (end - start)
+        q = start + shares * (end - start)
+        dq = np.array([[0.0], [1.0], [1.0], [0.0]]) * speed
+        return cls.cubic(duration / 3.0 * np.arange(4.0), q, dq)
+
     @property
     def duration(self) -> float:
         """Length [s]."""

@@ -134,7 +134,10 @@ class MotionPlannerNode:
         return np.array(q)
 
     def _send(self, plan: MotionPlan) -> None:
-        self._trajectories.publish(trajectory_message(plan.path, self._names))
+        self._states.newest()  # time has passed while it was planned
+        lead_ns = round(self._values.lead * 1e9)
+        begin_ns = self._states.stamp_ns + lead_ns if lead_ns else 0
+        self._trajectories.publish(trajectory_message(plan.path, self._names, begin_ns))
         self._tell(
             accepted=True,
             text=plan.as_text(),

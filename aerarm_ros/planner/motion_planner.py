@@ -27,6 +27,7 @@ from aerarm_ros.planner.motion_cost import MotionCost
 from aerarm_ros.planner.motion_plan import MotionPlan
 from aerarm_ros.planner.plan_error import PlanError
 from aerarm_ros.planner.plan_settings import ENERGY, QUINTIC, TIME, PlanSettings
+from aerarm_ros.planner.smoothness_term import SmoothnessTerm
 from aerarm_ros.planner.spline_basis import SplineBasis
 from aerarm_ros.planner.tool_postures import ToolPostures
 
@@ -229,6 +230,8 @@ class MotionPlanner:
             DriveTerm(self._model, self._effort_max, price, penalty),
             LimitTerm(self._limits, penalty),
         ]
+        if price and self.settings.smoothness:
+            terms.append(SmoothnessTerm(self.settings.smoothness))
         if looks_around:
             terms.append(ClearanceTerm(self._setup.clearance, penalty))
         return terms

@@ -21,6 +21,8 @@ class PlanSettings:
         less than it costs, and for a quintic the shortest.
     time_price : float
         What a second costs besides the arm's energy [W], as the power at which the drone hovers.
+    smoothness : float
+        Price of acceleration squared [J s^3/rad^2], where energy is saved; see `SmoothnessTerm`.
     velocity_share, effort_share : float
         Usable share of velocity and acceleration limits, and of torque and current limits.
     knots : int
@@ -37,6 +39,7 @@ class PlanSettings:
     objective: str = ENERGY
     duration: float = 0.0
     time_price: float = 10.0
+    smoothness: float = 0.016
     velocity_share: float = 0.9
     effort_share: float = 0.8
     knots: int = 8
@@ -47,6 +50,7 @@ class PlanSettings:
         check_choice('plan', 'objective', self.objective, OBJECTIVES)
         check_range('plan', 'duration', self.duration, 0.0, 60.0, 's')
         check_range('plan', 'time_price', self.time_price, 0.0, 1e5, 'W')
+        check_range('plan', 'smoothness', self.smoothness, 0.0, 100.0, 'J s^3/rad^2')
         for key in ('velocity_share', 'effort_share'):
             check_range('plan', key, getattr(self, key), 0.01, 1.0, '')
         check_range('plan', 'knots', self.knots, 1, 50, '')

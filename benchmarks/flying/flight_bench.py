@@ -13,13 +13,13 @@ from flying.scaled_drone import scaled_drone, write_drone
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
-from tracking import as_message
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
+from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 
@@ -100,7 +100,7 @@ class FlightBench:
         now, _ = self.listener.next()
         begin = round((now + LEAD) * 1e9)
         names = load_arm_config().joint_names
-        self.publisher.publish(as_message(motion, names, begin))
+        self.publisher.publish(trajectory_message(motion, names, begin))
         self.listener.farthest = 0.0
         samples = []
         while now < begin * 1e-9 + motion.duration:

@@ -89,3 +89,14 @@ def test_samples_lie_on_the_path(knots) -> None:
     assert samples.q.shape == (33, 2)
     np.testing.assert_allclose(samples.q[5], path.evaluate(0.25).q)
     np.testing.assert_allclose(samples.dq[16], path.evaluate(1.0).dq)
+
+
+def test_a_trapezoid_has_an_even_speed_between_two_even_accelerations() -> None:
+    start, end, duration = np.array([0.2, -1.0]), np.array([1.4, 2.0]), 1.5
+    path = PolynomialPath.trapezoid(start, end, duration)
+    times = np.array([0.25, 0.75, 1.25])
+    _, dq, ddq = path.evaluate(times)
+    speed = 1.5 * (end - start) / duration
+    np.testing.assert_allclose(dq, [0.5 * speed, speed, 0.5 * speed])
+    np.testing.assert_allclose(ddq, np.outer([1.0, 0.0, -1.0], speed / (duration / 3.0)), atol=1e-9)
+    np.testing.assert_allclose(path.evaluate(duration).q, end)

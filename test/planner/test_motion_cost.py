@@ -10,6 +10,7 @@ from aerarm_ros.planner.cost_term import CostTerm
 from aerarm_ros.planner.drive_term import DriveTerm
 from aerarm_ros.planner.limit_term import LimitTerm
 from aerarm_ros.planner.motion_cost import MotionCost
+from aerarm_ros.planner.smoothness_term import SmoothnessTerm
 from aerarm_ros.planner.spline_basis import SplineBasis
 
 START, END = np.array([0.3, 0.5, -0.4, 0.8]), np.array([-1.0, 2.6, 0.9, -1.2])
@@ -24,11 +25,12 @@ def terms(model, setup) -> dict[str, Callable[[], CostTerm]]:
         'energy': lambda: DriveTerm(model, setup.limits.effort, 1.0, 0.0),
         'torque': lambda: DriveTerm(model, weak.effort, 0.0, 10.0),
         'limits': lambda: LimitTerm(weak, 10.0),
+        'smoothness': lambda: SmoothnessTerm(0.1),
         'clearance': lambda: ClearanceTerm(setup.clearance, 10.0),
     }
 
 
-@pytest.mark.parametrize('name', ['energy', 'torque', 'limits', 'clearance'])
+@pytest.mark.parametrize('name', ['energy', 'torque', 'limits', 'smoothness', 'clearance'])
 def test_gradient_of_a_term(name, model, setup) -> None:
     make = terms(model, setup)[name]
     points = np.random.default_rng(1).uniform(-0.4, 0.4, (4, 4)) + 0.5 * (START + END)

@@ -25,6 +25,8 @@ _SETTINGS = (
     Parameter('duration', 2.0, 'of a motion; 0 for as long as is best', 's', 0.0, 60.0, live=True),
     Parameter('time_price', 10.0, 'what a second costs besides the arm where the duration is free, '
               'as the power at which the drone hovers', 'W', 0.0, 1e5, live=True),
+    Parameter('smoothness', 0.016, 'price of acceleration squared: joints whose way costs nothing '
+              'move evenly instead of creeping', 'J s^3/rad^2', 0.0, 100.0, live=True),
     Parameter('velocity_share', 0.9, 'usable share of velocity and acceleration limits', '', 0.01,
               1.0, live=True),
     Parameter('effort_share', 0.8, 'usable share of torque and current limits', '', 0.01, 1.0,
@@ -36,6 +38,8 @@ PLANNER_PARAMETERS = (
     Parameter('frame', 'tool0', 'link that a tool goal is for'),
     Parameter('hold_time', 5.0, 'how long the arm stays where a tool goal brings it: the longer, '
               'the more counts what holding takes', 's', 0.0, 3600.0, live=True),
+    Parameter('lead', 0.0, 'how long after the newest state a motion begins; 0 for when it arrives',
+              's', 0.0, 10.0, live=True),
     *ENERGY_PARAMETERS,
     *ARM_FILES,
     Parameter('excitation_config', '', 'YAML file of clearances and surroundings; the packaged one '

@@ -1,0 +1,128 @@
+"""What motions of least energy take, beside quintics and trapezoids of the same duration.
+
+`fake_hardware`, `computed_torque`, `motion_planner` and `recorder` run as processes, in lockstep,
+so that the figures do not depend on the host. Moves are drawn evenly over the joints' ranges, there
+and back, and each is played in three shapes. Joules are those that the supply gave for the motors,
+until 0.2 s after the motion, from joint_states (see `BalanceMeter`); braking power is lost. The arm
+differs from its drawing; planner and controller know it by what `identifier` made of a recorded
+excitation (`--model true`: it is as drawn, and known). `make energy` makes 100 moves and writes a
+page.
+"""
+
+import argparse
+import json
+import os
+import shutil
+import sys
+import tempfile
+from contextlib import ExitStack
+from dataclasses import asdict
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from energy_moves.energy_bench import EnergyBench, Taken
+from energy_moves.energy_figures import figures
+from energy_moves.energy_page import energy_page
+from energy_moves.move import SHAPES, Move, draw_moves
+from flying.arm_model import ArmModel
+from rclpy.node import Node
+
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.energy.energy_model import EnergyModel
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.planner.motion_planner import MotionPlanner
+from aerarm_ros.planner.plan_error import PlanError
+
+BATCH = 10  # pairs of moves in one bag
+PACK = 100.0  # [Wh]
+
+
+def known(arm: ArmModel) -> tuple[EnergyModel, MotionPlanner]:
+    """Return the model that the nodes have, and a planner like theirs."""
+    config = load_arm_config()
+    robot = load_robot(arm.law.get('urdf'), joint_names=config.joint_names)
+    model = EnergyModel(config, robot, arm.law.get('rotor_inertia'), arm.law['load_friction'])
+    setup = ExcitationSetup.of_arm(robot, config, load_excitation_config())
+    return model, MotionPlanner(model, setup)
+
+
+def play(bench: EnergyBench, planner: MotionPlanner, pairs: list[tuple[int, Move]]) -> None:
+    """Play moves there and back, in every shape."""
+    here = np.array(load_arm_config().rest_position)
+    for number, move in pairs:
+        try:
+            bench.go(planner.with_settings(objective='quintic').plan(here, move.start).path)
+        except PlanError:
+            bench.go(planner.with_settings(duration=2.0).plan(here, move.start).path)
+        for shape in SHAPES:
+            bench.play(2 * number, shape, move)
+            bench.play(2 * number + 1, shape, move.back)
+        here = move.start
+        print(f'moves {2 * number} and {2 * number + 1} of {move.duration:.2f} s', flush=True)
+
+
+def measure(folder: Path, node: Node, options: argparse.Namespace) -> tuple[list[Taken], list[str]]:
+    """Return results of all moves, and refusals."""
+    make = ArmModel.identified if options.model == 'identified' else None
+    arm = make(node, folder, options.arm_seed) if make else ArmModel.true()
+    model, planner = known(arm)
+    low, high = planner.limits.position_min, planner.limits.position_max
+    drawn = draw_moves(planner, low, high, options.seed, options.durations)
+    pairs = list(enumerate(islice(drawn, (options.moves + 1) // 2)))
+    results: list[Taken] = []
+    refused: list[str] = []
+    for first in range(0, len(pairs), BATCH):
+        part = folder / f'part_{first // BATCH}'
+        part.mkdir()
+        with ExitStack() as stack:
+            bench = EnergyBench(stack, node, part, arm, model)
+            play(bench, planner, pairs[first : first + BATCH])
+            results += bench.results()
+            refused += bench.refused
+        shutil.rmtree(part / 'bag')
+    return results, refused
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--moves', type=int, default=4, help='how many, an even number')
+    parser.add_argument('--seed', type=int, default=1, help='of the moves')
+    parser.add_argument('--durations', type=float, nargs=2, default=[2.0, 4.0], help='[s]')
+    parser.add_argument('--model', choices=('identified', 'true'), default='identified')
+    parser.add_argument('--arm-seed', type=int, default=7, help='of the arm')
+    parser.add_argument('--out', type=Path, help='folder for the page and the results')
+    options, _ = parser.parse_known_args()
+    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    if options.out:
+        options.out.mkdir(parents=True, exist_ok=True)
+    rclpy.init(args=[])
+    node = rclpy.create_node('bench')
+    with tempfile.TemporaryDirectory() as folder:
+        results, refused = measure(Path(folder), node, options)
+    node.destroy_node()
+    rclpy.shutdown()
+    found = figures(results)
+    standby = load_arm_config().power_stage.standby
+    note = (
+        f'{len(found.by_shape["planned"])} random moves of {options.durations[0]:g} to '
+        f'{options.durations[1]:g} s, the arm {options.model}; a pack of {PACK:g} Wh.'
+    )
+    text = found.text(standby, PACK)
+    print(f'{note}\n{text}')
+    for reason in refused:
+        print(f'refused: {reason}')
+    if options.out:
+        (options.out / 'energy.html').write_text(energy_page(found, text, note))
+        rows = [asdict(one) for one in results]
+        (options.out / 'energy.json').write_text(json.dumps({'moves': rows, 'refused': refused}))
+        print(f'Page      {options.out / "energy.html"}')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

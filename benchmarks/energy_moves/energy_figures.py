@@ -1,0 +1,74 @@
+"""What planned motions save, and how well it is predicted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from energy_moves.energy_bench import Taken
+from energy_moves.move import PLANNED, TRAPEZOID
+
+from aerarm_ros.planner.plan_settings import QUINTIC
+
+SAVING, PREDICTED, WITHIN = 0.45, 0.9, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyFigures:
+    """Results by shape, a row a move, of those moves that every shape was played for."""
+
+    by_shape: dict[str, list[Taken]]
+
+    def column(self, shape: str, field: str) -> np.ndarray:
+        """Return a field of every move, (moves,)."""
+        return np.array([getattr(one, field) for one in self.by_shape[shape]])
+
+    def saving(self, other: str) -> np.ndarray:
+        """Return the measured share (moves,) that a planned motion takes less than another."""
+        return 1.0 - self.column(PLANNED, 'measured') / self.column(other, 'measured')
+
+    def well_predicted(self, shape: str) -> float:
+        """Return the share of moves whose prediction is within a tenth of what was measured."""
+        predicted, measured = self.column(shape, 'predicted'), self.column(shape, 'measured')
+        return float((np.abs(predicted - measured) <= WITHIN * measured).mean())
+
+    def battery_minutes(self, shape: str, standby: float, watt_hours: float) -> float:
+        """Return how long a pack moves the arm alone, boards and all [min]."""
+        power = self.column(shape, 'measured').sum() / self.column(shape, 'duration').sum()
+        return float(60.0 * watt_hours / (power + standby))
+
+    def text(self, standby: float, watt_hours: float) -> str:
+        """Return the figures and the goals."""
+        lines = [
+            f'{"":10} {"J a move":>9} {"predicted":>10} {"RMS":>6} {"largest":>8} {"battery":>8}'
+        ]
+        lines.append(f'{"":10} {"median":>9} {"within 10%":>10} {"mrad":>6} {"mrad":>8} {"min":>8}')
+        for shape in self.by_shape:
+            lines.append(
+                f'{shape:10} {np.median(self.column(shape, "measured")):9.2f} '
+                f'{100 * self.well_predicted(shape):9.0f}% '
+                f'{np.sqrt((self.column(shape, "rms") ** 2).mean()):6.2f} '
+                f'{self.column(shape, "largest").max():8.2f} '
+                f'{self.battery_minutes(shape, standby, watt_hours):8.0f}'
+            )
+        for other in (QUINTIC, TRAPEZOID):
+            saving = 100.0 * self.saving(other)
+            low, middle, high = np.percentile(saving, (10, 50, 90))
+            lines.append(
+                f'less than the {other} of the same duration: median {middle:.1f} %, least '
+                f'{saving.min():.1f} %, tenth {low:.1f} %, nine tenths {high:.1f} %; worse: '
+                f'{(saving < 0.0).sum()} of {len(saving)}'
+            )
+        lines.append(
+            f'Goals: median saving of {100 * SAVING:.0f} % against the quintic, no move worse; '
+            f'prediction within 10 % for {100 * PREDICTED:.0f} %; tracking no worse than the '
+            "quintic's."
+        )
+        return '\n'.join(lines)
+
+
+def figures(results: list[Taken]) -> EnergyFigures:
+    """Return the figures of results in any order."""
+    shapes: dict[str, dict[int, Taken]] = {}
+    for one in results:
+        shapes.setdefault(one.shape, {})[one.pair] = one
+    common = sorted(set.intersection(*(set(rows) for rows in shapes.values())))
+    return EnergyFigures({shape: [rows[k] for k in common] for shape, rows in shapes.items()})
