@@ -2,7 +2,6 @@
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import lsq_linear
 
 from aerarm_ros.identification.parameters.joint_model import JointModel
 from aerarm_ros.identification.recording.identification_error import IdentificationError
@@ -92,6 +91,9 @@ class _Trial:
 
     def step(self, weight: Array, start: Array, std: Array, least: Array) -> Array:
         """Return the (k,) change that would be best if positions were linear in it."""
+        # Imported here: it takes long, and few ask for this solver.
+        from scipy.optimize import lsq_linear
+
         values, first = self.theta[-len(std) :], start[-len(std) :]
         rows = (self.slopes * weight[:, None]).reshape(-1, len(std))
         system = np.vstack([rows, np.diag(1.0 / std)])
