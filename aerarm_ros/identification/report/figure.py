@@ -16,7 +16,9 @@ from aerarm_ros.identification.report.html_text import Html
 
 Array = npt.NDArray[np.float64]
 
-_MOST_POINTS = 1000  # of a curve: about what a screen shows
+MOST_POINTS = 1000
+"""Of a curve: about what a screen shows."""
+
 _ROW_HEIGHT = 190  # [px] of one joint's axes
 # What is measured is a broad pale band that stays visible under the thin lines on top of it.
 _LINES = {
@@ -54,6 +56,8 @@ class StackedFigure:
         Of the common axis.
     logarithmic : bool
         All axes.
+    most : int
+        Points of a curve that are kept, evenly spread.
 
     Attributes
     ----------
@@ -67,7 +71,9 @@ class StackedFigure:
         unit: str,
         x_title: str = 'time [s]',
         logarithmic: bool = False,
+        most: int = MOST_POINTS,
     ) -> None:
+        self._most = most
         self._kind = 'log' if logarithmic else 'linear'
         self._rows = rows
         self._unit = unit
@@ -90,7 +96,7 @@ class StackedFigure:
         ----------
         row : int
         x, y : (M,) ndarray
-            Thinned out to what a screen can show.
+            Thinned out to `most`.
         name : str
             In the legend, once.
         role : str
@@ -106,7 +112,7 @@ class StackedFigure:
         else:
             mode = 'lines+markers' if marked else 'lines'
             look = {'mode': mode, 'line': {**_LINES[role], 'dash': dash}}
-        step = -(-len(x) // _MOST_POINTS)
+        step = -(-len(x) // self._most)
         suffix = '' if row == 0 else str(row + 1)
         self.traces.append(
             {

@@ -7,7 +7,7 @@ from aerarm_ros.identification.assessment.identification_result import Identific
 from aerarm_ros.identification.parameters.joint_term import COUPLED, JointTerm, TermKind
 from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
-from aerarm_ros.identification.report.figure import StackedFigure
+from aerarm_ros.identification.report.figure import MOST_POINTS, StackedFigure
 from aerarm_ros.identification.report.residual_spectrum import amplitude_density
 
 Array = npt.NDArray[np.float64]
@@ -15,13 +15,21 @@ Array = npt.NDArray[np.float64]
 _NO_FRICTION = (TermKind.ROTOR, *COUPLED)
 _CURVE = 201  # points of a friction curve, odd: dry friction jumps in the middle
 _CLOUD = 600  # measured points behind it
+# Of all bags together, and least of one: a report stays below 3 MB for up to a dozen bags.
+_POINTS, _FEWEST = 2400, 200
+
+
+def points(result: IdentificationResult) -> int:
+    """Return how many points a curve over time may have: the fewer, the more bags there are."""
+    bags = len(result.identification) + len(result.validation)
+    return max(_FEWEST, min(MOST_POINTS, _POINTS // bags))
 
 
 def torque_figure(
     result: IdentificationResult, bag: SampleColumns, predicted: Array, cad: Array
 ) -> StackedFigure:
     """Return measured and predicted torque over time, all filtered."""
-    figure = StackedFigure(result.robot.joint_names, 'Nm')
+    figure = StackedFigure(result.robot.joint_names, 'Nm', most=points(result))
     samples, kept = bag.samples, bag.samples.kept
     time = samples.time[kept]
     for joint in range(result.robot.n):
@@ -35,7 +43,7 @@ def residual_figure(
     result: IdentificationResult, bag: SampleColumns, predicted: Array
 ) -> StackedFigure:
     """Return what the model leaves of the torque over time."""
-    figure = StackedFigure(result.robot.joint_names, 'Nm')
+    figure = StackedFigure(result.robot.joint_names, 'Nm', most=points(result))
     samples, kept = bag.samples, bag.samples.kept
     for joint in range(result.robot.n):
         left = samples.tau[kept, joint] - predicted[kept, joint]
@@ -47,7 +55,9 @@ def spectrum_figure(
     result: IdentificationResult, bag: SampleColumns, predicted: Array
 ) -> StackedFigure:
     """Return the spectra of measured torque and of what the model leaves of it."""
-    figure = StackedFigure(result.robot.joint_names, 'Nm/√Hz', 'frequency [Hz]', logarithmic=True)
+    figure = StackedFigure(
+        result.robot.joint_names, 'Nm/√Hz', 'frequency [Hz]', True, points(result)
+    )
     samples, kept = bag.samples, bag.samples.kept
     dt = float(np.median(np.diff(samples.time)))
     below = 1.5 * result.conditioner.cutoff
@@ -67,7 +77,7 @@ def velocity_figure(
     result: IdentificationResult, bag: SampleColumns, desired: DesiredVelocity | None
 ) -> StackedFigure:
     """Return measured and, where it is known, commanded velocity over time."""
-    figure = StackedFigure(result.robot.joint_names, 'rad/s')
+    figure = StackedFigure(result.robot.joint_names, 'rad/s', most=points(result))
     samples, kept = bag.samples, bag.samples.kept
     time = samples.time[kept]
     for joint in range(result.robot.n):

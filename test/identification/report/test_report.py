@@ -17,7 +17,11 @@ from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
 from aerarm_ros.identification.report.html_text import number
 from aerarm_ros.identification.report.interval_view import interval_view
 from aerarm_ros.identification.report.report import ReportExtras, report_html
-from aerarm_ros.identification.report.report_figures import cutoff_figure, friction_figure
+from aerarm_ros.identification.report.report_figures import (
+    cutoff_figure,
+    friction_figure,
+    points,
+)
 from aerarm_ros.identification.report.report_tables import (
     base_parameter_table,
     joint_error_table,
@@ -81,6 +85,12 @@ def test_it_is_well_formed_and_needs_no_network(html: str) -> None:
     assert not page.stack
     assert page.references == []
     assert len(html) < 3e6
+
+
+def test_many_bags_have_fewer_points_each(result: IdentificationResult) -> None:
+    assert points(result) == 1000
+    many = replace(result, validation=result.validation * 11)
+    assert points(many) == 200
 
 
 def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) -> None:
