@@ -16,11 +16,13 @@ from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.settings.motion_limits import MotionLimits
 from aerarm_ros.excitation.trajectory.transfer import standstill
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.float_array import FloatArray
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.smooth_step import rest_to_rest_duration
 from aerarm_ros.planner.clearance_term import ClearanceTerm
 from aerarm_ros.planner.cost_term import CostTerm
+from aerarm_ros.planner.disturbance_term import DisturbanceTerm, peak_moment
 from aerarm_ros.planner.drive_term import DriveTerm
 from aerarm_ros.planner.limit_term import LimitTerm
 from aerarm_ros.planner.motion_cost import MotionCost
@@ -39,6 +41,9 @@ _CHANGE = 1e-6  # relative, at which the search ends
 _QUICK = 1e3  # price of a second where nothing else counts
 _STRETCH = 1.02  # by which a motion of free duration gives way, step by step
 _STRETCHES = 40
+_LEAST_MOMENT = 1e-3  # [Nm]
+# How far a motion that breaks a limit by a little gives way to the straight one.
+_TOWARD_QUINTIC = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 _CANDIDATES = 2  # postures whose motion is planned
 _TYPICAL = 2.0  # [s] of a motion whose duration is not known yet
 
@@ -71,11 +76,15 @@ class MotionPlanner:
             self._limits.effort, self._limits.current * setup.torque_per_ampere
         )
         self._checker = FeasibilityChecker(self._limits, setup.clearance, setup.effort_model)
+        self._body = WholeBodyDynamics(setup.robot, model.dynamics.rotor_inertia)
         self._basis = SplineBasis.of(self.settings.knots, self.settings.samples)
 
     def with_settings(self, **changes: object) -> MotionPlanner:
         """Return a planner of the same arm with other settings."""
-        return MotionPlanner(self._model, self._setup, replace(self.settings, **changes))  # type: ignore[arg-type]
+        settings = replace(self.settings, **changes)  # type: ignore[arg-type]
+        other = MotionPlanner(self._model, self._setup, settings)
+        other._body = self._body  # with what it carries
+        return other
 
     @property
     def limits(self) -> MotionLimits:
@@ -86,6 +95,7 @@ class MotionPlanner:
         """Add a body (10,) to the last link, see `Dynamics.carry`; ValueError if none has it."""
         self._model.carry(payload)
         self._setup.effort_model.carry(payload)
+        self._body.carry(payload)
 
     def plan_tool(
         self, start: ArrayLike, point: ArrayLike, frame: str = 'tool0', hold_time: float = 5.0
@@ -178,10 +188,12 @@ class MotionPlanner:
 
     def _of_duration(self, q0: FloatArray, q1: FloatArray, duration: float) -> MotionPlan:
         near = PolynomialPath.rest_to_rest(q0, q1, duration)
-        points = self._basis.points_near(near)
+        points = first = self._basis.points_near(near)
+        base = self._base_terms(near)
         looks_around = False
+        heavier = 1.0 + self.settings.disturbance_price
         for penalty in _PENALTIES:
-            terms = self._terms(1.0, penalty, looks_around)
+            terms = [*self._terms(1.0, heavier * penalty, looks_around), *base]
             cost = MotionCost(self._basis, q0, q1, terms)
             points = self._searched(cost, points, duration)[0]
             path = self._basis.path(points, q0, q1, duration)
@@ -190,15 +202,22 @@ class MotionPlanner:
                 return self._made(path, report)
             # Distances take most of the time: most motions need none.
             looks_around = looks_around or 'clearance' in report.binding.limit
+        for share in _TOWARD_QUINTIC:
+            path = self._basis.path(points + share * (first - points), q0, q1, duration)
+            if self._checker.check(path, stop_early=True).feasible:
+                return self._made(path, self._checker.check(path))
         self._require(report, f'a motion of {duration:.3g} s', self._advice(q0, q1, duration))
         raise AssertionError  # it was infeasible
 
     def _of_free_duration(self, q0: FloatArray, q1: FloatArray, second: float) -> MotionPlan:
-        points, duration = self._first_guess(q0, q1)
-        price = 0.0 if self.settings.objective == TIME else 1.0
+        duration = 1.2 * self._quintic_duration(q0, q1)
+        near = PolynomialPath.rest_to_rest(q0, q1, duration)
+        points = self._basis.points_near(near)
+        is_priced = self.settings.objective == ENERGY
+        base = self._base_terms(near) if is_priced else []
         looks_around = False
         for penalty in _PENALTIES:
-            terms = self._terms(price, 10.0 * penalty, looks_around)
+            terms = [*self._terms(float(is_priced), 10.0 * penalty, looks_around), *base]
             cost = MotionCost(self._basis, q0, q1, terms, second)
             points, duration = self._searched(cost, points, duration, is_free=True)
             path, report = self._stretched(points, q0, q1, duration)
@@ -208,10 +227,6 @@ class MotionPlanner:
             looks_around = looks_around or 'clearance' in report.binding.limit
         self._require(report, 'every motion that was tried')
         raise AssertionError
-
-    def _first_guess(self, q0: FloatArray, q1: FloatArray) -> tuple[FloatArray, float]:
-        duration = 1.2 * self._quintic_duration(q0, q1)
-        return self._basis.points_near(PolynomialPath.rest_to_rest(q0, q1, duration)), duration
 
     def _stretched(
         self, points: FloatArray, q0: FloatArray, q1: FloatArray, duration: float
@@ -235,6 +250,15 @@ class MotionPlanner:
         if looks_around:
             terms.append(ClearanceTerm(self._setup.clearance, penalty))
         return terms
+
+    def _base_terms(self, near: PolynomialPath) -> list[CostTerm]:
+        """Return the price of moments on the base, beyond half of a motion's peak above all."""
+        price = self.settings.disturbance_price
+        if not price:
+            return []
+        times = np.linspace(0.0, near.duration, self.settings.samples)
+        peak = peak_moment(self._body, near.evaluate(times))
+        return [DisturbanceTerm(self._body, price, max(0.5 * peak, _LEAST_MOMENT))]
 
     def _searched(
         self, cost: MotionCost, points: FloatArray, duration: float, is_free: bool = False

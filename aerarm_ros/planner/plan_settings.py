@@ -23,6 +23,8 @@ class PlanSettings:
         What a second costs besides the arm's energy [W], as the power at which the drone hovers.
     smoothness : float
         Price of acceleration squared [J s^3/rad^2], where energy is saved; see `SmoothnessTerm`.
+    disturbance_price : float
+        Price of the reaction's moment on the base, see `DisturbanceTerm` [J/(Nm)^2/s]; 0 for none.
     velocity_share, effort_share : float
         Usable share of velocity and acceleration limits, and of torque and current limits.
     knots : int
@@ -40,6 +42,7 @@ class PlanSettings:
     duration: float = 0.0
     time_price: float = 10.0
     smoothness: float = 0.016
+    disturbance_price: float = 0.0
     velocity_share: float = 0.9
     effort_share: float = 0.8
     knots: int = 8
@@ -51,6 +54,8 @@ class PlanSettings:
         check_range('plan', 'duration', self.duration, 0.0, 60.0, 's')
         check_range('plan', 'time_price', self.time_price, 0.0, 1e5, 'W')
         check_range('plan', 'smoothness', self.smoothness, 0.0, 100.0, 'J s^3/rad^2')
+        price = self.disturbance_price
+        check_range('plan', 'disturbance_price', price, 0.0, 1e6, 'J/(Nm)^2/s')
         for key in ('velocity_share', 'effort_share'):
             check_range('plan', key, getattr(self, key), 0.01, 1.0, '')
         check_range('plan', 'knots', self.knots, 1, 50, '')

@@ -27,6 +27,9 @@ _SETTINGS = (
               'as the power at which the drone hovers', 'W', 0.0, 1e5, live=True),
     Parameter('smoothness', 0.016, 'price of acceleration squared: joints whose way costs nothing '
               'move evenly instead of creeping', 'J s^3/rad^2', 0.0, 100.0, live=True),
+    Parameter('disturbance_price', 0.0, "price of the moment that a motion's reaction puts on the "
+              'base: 3 trades it against energy, 1000 counts nothing else', 'J/(Nm)^2/s', 0.0, 1e6,
+              live=True),
     Parameter('velocity_share', 0.9, 'usable share of velocity and acceleration limits', '', 0.01,
               1.0, live=True),
     Parameter('effort_share', 0.8, 'usable share of torque and current limits', '', 0.01, 1.0,
