@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,12 +47,13 @@ def executables() -> list[str]:
     raise ValueError('setup.py has no list EXECUTABLES')
 
 
-def imported_modules(path: Path) -> set[str]:
+@cache
+def imported_modules(path: Path) -> frozenset[str]:
     """Return the full names of the modules that a file imports.
 
     `from a.b import c` imports `a.b.c` if that is a module or package of the suite, else `a.b`.
     """
-    return set(_imported(ast.parse(path.read_text()), path))
+    return frozenset(_imported(ast.parse(path.read_text()), path))
 
 
 def _imported(tree: ast.AST, path: Path) -> Iterator[str]:
@@ -62,13 +64,15 @@ def _imported(tree: ast.AST, path: Path) -> Iterator[str]:
             assert node.module and not node.level, f'{path}: rules are read from full names'
             for alias in node.names:
                 below = f'{node.module}.{alias.name}'
-                yield below if is_package(below) or _file(below).is_file() else node.module
+                yield below if is_package(below) or _is_module(below) else node.module
 
 
+@cache
 def is_package(name: str) -> bool:
     """Tell whether a dotted name is that of one of the suite's packages."""
     return (ROOT / name.replace('.', '/') / '__init__.py').is_file()
 
 
-def _file(name: str) -> Path:
-    return ROOT / f'{name.replace(".", "/")}.py'
+@cache
+def _is_module(name: str) -> bool:
+    return (ROOT / f'{name.replace(".", "/")}.py').is_file()
