@@ -1,0 +1,183 @@
+"""Pieces of work that the nodes do each cycle, alone, so that their instructions can be counted.
+
+`python -m counting.work PIECE CYCLES` from the folder `benchmarks` does one, so often.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from counting.replayed_boards import replayed_cycle
+from rclpy.node import Node
+
+from aerarm_msgs_py.bags.bag_writer import BagWriter
+from aerarm_msgs_py.bags.recorded_message import RecordedMessage
+from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.topics import JOINT_COMMAND, JOINT_STATES, MOTOR_STATES
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams
+from aerarm_ros.ros.process.node_process import ros_environment
+
+PERIOD = 1e-3
+MOST = 6000  # cycles of a piece
+ENABLED_AT = 20
+ALIGNED_AT = 1500
+SWING = np.array([0.5, 0.1, 0.5, 0.5])
+NAMES = load_arm_config().joint_names
+
+
+def drive(bridge: BridgeCycle, cycles: int) -> None:
+    """Enable a bridge, and lead the arm to and fro; the first 1.5 s are not counted in."""
+    now = 100.0
+    for index in range(ALIGNED_AT + cycles):
+        now += PERIOD
+        if index == ENABLED_AT:
+            bridge.enable()
+        if index >= ALIGNED_AT:
+            velocity = SWING * np.sin(3.0 * now)
+            bridge.command(OfferedCommand(NAMES, None, velocity, None, PERIOD, 1), now)
+        bridge.update(now)
+    if bridge.mode != 'running':
+        raise SystemExit(f'the arm is {bridge.mode}: {bridge.faults}')
+
+
+def bridge_cycle(cycles: int) -> None:
+    """Run the bridge's cycle: frames, monitors, limits, barriers; no emulation, no topics."""
+    drive(replayed_cycle(drive, MOST), cycles)
+
+
+def emulated_cycle(cycles: int) -> None:
+    """Run the same with emulated boards and the physics of the arm."""
+    config = load_arm_config()
+    drive(BridgeCycle(config, make_emulated_transport(config, load_robot(), 1)), cycles)
+
+
+def control_law(cycles: int) -> None:
+    """Run computed torque with observer and friction: state's bytes in, command's bytes out."""
+    config, robot = load_arm_config(), load_robot()
+    dynamics = MovingBaseDynamics(robot, config.column('reflected_inertia'))
+    friction = FrictionCompensation(robot.viscous, robot.coulomb, load_share=0.04)
+    limits = JointLimits.from_config(config)
+    loop = ControlLoop(
+        limits,
+        TrajectoryFollower(limits, FollowerTolerances.uniform(len(NAMES))),
+        ComputedTorque(dynamics, 400.0, 40.0, friction=friction),
+        MomentumObserver(dynamics, 30.0, friction),
+    )
+    cdr, q, dq = JointStateCdr(NAMES), config.rest_position, np.zeros(4)
+    for index in range(cycles):
+        sample = cdr.unpack(cdr.pack(index * 1_000_000, q, dq, dq))
+        state = ArmState(*map(np.array, (sample.position, sample.velocity, sample.effort)))
+        command = loop.update(state, index * PERIOD)
+        loop.observe()
+        if command is not None:
+            cdr.pack(index * 1_000_000, effort=command.tau)
+
+
+def topics(cycles: int) -> None:
+    """Send three states and take a command; another process answers."""
+    with _node('counted') as node:
+        streams, values = BridgeStreams(node, NAMES), np.full(4, 0.1)
+        with _partner():
+            _until(
+                lambda: node.count_subscribers(JOINT_STATES.name) and streams.commands.publishers()
+            )
+            for _ in range(cycles):
+                streams.publish(time.time_ns(), [values] * 3, [values] * 3, values)
+                while not streams.commands.wait(1.0):
+                    streams.publish(time.time_ns(), [values] * 3, [values] * 3, values)
+                streams.newest_command()
+        streams.destroy()
+
+
+def recording(cycles: int) -> None:
+    """Put two messages of the arm into a bag, compressed; they are received as topics are."""
+    described = [
+        RecordedTopic(t.name, 'sensor_msgs/msg/JointState') for t in (JOINT_STATES, MOTOR_STATES)
+    ]
+    cdr, values = JointStateCdr(NAMES), np.random.default_rng(0).standard_normal((MOST, 4))
+    with tempfile.TemporaryDirectory() as folder, BagWriter(Path(folder) / 'bag', described) as bag:
+        for index in range(cycles):
+            stamp = index * 1_000_000
+            payload = cdr.pack(stamp, values[index], values[-index], values[index])
+            for topic in range(2):
+                bag.write(RecordedMessage(topic, payload, stamp, stamp, index))
+
+
+def answering(cycles: int) -> None:
+    """Answer every state until none comes."""
+    with _node('partner') as node:
+        states, cdr = RawReader(node, JOINT_STATES), JointStateCdr(NAMES)
+        commands = node.create_publisher(JOINT_COMMAND.type, JOINT_COMMAND.name, JOINT_COMMAND.qos)
+        while True:
+            if states.wait(1.0) and (message := states.take_newest()):
+                commands.publish(cdr.pack(cdr.unpack(message[0]).stamp_ns, np.zeros(4)))
+
+
+@contextmanager
+def _node(name: str) -> Iterator[Node]:
+    rclpy.init(args=[])
+    node = rclpy.create_node(name)
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+@contextmanager
+def _partner() -> Iterator[None]:
+    command = [sys.executable, '-m', 'counting.work', answering.__name__, '0']
+    with subprocess.Popen(command, env=ros_environment()) as process:
+        try:
+            yield
+        finally:
+            process.kill()
+
+
+def _until(condition: Callable[[], object]) -> None:
+    end = time.monotonic() + 120.0  # counted instructions are slow
+    while not condition():
+        if time.monotonic() > end:
+            raise SystemExit('the answering process was not found: check ROS_DOMAIN_ID')
+        time.sleep(0.05)
+
+
+PIECES: dict[str, Callable[[int], None]] = {
+    piece.__name__: piece
+    for piece in (bridge_cycle, emulated_cycle, control_law, topics, recording, answering)
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('piece', choices=PIECES)
+    parser.add_argument('cycles', type=int)
+    options = parser.parse_args()
+    PIECES[options.piece](options.cycles)
+
+
+if __name__ == '__main__':
+    main()
