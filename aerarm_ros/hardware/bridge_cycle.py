@@ -313,7 +313,7 @@ class BridgeCycle:
         times = state.age(now, now - elapsed)
         gate.watch(self.q, self.dq, references.torques(self.q, self.dq), *times)
         followed = self._follow(now, min(elapsed, _STEP_MAX))
-        if references.keep_within(gate.barriers, self._encoders.trusted & state.driven):
+        if references.keep_within(gate.barriers, self._encoders.tells_position & state.driven):
             gate.note_braking(now)
         return followed
 

@@ -6,8 +6,10 @@ from attack_campaign import BEYOND_MAX, SPEED_MAX, run
 from attack_rig import AttackRig, Offer
 from attacks import ATTACKS
 
-# What a board's integral and a base that is turned add; joint 1 throws a heavy arm outward.
+# What a board's integral and a base that is turned add; joint 1 throws a heavy arm outward;
+# a load that changes as the reference moves holds joint 2 still, as if its encoder were stuck.
 SPECIAL = [('position', 7), ('position', 15), ('full_law', 4), ('full_law', 11), ('swinging', 9)]
+SPECIAL.append(('velocity', 54))
 PUSH = 9.0  # [Nm] or [rad/s], beyond any limit
 
 # Number 1 has gains of its own, 2 and 5 other arms.
@@ -19,7 +21,7 @@ NUMBERS = {name: (1, 2) if index % 2 else (3, 5) for index, name in enumerate(AT
     [*((name, number) for name in ATTACKS for number in NUMBERS[name]), *SPECIAL],
 )
 def test_no_attack_breaks_a_limit(attack: str, number: int) -> None:
-    outcome = run(attack, number, seconds=0.7)
+    outcome = run(attack, number, seconds=1.5 if (attack, number) in SPECIAL else 0.7)
     assert outcome.beyond <= BEYOND_MAX, outcome
     assert outcome.speed <= SPEED_MAX, outcome
 

@@ -56,6 +56,9 @@ class EncoderMonitor:
     ----------
     trusted
         (n,) False for the motors whose encoder is doubted, until `clear`.
+    tells_position
+        (n,) False for the motors whose encoder has jumped, or stands against reason; one that moves
+        on was not stuck: a load that changed as its current did may hold a joint still.
     damping_speed
         (n,) speeds [rad/s, motor side] up to which damping may believe the encoders: inf for
         any, 0 for none.
@@ -63,6 +66,7 @@ class EncoderMonitor:
 
     def __init__(self, config: ArmConfig, stall_time: float, load_max: ArrayLike = 0.0) -> None:
         self.trusted: Mask = np.ones(config.n, dtype=bool)
+        self.tells_position: Mask = np.ones(config.n, dtype=bool)
         self.damping_speed: Array = np.full(config.n, inf)
         self._stall_time = stall_time
         fastest = _JUMP_VELOCITY_FACTOR * config.column('velocity_max')
@@ -79,7 +83,7 @@ class EncoderMonitor:
 
     def clear(self) -> None:
         """Trust every encoder again, wherever it is now."""
-        self.trusted[:] = True
+        self.trusted[:] = self.tells_position[:] = True
         self.damping_speed[:] = inf
         for encoder in self._encoders:
             encoder.clear()
@@ -141,6 +145,7 @@ class EncoderMonitor:
                 self.trusted[i] = False
                 first = first or fault
             if not self.trusted[i]:
+                self.tells_position[i] = encoder.tells_position
                 self.damping_speed[i] = encoder.damping_speed
         return first
 
@@ -155,6 +160,7 @@ class _Encoder:
         'doubted_for',  # [s] of a standstill that awaits its second look, NaN without one
         'elapsed',  # [s] since the look before
         'fastest',  # [rad/s]
+        'has_jumped',
         'held',  # [A] that dry friction may hold
         'is_confirmed',
         'is_pause',
@@ -169,6 +175,7 @@ class _Encoder:
         'since_anchor',  # [s]
         'speed',  # [rad/s] without sign, of the last look that was no jump
         'standing',  # [s] against reason
+        'stood_at',  # [rad] where it was doubted for that, NaN once it has moved on
     )
 
     def __init__(self, name: str, fastest: float, held: float, load: float) -> None:
@@ -182,7 +189,13 @@ class _Encoder:
     def clear(self) -> None:
         """Trust it, wherever it is now."""
         self.position = self.anchor = nan  # compares as no change, so no jump
-        self.is_confirmed = False
+        self.stood_at = nan
+        self.has_jumped = self.is_confirmed = False
+
+    @property
+    def tells_position(self) -> bool:
+        """Whether it is believed where the joint is."""
+        return not self.has_jumped and self.stood_at != self.stood_at
 
     @property
     def damping_speed(self) -> float:
@@ -212,6 +225,7 @@ class _Encoder:
             is_known = change == change and time > 0.0  # not the first look
             self.speed = change / time if is_known else 0.0
             return ''
+        self.has_jumped = True
         if doubted:
             self.is_confirmed = True
         else:
@@ -230,6 +244,8 @@ class _Encoder:
             self.moving_noise = noise
             self.doubted_for = nan
             self.is_settling = True
+            if abs(self.position - self.stood_at) > _JUMP_ALLOWANCE and not self.is_confirmed:
+                self.stood_at = nan
         elif self.is_pause:
             return ''
         elif self.is_settling:
@@ -252,6 +268,7 @@ class _Encoder:
             return ''
         if self.doubted_for != self.doubted_for:
             self.doubted_for = 0.0
+            self.stood_at = self.position
         return (
             f'{self.name} does not move although its current changed to '
             f'{current:.1f} A: check for a stuck encoder or a blocked joint'
