@@ -80,7 +80,7 @@ class EnergyModel:
         steps = max(1, round(motion.duration / _STEP))
         dt = motion.duration / steps
         q, dq, ddq = motion.evaluate((np.arange(steps) + 0.5) * dt)
-        rigid, weight = self._torques(q, dq, ddq)
+        rigid, weight = self.torques(q, dq, ddq)
         friction = self.friction.torque(dq, rigid)
         tau = rigid + friction
         return self.split(dt, dq, tau, rigid - weight, weight, friction)
@@ -127,7 +127,7 @@ class EnergyModel:
             recovered=recovery * joules(braking),
         )
 
-    def _torques(
+    def torques(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return inverse dynamics and gravity, (M, n) [Nm] each."""

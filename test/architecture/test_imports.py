@@ -20,7 +20,7 @@ ALLOWED = {
     'flight': {'control', 'model', 'description'},
     'energy': {'control', 'motion', 'model', 'description'},
     'excitation': {'motion', 'model', 'description'},
-    'identification': {'model', 'description'},
+    'identification': {'energy', 'model', 'description'},
     'simulation': {'motion', 'model', 'description'},
     'hardware': {'motion', 'simulation', 'model', 'description'},
     'experiment': {

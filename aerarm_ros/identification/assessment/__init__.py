@@ -11,6 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'assessment': ['BagAssessment', 'assess', 'torque_errors'],
         'bag_demand': ['BagDemand', 'extrapolation_warnings'],
+        'bag_energy': ['bag_energies'],
         'identification_result': ['IdentificationResult', 'Solution'],
         'plausibility': ['bound_warnings', 'error_warnings', 'joint_warnings'],
         'residual_trend': ['ResidualTrend', 'trend_warnings'],

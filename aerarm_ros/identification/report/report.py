@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from aerarm_ros.energy.energy_balance import EnergyBalance
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.assessment.truth import InertialTorqueError, Truth
 from aerarm_ros.identification.payload.payload import Payload
@@ -25,6 +26,7 @@ from aerarm_ros.identification.report.report_tables import (
     bags_of,
     base_parameter_table,
     conditioning_tables,
+    energy_table,
     error_table,
     excitation_table,
     friction_tables,
@@ -52,6 +54,8 @@ class ReportExtras:
         What the arm carried in another recording.
     facts : mapping
         Name of a bag to what else is known of it.
+    energy : mapping
+        Name of a bag to where its energy went.
     """
 
     desired: Mapping[str, DesiredVelocity] = field(default_factory=dict)
@@ -59,6 +63,7 @@ class ReportExtras:
     truth_errors: Sequence[InertialTorqueError] = ()
     payload: Payload | None = None
     facts: Mapping[str, BagFacts] = field(default_factory=dict)
+    energy: Mapping[str, EnergyBalance] = field(default_factory=dict)
 
 
 def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
@@ -115,6 +120,7 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
             friction_figure(result).html('friction'),
             friction_tables(result),
         ),
+        *_energy(extras, robot.joint_names),
         section(
             'Conditioning and excitation',
             recording_table(extras.facts),
@@ -148,6 +154,12 @@ _SOLVERS = {
     'sdp': 'semidefinite program, every link physically consistent, close to CAD where the motion '
     'says nothing',
 }
+_ENERGY = (
+    'Where the energy of each bag went: heat of the windings, 3/2 R i² with the configured '
+    'resistances; friction, lifting and motion by the identified model; work that it does not '
+    'explain; braking energy that the power stage burns; what the boards take. They add up to what '
+    'the supply gave. From filtered torque, so that ripple above the cut-off is left out.'
+)
 _TRUTH = (
     'Torque that links and rotors need along each motion, against that of the true parameters '
     'of the simulated arm. Measured torque is current times the nominal torque constant; the '
@@ -203,6 +215,13 @@ _EXCITATION = (
     "predicted torque is because the parameters are: above the noise, the bag's motion asks for "
     'what the identification motion has not shown.'
 )
+
+
+def _energy(extras: ReportExtras, joint_names: Sequence[str]) -> list[Html]:
+    if not extras.energy:
+        return []
+    note = paragraph(_ENERGY, 'note')
+    return [section('Energy', note, energy_table(extras.energy, joint_names))]
 
 
 def _metric(result: IdentificationResult) -> str:

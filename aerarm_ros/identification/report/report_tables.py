@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from aerarm_ros.energy.energy_balance import EnergyBalance
 from aerarm_ros.identification.assessment.assessment import BagAssessment
 from aerarm_ros.identification.assessment.identification_result import (
     IdentificationResult,
@@ -205,6 +206,20 @@ def payload_table(payload: Payload) -> Html:
     entries = zip(PARAMETER_NAMES, _RIGID_UNITS, payload.inertial, payload.std, strict=True)
     rows += [[name, Html(unit), float(value), float(std)] for name, unit, value, std in entries]
     return table([f'carried by {payload.link}', 'unit', 'value', 'standard deviation'], rows)
+
+
+def energy_table(balances: Mapping[str, EnergyBalance], joint_names: Sequence[str]) -> Html:
+    """Return the joules of each bag, by joint and cause."""
+    headings = ['bag', 'joint', *(f'{name} [J]' for name in EnergyBalance.PARTS)]
+    headings += ['supplied [J]', 'mean [W]']
+    rows: list[list[object]] = []
+    for bag, balance in balances.items():
+        columns = np.vstack([balance.parts, balance.supplied, balance.supplied / balance.seconds])
+        for name, column in zip(
+            [*joint_names, 'all'], [*columns.T, columns.sum(axis=1)], strict=True
+        ):
+            rows.append([bag, name, *map(float, column)])
+    return table(headings, rows)
 
 
 def excitation_table(result: IdentificationResult) -> Html:

@@ -14,6 +14,7 @@ import numpy as np
 from aerarm_msgs_py.storage.read_limits import ReadLimits
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
+from aerarm_ros.identification.assessment.bag_energy import bag_energies
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.assessment.truth import inertial_torque_errors, load_truth
 from aerarm_ros.identification.assessment.verdict import Verdict, judge, read_limits
@@ -208,7 +209,8 @@ class IdentifierRun:
     def _extras(self, result: IdentificationResult) -> ReportExtras:
         bags = self._read_bags.items()
         desired = {name: bag.desired for name, bag in bags if bag.desired is not None}
-        extras = ReportExtras(desired, facts=self._facts())
+        energy = bag_energies(self._config, result) if self._config else {}
+        extras = ReportExtras(desired, facts=self._facts(), energy=energy)
         if self._options.truth is None:
             return extras
         truth = load_truth(self._options.truth, result.fit.model)
