@@ -30,7 +30,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 from aerarm_ros.ros.requests.parameter_request import set_parameter
 
-LEAD = 0.3  # [s] from a message to its motion
+LEAD = 1.0  # [s] from a message to its motion
 SETTLE = 0.2  # [s] after a motion that count to it
 PATIENCE = 600.0  # [s] of the host, which may be busy
 
@@ -105,7 +105,7 @@ class EnergyBench:
             self.played.append(Played(pair, shape, *self._play(move.path(shape))))
             return
         self._set_duration(move.duration)
-        told, sent = len(self._told), len(self._sent)
+        told, before = len(self._told), len(self._sent)
         names = list(self._config.joint_names)
         self._goals.publish(JointState(name=names, position=move.goal.tolist()))
         self._until(lambda: len(self._told) > told, 'a plan')
@@ -113,10 +113,11 @@ class EnergyBench:
             self.refused.append(self._told[-1]['text'])
             self._play(move.path('quintic'))
             return
-        self._until(lambda: len(self._sent) > sent, 'a trajectory')
+        self._until(lambda: len(self._sent) > before, 'a trajectory')
         limits = JointLimits.from_config(self._config)
-        trajectory, begin = read_trajectory(limits, self._sent[-1], self._now())
-        assert begin is not None
+        sent = self._sent[-1].header.stamp
+        begin = sent.sec + 1e-9 * sent.nanosec  # this process may be late, the arm is not
+        trajectory, _ = read_trajectory(limits, self._sent[-1], begin)
         path = trajectory.path(move.start, 'quintic')
         self._wait_for(begin + path.duration)
         self.played.append(Played(pair, shape, begin, path))
