@@ -200,7 +200,9 @@ def _prepared(
     if gravity is not None and gravity.tilt > 0.0:
         choice = choose_filter(regressor, conditioner, identification)
     if not options.conditioning.exact_stamps:
-        delay = find_effort_delay(choice.bags, cad, choice.in_time(regressor, identification))
+        late = choice.has_late_velocities
+        in_time = choice.excerpts(regressor, identification, True) if late else None
+        delay = find_effort_delay(choice.excerpts(regressor, identification), cad, in_time)
         choice = choice.with_effort_delay(regressor, identification, delay)
     choice = replace(choice, bags=weighted_bags(choice.bags, cad))
     if gravity is None or gravity.tilt == 0.0:

@@ -60,16 +60,25 @@ class FilterChoice:
     kinematics: KinematicsFilter
     bags: list[SampleColumns]
 
-    def in_time(
-        self, regressor: Regressor, recordings: Sequence[Recording]
-    ) -> list[SampleColumns] | None:
-        """Return the bags with velocities moved to where positions say; None if they are there."""
+    def excerpts(
+        self, regressor: Regressor, recordings: Sequence[Recording], in_time: bool = False
+    ) -> list[SampleColumns]:
+        """Return what is enough of the recordings, filtered alike; all of them if they are short.
+
+        With velocities moved to where positions say, if that is asked for.
+        """
+        parts = [_excerpt(recording) for recording in recordings]
+        if not in_time and all(part is r for part, r in zip(parts, recordings, strict=True)):
+            return self.bags
+        kinematics = replace(self.kinematics, in_time=in_time or self.kinematics.in_time)
+        return [condition_once(regressor, self.conditioner, part, kinematics) for part in parts]
+
+    @property
+    def has_late_velocities(self) -> bool:
+        """Whether the kinematics come from velocities that are known to be late."""
         kinematics = self.kinematics
-        lag = self.conditioner.delays.velocity
-        if kinematics.from_position or kinematics.in_time or not lag.any():
-            return None
-        moved = replace(kinematics, in_time=True)
-        return [condition_once(regressor, self.conditioner, r, moved) for r in recordings]
+        as_measured = not (kinematics.from_position or kinematics.in_time)
+        return as_measured and bool(self.conditioner.delays.velocity.any())
 
     def with_effort_delay(
         self, regressor: Regressor, recordings: Sequence[Recording], delay: EffortDelay
