@@ -18,8 +18,11 @@ from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
-PLAN = BenchPlan(speeds=(0.5, 1.0, 1.6), span=1.6, runs=1)
+# As short as each answer allows: an emulated second takes half of one.
+PLAN = BenchPlan(speeds=(0.8, 2.0), span=1.4, runs=1)
+LOADED_PLAN = BenchPlan(speeds=(0.8, 1.6), span=1.6, runs=1)  # joint 2 takes longer to get fast
 GRAVITY_PLAN = BenchPlan(speeds=(0.8, 1.6), span=1.6, runs=0)
+QUICK_PLAN = BenchPlan(speeds=(1.0, 2.0), span=1.2, runs=0)
 
 
 @pytest.fixture(scope='module')
@@ -63,7 +66,7 @@ def test_a_loaded_joint_and_a_rotor_behind_its_links(
     config: ArmConfig, robot: Robot, truth: PlantParameters
 ) -> None:
     """Joint 2 lifts the arm: 5 Nm of gravity, seventeen times the rotor's inertia in links."""
-    runs = record(config, robot, truth, 1, config.rest_position, PLAN)
+    runs = record(config, robot, truth, 1, config.rest_position, LOADED_PLAN)
     bench = MotorBench(config, robot, config.rest_position)
     result = bench.evaluate(1, runs)
     true = measured_per_true(truth)[1]
@@ -108,7 +111,7 @@ def test_a_mass_without_a_lever_is_no_error(
     config: ArmConfig, robot: Robot, truth: PlantParameters
 ) -> None:
     """Joint 1 is vertical: nothing that hangs on the arm turns it."""
-    runs = record(config, robot, truth, 0, config.rest_position, GRAVITY_PLAN)
+    runs = record(config, robot, truth, 0, config.rest_position, QUICK_PLAN)
     posture = np.array(config.rest_position)
     earlier = Earlier({'joint1': np.zeros(2)}, posture)
     bench = MotorBench(config, robot, posture, KnownMass(0.3, (0.1, 0.0, 0.0)), earlier)
