@@ -32,6 +32,7 @@ class Meter:
     friction: np.ndarray = field(default_factory=lambda: np.zeros(4))
     supplied: np.ndarray = field(default_factory=lambda: np.zeros(4))
     stored: float = 0.0
+    told: np.ndarray = field(default_factory=lambda: np.zeros(4))  # by motor_power
 
 
 class MeteredArm:
@@ -76,6 +77,7 @@ class MeteredArm:
         for _ in range(round(motion.duration / CYCLE)):
             self._cycle(loop)
             states.append((self._now, self._state()))
+            self._meter.told += CYCLE * np.maximum(bridge.motor_power, 0.0)
         self._meter.stored += self._plant.energy
         meter, self._meter = self._meter, None
         assert bridge.mode == 'running', bridge.faults
