@@ -3,16 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import plotly.graph_objects as go
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.experiment.experiment_bench import ExperimentRun
 from aerarm_ros.experiment.experiment_case import ExperimentCase
-from aerarm_ros.identification.report.html_text import Html, page, paragraph, section, table
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.pages.html_text import Html, page, paragraph, section, table
+from aerarm_ros.pages.page_origin import origin
+from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 from aerarm_ros.simulation.base_profile import STILL
 
 Array = npt.NDArray[np.float64]
@@ -28,6 +30,7 @@ HEADINGS = (
     'RMS over still: joint, tool',
 )
 _MOST_POINTS = 1500
+_TOOL_RMS = HEADINGS.index('tool RMS [mm]')
 
 
 class ExperimentReport:
@@ -74,12 +77,18 @@ class ExperimentReport:
 
     def write(self, path: Path, note: str) -> None:
         """Write the page; it needs no network."""
-        body = [
-            paragraph(note, 'lead'),
-            section('Errors', table(HEADINGS, self._rows)),
-            section('Path of the tool', Html(self._figure())),
-        ]
-        path.write_text(page('Dynamic controllers', '', body), encoding='utf-8')
+        body: list[str] = [paragraph(note, 'lead')]
+        for base in dict.fromkeys(run.case.base for run in self._runs):
+            rows = [
+                _numbers(row)
+                for run, row in zip(self._runs, self._rows, strict=True)
+                if run.case.base == base
+            ]
+            best = min(range(len(rows)), key=lambda k: float(rows[k][_TOOL_RMS]))
+            body.append(section(f'Errors, drone {base}', table(HEADINGS, rows, [best])))
+        body.append(section('Path of the tool', self._figure()))
+        text = page('Dynamic controllers', plotting_script(), body, origin())
+        path.write_text(text, encoding='utf-8')
 
     def _over_still(self, case: ExperimentCase, rms: Array) -> str:
         """Return how much larger the errors are than those of the same case on a still base.
@@ -92,29 +101,37 @@ class ExperimentReport:
         still = self._still.get(replace(case, base=STILL, aware=False))
         return '' if still is None else ' '.join(f'{ratio:.2f}' for ratio in rms / still)
 
-    def _figure(self) -> str:
-        figure = go.Figure()
+    def _figure(self) -> Html:
+        """Return the desired path and, of the list above it, one run's."""
         shown = np.flatnonzero(self._runs[0].at_full_speed)
         shown = shown[:: max(1, len(shown) // _MOST_POINTS)]
         desired = self._path(self._runs[0].qd[shown])
         extent = np.ptp(desired, axis=0) + 1e-3  # a flat path has a box too
-        figure.add_trace(_curve(desired, 'desired', True))
+        traces = [_curve(desired, 'desired', True)]
         for index, run in enumerate(self._runs):
-            # The first is seen; the others are there for a click in the legend.
-            figure.add_trace(_curve(self._path(run.q[shown]), run.case.name, index == 0))
-        figure.update_layout(
-            height=600,
-            scene={
-                'xaxis_title': 'x [m]',
-                'yaxis_title': 'y [m]',
-                'zaxis_title': 'z [m]',
+            traces.append(_curve(self._path(run.q[shown]), run.case.name, index == 0))
+        choices = [
+            {
+                'label': run.case.name,
+                'method': 'restyle',
+                'args': ['visible', [True, *(other is run for other in self._runs)]],
+            }
+            for run in self._runs
+        ]
+        layout = {
+            'height': 640,
+            'margin': {'l': 0, 'r': 0, 't': 60, 'b': 0},
+            'scene': {
+                **{f'{axis}axis': {'title': {'text': f'{axis} [m]'}} for axis in 'xyz'},
                 # Equal scales, the longest side 1.8: plotly's own choice leaves the picture.
-                'aspectratio': dict(zip('xyz', 1.8 * extent / extent.max(), strict=True)),
+                'aspectratio': dict(
+                    zip('xyz', (1.8 * extent / extent.max()).tolist(), strict=True)
+                ),
             },
-            legend={'orientation': 'h', 'y': -0.05},
-        )
-        html: str = figure.to_html(full_html=False, include_plotlyjs=True)
-        return html
+            'updatemenus': [{'buttons': choices, 'x': 0.0, 'xanchor': 'left', 'y': 1.12}],
+            'legend': {'orientation': 'h', 'y': 0.0},
+        }
+        return figure_html('paths', traces, layout)
 
     def _path(self, q: Sequence[Array] | Array) -> Array:
         return np.array([self._kinematics.position(row) for row in q])
@@ -128,8 +145,13 @@ def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
     return '  '.join([first, *others])
 
 
-def _curve(path: Array, name: str, is_seen: bool) -> go.Scatter3d:
-    x, y, z = np.round(path, 5).T
-    return go.Scatter3d(
-        x=x, y=y, z=z, mode='lines', name=name, visible=True if is_seen else 'legendonly'
-    )
+def _numbers(row: Sequence[str]) -> list[str | float]:
+    """Return a row for a page: what is one number as such."""
+    return [float(x) if x.replace('.', '', 1).isdigit() else x for x in row]
+
+
+def _curve(path: Array, name: str, is_seen: bool) -> dict[str, Any]:
+    x, y, z = np.round(path, 5).T.tolist()
+    line = {'width': 3}
+    curve = {'type': 'scatter3d', 'mode': 'lines', 'x': x, 'y': y, 'z': z, 'line': line}
+    return {**curve, 'name': plain_text(name), 'visible': is_seen}

@@ -5,8 +5,8 @@ import plotly.graph_objects as go
 from energy_moves.energy_figures import EnergyFigures
 from energy_moves.move import PLANNED, TRAPEZOID
 
-from aerarm_ros.identification.report.figure import plotting_script
-from aerarm_ros.identification.report.html_text import Html, page, paragraph, section
+from aerarm_ros.pages.html_text import Html, page, paragraph, section
+from aerarm_ros.pages.plots import plotting_script
 from aerarm_ros.planner.plan_settings import QUINTIC
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from pathlib import Path
 
 import numpy as np
@@ -16,16 +15,12 @@ from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.preview.arm_animation import ArmAnimation, scene
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
 from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.pages.html_text import Html, bullets, page, paragraph, section, table
+from aerarm_ros.pages.page_origin import origin
+from aerarm_ros.pages.plots import plotting_script
 
 _STEP = 0.02
 _COLOURS = ('#1f77b4', '#d9722e', '#2ca02c', '#9467bd', '#8c564b', '#e377c2', '#17becf')
-_STYLE = """
-body { font-family: system-ui, sans-serif; max-width: 1100px; margin: 2em auto; color: #222; }
-table { border-collapse: collapse; margin: 1em 0; }
-td, th { border-bottom: 1px solid #ccc; padding: 0.25em 0.9em; text-align: right; }
-td:first-child, th:first-child, td:nth-child(2), th:nth-child(2) { text-align: left; }
-p { max-width: 48em; line-height: 1.45; }
-"""
 
 
 class Preview:
@@ -73,43 +68,33 @@ class Preview:
             ('Animation', self._animation.figure(self._times, self._states.q),
              'Collision shapes in the postures of the trajectory.'),
         ]  # fmt: skip
-        body = [self._summary()]
-        for number, (title, figure, text) in enumerate(sections):
-            body.append(f'<h2>{title}</h2><p>{html.escape(text)}</p>')
-            body.append(figure.to_html(full_html=False, include_plotlyjs=number == 0))
-        return (
-            '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
-            f'<title>Excitation trajectory</title><style>{_STYLE}</style></head>'
-            f'<body>{"".join(body)}</body></html>'
-        )
+        body: list[str] = [*self._summary()]
+        for title, figure, text in sections:
+            drawn = figure.to_html(full_html=False, include_plotlyjs=False)
+            body.append(section(title, paragraph(text, 'note'), Html(drawn)))
+        return page('Excitation trajectory', plotting_script(), body, origin())
 
-    def _summary(self) -> str:
+    def _summary(self) -> list[str]:
         trajectory, quality = self._result.trajectory, self._result.quality
         other = self._reference.quality
         gain = np.exp(other.log_deviation - quality.log_deviation)
-        rows = ''.join(
-            f'<tr><td>{html.escape(m.limit)}</td><td>{html.escape(m.subject)}</td>'
-            f'<td>{m.reached:.4g}</td><td>{m.allowed:.4g}</td><td>{m.margin:.3g}</td>'
-            f'<td>{m.unit}</td></tr>'
-            for m in self._result.report.worst_of_each()
-        )
-        return (
-            '<h1>Excitation trajectory</h1>'
-            f'<p>{trajectory.harmonics} harmonics of {trajectory.f0:g} Hz. Condition number (5.2) '
+        lead = (
+            f'{trajectory.harmonics} harmonics of {trajectory.f0:g} Hz. Condition number (5.2) '
             f'{quality.condition_number:.1f} (random start {other.condition_number:.1f}); with '
             f'scaled columns {quality.scaled_condition_number:.1f} '
             f'({other.scaled_condition_number:.1f}); standard deviations {gain:.2f} times smaller '
-            'in the geometric mean.</p>'
-            '<table><tr><th>limit</th><th>closest</th><th>reached</th><th>allowed</th>'
-            f'<th>margin</th><th>unit</th></tr>{rows}</table>{self._notes()}'
+            'in the geometric mean.'
         )
-
-    def _notes(self) -> str:
+        rows = [
+            (m.limit, m.subject, float(m.reached), float(m.allowed), float(m.margin), m.unit)
+            for m in self._result.report.worst_of_each()
+        ]
+        headings = ('limit', 'closest', 'reached', 'allowed', 'margin', 'unit')
+        parts: list[str] = [table(headings, rows)]
         notes = self._result.report.notes
-        if not notes:
-            return ''
-        items = ''.join(f'<li>{html.escape(note)}</li>' for note in notes)
-        return f'<p>Clearances that are not checked, or reduced:</p><ul>{items}</ul>'
+        if notes:
+            parts += [paragraph('Clearances that are not checked, or reduced:'), bullets(notes)]
+        return [paragraph(lead, 'lead'), section('Limits', *parts)]
 
     def _trajectory(self) -> go.Figure:
         limits, names = self._setup.usable_limits, self._setup.limits.joint_names
@@ -126,8 +111,9 @@ class Preview:
             for j, name in enumerate(names):
                 colour = _COLOURS[j % len(_COLOURS)]
                 figure.add_scatter(
-                    x=self._times, y=np.round(values[:, j], 5), name=name, legendgroup=name,
-                    showlegend=row == 1, line={'color': colour, 'width': 1.4}, row=row, col=1,
+                    x=self._times.astype(np.float32), y=values[:, j].astype(np.float32),
+                    name=name, legendgroup=name, showlegend=row == 1,
+                    line={'color': colour, 'width': 1.4}, row=row, col=1,
                 )  # fmt: skip
                 low, high = (
                     (limits.position_min[j], limits.position_max[j])

@@ -7,8 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
-from aerarm_ros.identification.report.figure import figure_html, plain_text, plotting_script
-from aerarm_ros.identification.report.html_text import bullets, page, paragraph, section, table
+from aerarm_ros.pages.html_text import bullets, page, paragraph, section, table
+from aerarm_ros.pages.page_origin import origin
+from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 
 _HEADINGS = (
     'joint',
@@ -59,7 +60,7 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
         ),
         section('Motor torque over motor speed', paragraph(how, 'note'), _figure(results)),
     ]
-    return page('Motor bench', plotting_script(), parts)
+    return page('Motor bench', plotting_script(), parts, origin())
 
 
 def _cells(result: MotorResult) -> tuple[str, ...]:
@@ -88,7 +89,6 @@ def _figure(results: Sequence[MotorResult]) -> str:
     layout: dict[str, Any] = {
         'height': _ROW_HEIGHT * count + 60,
         'margin': {'l': 80, 'r': 15, 't': 30, 'b': 45},
-        'template': 'none',
     }
     for row, result in enumerate(results):
         suffix = '' if row == 0 else str(row + 1)

@@ -3,8 +3,9 @@
 from typing import Any
 
 from aerarm_ros.identification.files.estimate_comparison import EstimateChange, EstimateComparison
-from aerarm_ros.identification.report.figure import figure_html, plain_text, plotting_script
-from aerarm_ros.identification.report.html_text import Html, page, paragraph, section, table
+from aerarm_ros.pages.html_text import Html, page, paragraph, section, table
+from aerarm_ros.pages.page_origin import origin
+from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 
 _ROW = 17  # [px]
 _NAME = 34  # characters that are shown
@@ -41,7 +42,7 @@ def comparison_page(comparison: EstimateComparison, old: str, new: str) -> str:
                 'note',
             )
         )
-    return page(f'{new} against {old}', plotting_script(), parts)
+    return page(f'{new} against {old}', plotting_script(), parts, origin())
 
 
 def _table(changes: tuple[EstimateChange, ...], old: str, new: str) -> Html:

@@ -1,18 +1,12 @@
-"""Figures of an HTML page, drawn in the browser by the plotting script the page carries."""
+"""Curves of several joints over time, one above the other."""
 
-import base64
-import gzip
-import importlib.util
-import json
-from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.report.html_text import Html
+from aerarm_ros.pages.html_text import Html
+from aerarm_ros.pages.plots import figure_html, plain_text
 
 Array = npt.NDArray[np.float64]
 
@@ -28,19 +22,6 @@ _LINES = {
     'residual': {'color': '#b3261e', 'width': 1.3},
 }
 _CLOUD = {'color': '#7d94b5', 'size': 4}  # of single points
-
-# A classic script, as the library asks for: it is run as one once it is unpacked.
-_UNPACK = """
-const plotting = (async () => {
-  const bytes = Uint8Array.from(atob('PACKED'), (letter) => letter.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
-  const script = document.createElement('script');
-  script.textContent = await new Response(stream).text();
-  document.head.append(script);
-})();
-plotting.catch(() => document.body.prepend(
-  'The figures need a browser of 2023 or later: Chrome 80, Firefox 113, Safari 16.4.'));
-"""
 
 
 class StackedFigure:
@@ -140,7 +121,6 @@ class StackedFigure:
             'margin': {'l': 75, 'r': 15, 't': 30, 'b': 45},
             'legend': {'orientation': 'h', 'y': 1.0 + 0.12 / count, 'yanchor': 'bottom'},
             'hovermode': 'x unified',
-            'template': 'none',
             'xaxis': {
                 'title': {'text': self._x_title},
                 'anchor': f'y{count if count > 1 else ""}',
@@ -153,64 +133,9 @@ class StackedFigure:
             layout[f'yaxis{"" if row == 0 else row + 1}'] = {
                 'domain': [max(0.0, top - 1.0 / count + gap), top],
                 'title': {'text': f'{plain_text(title)} [{self._unit}]'},
-                'zerolinecolor': '#c9ced6',
                 'type': self._kind,
             }
         return layout
-
-
-def figure_html(identifier: str, traces: list[dict[str, Any]], layout: dict[str, Any]) -> Html:
-    """Return a division and the script that draws traces into it.
-
-    Parameters
-    ----------
-    identifier : str
-        Of the division; letters, digits and hyphens.
-    traces, layout
-        As the plotting script takes them.
-    """
-    options = {'responsive': True, 'displaylogo': False}
-    arguments = ', '.join(_script(value) for value in (identifier, traces, layout, options))
-    return Html(
-        f'<div class="figure" id="{identifier}"></div>\n'
-        f'<script>plotting.then(() => Plotly.newPlot({arguments}));</script>\n'
-    )
-
-
-def plotting_script() -> Html:
-    """Return the plotting library as an inline script, so that the page needs no network.
-
-    It is compressed, to a third, and unpacked by the browser: figures wait for that.
-
-    Raises
-    ------
-    IdentificationError
-        If plotly isn't installed.
-    """
-    # Looked up, not imported: only its JavaScript is needed, and importing takes a while.
-    found = importlib.util.find_spec('plotly')
-    if found is None or not found.submodule_search_locations:
-        raise IdentificationError('plotly is not installed: install the package again')
-    path = Path(found.submodule_search_locations[0]) / 'package_data' / 'plotly.min.js'
-    packed = base64.b64encode(_compressed(path)).decode()
-    return Html(f'<script>{_UNPACK.replace("PACKED", packed)}</script>\n')
-
-
-@lru_cache(maxsize=1)
-def _compressed(path: Path) -> bytes:
-    # A higher level takes half as long again for 0.2 % less.
-    return gzip.compress(path.read_bytes(), compresslevel=6, mtime=0)
-
-
-def _script(value: object) -> str:
-    """Return JSON that may stand inside a script element, whatever strings it holds."""
-    text = json.dumps(value, separators=(',', ':'))
-    return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')
-
-
-def plain_text(text: str) -> str:
-    """Return a text that the plotting script shows as it is: it reads some HTML tags itself."""
-    return text.replace('&', '&amp;').replace('<', '&lt;').replace('>', '&gt;')
 
 
 def _places(x: Array) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 
-from aerarm_ros.identification.report.html_text import Html, bullets, folded, markup
+from aerarm_ros.pages.html_text import Html, bullets, folded, markup
 
 _NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
 

@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.parameters.inertia_boxes import inertia_boxes
-from aerarm_ros.identification.report.figure import figure_html, plain_text
-from aerarm_ros.identification.report.html_text import Html
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.pages.html_text import Html
+from aerarm_ros.pages.plots import figure_html, plain_text
 
 Array = npt.NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.assessment.truth import Truth
-from aerarm_ros.identification.report.figure import figure_html, plain_text
-from aerarm_ros.identification.report.html_text import Html
+from aerarm_ros.pages.html_text import Html
+from aerarm_ros.pages.plots import figure_html, plain_text
 
 _ROW = 17  # [px]
 _NAME = 34  # characters of an expression that are shown

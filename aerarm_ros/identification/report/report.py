@@ -9,9 +9,7 @@ from aerarm_ros.identification.assessment.truth import InertialTorqueError, Trut
 from aerarm_ros.identification.payload.payload import Payload
 from aerarm_ros.identification.recording.bag_facts import BagFacts
 from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
-from aerarm_ros.identification.report.figure import plotting_script
 from aerarm_ros.identification.report.grouped_warnings import grouped_warnings
-from aerarm_ros.identification.report.html_text import Html, page, paragraph, section
 from aerarm_ros.identification.report.inertia_view import inertia_view
 from aerarm_ros.identification.report.interval_view import interval_view
 from aerarm_ros.identification.report.report_figures import (
@@ -37,6 +35,9 @@ from aerarm_ros.identification.report.report_tables import (
     rollout_table,
     truth_table,
 )
+from aerarm_ros.pages.html_text import Html, page, paragraph, section
+from aerarm_ros.pages.page_origin import origin
+from aerarm_ros.pages.plots import plotting_script
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +131,7 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
             excitation_table(result),
         ),
     ]
-    return page(f'Identification of {robot.model.name}', plotting_script(), body)
+    return page(f'Identification of {robot.model.name}', plotting_script(), body, origin())
 
 
 _METRIC = (

@@ -15,7 +15,8 @@ from aerarm_ros.identification.files.summary import term_text
 from aerarm_ros.identification.parameters.joint_term import JointTerm
 from aerarm_ros.identification.payload.payload import Payload
 from aerarm_ros.identification.recording.bag_facts import BagFacts
-from aerarm_ros.identification.report.html_text import (
+from aerarm_ros.model.inertia import PARAMETER_NAMES
+from aerarm_ros.pages.html_text import (
     Html,
     folded,
     markup,
@@ -23,7 +24,6 @@ from aerarm_ros.identification.report.html_text import (
     paragraph,
     table,
 )
-from aerarm_ros.model.inertia import PARAMETER_NAMES
 
 _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
 

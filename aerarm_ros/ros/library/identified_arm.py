@@ -11,10 +11,10 @@ from aerarm_ros.identification.assessment.assessment import BagAssessment
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.files.summary import summarise
-from aerarm_ros.identification.report.html_text import bullets, paragraph
 from aerarm_ros.identification.report.report import ReportExtras
 from aerarm_ros.identification.report.report_tables import error_table, parameter_table
 from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.pages.html_text import bullets, paragraph
 from aerarm_ros.ros.programs.identifier_files import RESULT_FILES, write_result
 from aerarm_ros.ros.programs.identifier_table import terminal_table
 

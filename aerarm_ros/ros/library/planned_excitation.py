@@ -11,8 +11,8 @@ from aerarm_ros.excitation.design.design_specification import DesignSpecificatio
 from aerarm_ros.excitation.design.designed_file import designed_file
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
-from aerarm_ros.identification.report.html_text import paragraph, table
 from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.pages.html_text import paragraph, table
 
 Array = npt.NDArray[np.float64]
 

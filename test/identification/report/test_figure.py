@@ -8,7 +8,8 @@ import re
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.report.figure import StackedFigure, plotting_script
+from aerarm_ros.identification.report.figure import StackedFigure
+from aerarm_ros.pages.plots import plotting_script
 
 
 def arguments(html: str) -> tuple:

@@ -1,16 +1,27 @@
 """Pieces of an HTML page; every text that goes in is escaped."""
 
 import math
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 _STYLE = """
-:root { color-scheme: light; --line: #d5d9e0; --ink: #1c2430; --soft: #5b6675; --good: #0b7a3b; }
-body { font: 15px/1.5 system-ui, 'Segoe UI', sans-serif; color: var(--ink); margin: 2rem auto;
-       max-width: 72rem; padding: 0 1.2rem; }
+:root { color-scheme: light dark; --paper: #fff; --line: #d5d9e0; --ink: #1c2430; --soft: #5b6675;
+        --good: #0b7a3b; --warn: #fff7e8; --link: #0b62c4; }
+@media (prefers-color-scheme: dark) {
+  :root { --paper: #14181e; --line: #39424e; --ink: #e3e7ed; --soft: #9aa5b4; --good: #5fcf8e;
+          --warn: #3a2d12; --link: #7db5f5; }
+}
+body { font: 15px/1.5 system-ui, 'Segoe UI', sans-serif; color: var(--ink);
+       background: var(--paper); margin: 2rem auto; max-width: 72rem; padding: 0 1.2rem; }
 h1 { font-size: 1.7rem; margin-bottom: .2rem; } h2 { font-size: 1.25rem; margin-top: 2.2rem; }
+a { color: var(--link); }
 p.note { color: var(--soft); max-width: 60rem; }
 p.lead { font-size: 1.1rem; max-width: 60rem; }
+dl.origin { color: var(--soft); display: grid; grid-template-columns: max-content 1fr;
+            gap: 0 1rem; margin: .2rem 0 1rem; }
+dl.origin dd { margin: 0; overflow-wrap: anywhere; }
+nav ul { columns: 16rem; padding-left: 1.2rem; margin: .3rem 0 1rem; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .6rem 0; }
 th, td { padding: .22rem .5rem; border-bottom: 1px solid var(--line); text-align: right;
@@ -19,11 +30,20 @@ th { border-bottom: 2px solid var(--line); font-weight: 600; white-space: normal
      vertical-align: bottom; max-width: 9rem; overflow-wrap: break-word; }
 th:first-child, td:first-child, .text { text-align: left; }
 td.text { white-space: normal; } tr.best td { color: var(--good); font-weight: 600; }
-ul.warnings { border-left: 4px solid #c77700; padding: .5rem 2rem; background: #fff7e8; }
+ul.warnings { border-left: 4px solid #c77700; padding: .5rem 2rem; background: var(--warn); }
 th .role { color: var(--soft); font-weight: 400; }
 details { margin: .6rem 0; } summary { cursor: pointer; color: var(--soft); }
 .figure { width: 100%; }
+@media (max-width: 40em) {
+  body { margin: .8rem auto; padding: 0 .8rem; } h1 { font-size: 1.35rem; }
+  ul.warnings { padding: .5rem 1.2rem; } .figure { overflow-x: auto; }
+}
+@media print { nav { display: none; } }
 """
+# As wide as a digit, and as a point.
+_DIGIT, _POINT = '\N{FIGURE SPACE}', '\N{PUNCTUATION SPACE}'
+_FEW = 3  # sections that need no list of contents
+_HEADING = re.compile('<h2>(.*?)</h2>', re.DOTALL)
 
 
 class Html(str):
@@ -67,11 +87,12 @@ def table(
     ----------
     headings : sequence
     rows : iterable of sequences
-        Numbers are shown with four digits, to the right; texts to the left.
+        Numbers are shown with four digits, to the right, point below point; texts to the left.
     best : sequence of int
         Rows to emphasise.
     """
     rows = list(rows)
+    shown = list(zip(*map(_aligned, zip(*rows, strict=True)), strict=True))
     head = ''.join(
         _cell(heading, 'th', as_text=bool(rows) and _is_text(rows[0][column]))
         for column, heading in enumerate(headings)
@@ -81,7 +102,10 @@ def table(
         kind = ' class="best"' if index in best else ''
         body.append(
             f'<tr{kind}>'
-            + ''.join(_cell(value, 'td', _is_text(value)) for value in row)
+            + ''.join(
+                _cell(text, 'td', _is_text(value))
+                for value, text in zip(row, shown[index], strict=True)
+            )
             + '</tr>\n'
         )
     return Html(
@@ -97,14 +121,61 @@ def number(value: float | None, digits: int = 4) -> str:
     return f'{value:.{digits}g}'
 
 
-def page(title: str, head: str, body: Iterable[str]) -> str:
-    """Return a complete document; `head` is HTML, such as scripts."""
+def page(title: str, head: str, body: Iterable[str], facts: Mapping[str, str] | None = None) -> str:
+    """Return a complete document.
+
+    Parameters
+    ----------
+    title
+        Of the page.
+    head
+        HTML, such as scripts.
+    body
+        What it shows; what `section` made is in the list of contents.
+    facts
+        What stands at the top, by name, such as when and how it was made.
+    """
+    text = ''.join(body)
+    titles = _HEADING.findall(text)
+    numbers = iter(range(len(titles)))
+    text = _HEADING.sub(lambda found: f'<h2 id="s{next(numbers)}">{found[1]}</h2>', text)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n{head}</head>\n<body>\n'
-        f'<h1>{escape(title)}</h1>\n' + ''.join(body) + '</body>\n</html>\n'
+        f'<h1>{escape(title)}</h1>\n{_facts(facts or {})}{_contents(titles)}{text}'
+        '</body>\n</html>\n'
     )
+
+
+def _facts(facts: Mapping[str, str]) -> str:
+    rows = ''.join(f'<dt>{escape(k)}</dt><dd>{escape(v)}</dd>' for k, v in facts.items())
+    return f'<dl class="origin">{rows}</dl>\n' if rows else ''
+
+
+def _contents(titles: Sequence[str]) -> str:
+    if len(titles) <= _FEW:
+        return ''
+    items = ''.join(f'<li><a href="#s{k}">{title}</a></li>' for k, title in enumerate(titles))
+    return f'<nav><ul>{items}</ul></nav>\n'
+
+
+def _aligned(column: Sequence[object]) -> list[object]:
+    """Return a column's cells, its numbers filled up so that their points lie below each other."""
+    texts = [number(x) if x is None or isinstance(x, float) else None for x in column]
+    tails = [len(x.partition('.')[2]) for x in texts if x and '.' in x and 'e' not in x]
+    longest = max(tails, default=0)
+    return [
+        value if text is None else _filled(text, longest)
+        for value, text in zip(column, texts, strict=True)
+    ]
+
+
+def _filled(text: str, digits: int) -> Html:
+    if not digits or not text[-1].isdigit() or 'e' in text:
+        return Html(text)
+    point = '' if '.' in text else _POINT
+    return Html(text + point + _DIGIT * (digits - len(text.partition('.')[2])))
 
 
 def _is_text(value: object) -> bool:
