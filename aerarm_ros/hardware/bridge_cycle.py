@@ -310,10 +310,11 @@ class BridgeCycle:
             gate.look_away()
             return False
         references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
-        times = state.age(now, now - elapsed)
-        gate.watch(self.q, self.dq, references.torques(self.q, self.dq), *times)
+        times, tells = state.age(now, now - elapsed), self._encoders.tells_position
+        q, dq = state.believed(tells)
+        gate.watch(q, dq, references.torques(q, dq), *times)
         followed = self._follow(now, min(elapsed, _STEP_MAX))
-        if references.keep_within(gate.barriers, self._encoders.tells_position & state.driven):
+        if references.keep_within(gate.barriers, tells & state.driven):
             gate.note_braking(now)
         return followed
 

@@ -125,3 +125,23 @@ def test_far_from_limits_commands_reach_the_boards_as_they_are(config, robot):
             drive.effort_to_current(tau)[joint], abs=1e-3
         )
     assert 'limited braking' not in rig.bridge.counters
+
+
+@pytest.mark.parametrize(('board', 'motor'), [(0, 0), (0, 1), (1, 0)])
+def test_an_encoder_that_goes_mad_moves_no_other_joint(config, robot, board, motor):
+    # What the others carry must not be reckoned from its numbers.
+    posture, payload = [0.0, 0.3, 0.0, 1.9], config.rated_payload[0]
+    rig = AttackRig(config, robot, posture=posture, payload=payload, seed=3).bring_up()
+    for jump in (3.0, -3.0, 10.0, -20.0) * 8:
+        rig.inject('encoder_jump', board, motor, jump)
+        log = rig.run(0.004)
+    mad = next(
+        number
+        for number, joint in enumerate(config.joints)
+        if (joint.board, joint.channel) == (board, motor)
+    )
+    others = np.delete(log.speed_ratio(config), mad)
+    assert rig.bridge.mode == 'fault'
+    # Without a motor at one joint the whole arm swings.
+    assert others.max() < 0.5
+    assert log.beyond(config).max() < BEYOND_MAX

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from attack_rig import AttackRig, Offer
+from attack_world import WAKE
 
 STRETCHED = [0.0, 0.3, 0.0, 0.2]
 
@@ -172,3 +173,21 @@ def test_references_that_no_frame_can_hold_let_nobody_fall(config, robot):
     assert sent_since(rig, 0, at)['enable_system'].all()
     assert sent_since(rig, 0, at)['enable_motor'].all()
     assert np.abs(log.dq).max() < 1.0
+
+
+def test_a_board_that_let_go_while_nothing_left_for_it_is_told_to_stay_off(config, robot):
+    # Its time-out passes in a pause of the host: who hears it next may not be aligned again.
+    pause = {'at': -1}
+    rig = AttackRig(
+        config,
+        robot,
+        posture=STRETCHED,
+        delays=lambda cycle, point: 0.06 if (cycle, point) == (pause['at'], WAKE) else 0.0,
+    ).bring_up()
+    cut(rig, 'mute_board', 0)
+    rig.run(0.05)
+    pause['at'] = rig.cycles + 1
+    rig.run(0.1)
+    late = rig.now
+    rig.run(0.1)
+    assert not sent_since(rig, 0, late)['enable_system'].any()

@@ -51,6 +51,19 @@ class ArmMeasurements:
         self._measured_at: Array = np.full(config.n, -np.inf)  # begin of that cycle [s]
         self._drive = DriveTrain(config)
         self._last_velocity = unknown()
+        self._believed = unknown()
+
+    def believed(self, tells: Mask) -> tuple[Array, Array]:
+        """Return positions [rad] and velocities [rad/s] for what needs the whole arm, (n,) each.
+
+        A joint whose encoder does not tell its position, of (n,) `tells`, stands where it was last
+        believed to be: its numbers would make nonsense of what the other joints carry.
+        """
+        if tells.all():
+            self._believed[:] = self.q
+            return self.q, self.dq
+        self._believed[tells] = self.q[tells]
+        return self._believed, np.where(tells, self.dq, 0.0)
 
     def read(
         self,

@@ -155,6 +155,7 @@ class BoardLink:
         self.monitor.slow(duration)
         timestamp = self.state.timestamp
         self.fresh = self._codec.decode(answer, self.state) is not None
+        alone = ended - self._sent
         if not problem:
             self._sent = ended
         if self.fresh:
@@ -162,7 +163,7 @@ class BoardLink:
             self._time(ended - duration, ended, self.state.timestamp - timestamp)
             self.monitor.received(self.state, ended, enable, running)
         else:
-            self._lapsed = self._lapsed or ended - self._sent > self._command.timeout
+            self._lapsed = self._lapsed or alone > self._command.timeout
             self.monitor.missed(enable, problem)
 
     def _time(self, earliest: float, latest: float, board_interval: float) -> None:

@@ -10,6 +10,7 @@ from aerarm_ros.hardware.gate.command_buffer import Array, Mask
 
 _JUMP_VELOCITY_FACTOR = 2.0
 _JUMP_ALLOWANCE = 0.05  # [rad] motor side, 33 counts
+_JUMPS_MAX = 2  # that may each have been one wrong reading
 # A joint at rest stays there while its torque goes from minus to plus its dry friction: twice
 # the friction, and as much again because the friction is not known well.
 _FRICTION_FACTOR = 4.0
@@ -160,11 +161,11 @@ class _Encoder:
         'doubted_for',  # [s] of a standstill that awaits its second look, NaN without one
         'elapsed',  # [s] since the look before
         'fastest',  # [rad/s]
-        'has_jumped',
         'held',  # [A] that dry friction may hold
         'is_confirmed',
         'is_pause',
         'is_settling',  # the last look saw it move
+        'jumps',
         'load',  # [A] that a load may ask for
         'moving_current',  # [A] when the angle last changed, or just after
         'moving_feedback',  # [A] part of it that was not commanded as effort
@@ -190,12 +191,13 @@ class _Encoder:
         """Trust it, wherever it is now."""
         self.position = self.anchor = nan  # compares as no change, so no jump
         self.stood_at = nan
-        self.has_jumped = self.is_confirmed = False
+        self.jumps = 0
+        self.is_confirmed = False
 
     @property
     def tells_position(self) -> bool:
         """Whether it is believed where the joint is."""
-        return not self.has_jumped and self.stood_at != self.stood_at
+        return not self.jumps and self.stood_at != self.stood_at
 
     @property
     def damping_speed(self) -> float:
@@ -225,8 +227,8 @@ class _Encoder:
             is_known = change == change and time > 0.0  # not the first look
             self.speed = change / time if is_known else 0.0
             return ''
-        self.has_jumped = True
-        if doubted:
+        self.jumps += 1
+        if doubted or self.jumps > _JUMPS_MAX:
             self.is_confirmed = True
         else:
             self.anchor = before

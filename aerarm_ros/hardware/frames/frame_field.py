@@ -87,6 +87,12 @@ class FrameField:
             raise ProfileError(f'{where}: lsb is {self.lsb}, must be above 0')
         if self.word < 0:
             raise ProfileError(f'{where}: word is {self.word}, must not be negative')
+        if self.bit and self.type != 'bits':
+            raise ProfileError(
+                f'{where}: bit {self.bit} of {self.type}: only bits begin within words'
+            )
+        if self.nonzero and self.is_count:
+            raise ProfileError(f'{where}: nonzero is for quantities that have a unit or an lsb')
         if self.type == 'bits' and not (0 <= self.bit < self.bit + self.width <= 16):
             raise ProfileError(
                 f'{where}: bits {self.bit} to {self.bit + self.width - 1} leave the 16 of a word'

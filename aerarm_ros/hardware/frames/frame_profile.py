@@ -176,11 +176,18 @@ def _extended(base: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _layout(document: Mapping[str, Any], record: type) -> FrameLayout:
-    known = {item.name for item in fields(record)}
+    blank = record()
+    known = {item.name: getattr(blank, item.name) for item in fields(record)}
     entries = tuple(_field(entry) for entry in document['fields'])
     for entry in entries:
         if entry.name not in known:
             raise ProfileError(f'{record.__name__} has no {entry.name!r}: check the name')
+        value = known[entry.name]
+        if isinstance(value, list) != bool(entry.motor):
+            whose = 'each motor, 1 or 2' if isinstance(value, list) else 'the whole board'
+            raise ProfileError(f'{entry.name} is of {whose}: check motor')
+        if entry.is_count and isinstance(value[0] if entry.motor else value, float):
+            raise ProfileError(f'{entry.name} is a quantity, no count: give its unit and lsb')
     return FrameLayout(entries, document['crc_words'])
 
 

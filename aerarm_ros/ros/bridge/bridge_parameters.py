@@ -49,7 +49,8 @@ _SETTINGS = {
 BRIDGE_PARAMETERS = (
     *ARM_FILES,
     DRONE_FILE,
-    Parameter('period', 0.001, 'time between two cycles', 's', 0.0005, 0.1),
+    # The barriers at the limits learn nothing from states that are further apart.
+    Parameter('period', 0.001, 'time between two cycles', 's', 0.0005, 0.004),
     Parameter('autostart', True, 'configure and activate by itself, without a lifecycle manager'),
     *REAL_TIME_PARAMETERS,
     Parameter(

@@ -21,7 +21,7 @@ from typing import ClassVar
 # Asked for by a person or a supervisor: when they ask again, they mean it.
 _ASKED = (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT)
 # What else ends a process, where nobody has a use for it.
-_ENDING = tuple(
+_ENDING: tuple[int, ...] = tuple(
     signal.Signals[name]
     for name in (
         'SIGHUP',
@@ -40,6 +40,7 @@ _ENDING = tuple(
     )
     if name in signal.Signals.__members__  # others than Linux have not all of them
 )
+_ENDING += tuple(range(signal.SIGRTMIN, signal.SIGRTMAX + 1))
 # What holds a process up until somebody lets it go on: Ctrl-Z, and a terminal of another's.
 _FREEZING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 # A terminal and a supervisor may both pass on the same Ctrl-C [s]: what comes so soon is no second
@@ -82,7 +83,7 @@ class StopSignals:
         self._is_told = False
         self._request = _Request()
         self._outer: StopSignals | None = None
-        self._previous: dict[signal.Signals, object] = {}
+        self._previous: dict[int, object] = {}
 
     def __enter__(self) -> StopSignals:
         self._outer = StopSignals._innermost
@@ -114,10 +115,10 @@ class StopSignals:
         for number in (*_ASKED, *_ENDING):
             signal.signal(number, signal.SIG_IGN)
 
-    def _may_take(self, number: signal.Signals) -> bool:
+    def _may_take(self, number: int) -> bool:
         """Whether a signal means nothing but an end, here or in the outer context."""
         handler = signal.getsignal(number)
-        if number is signal.SIGHUP:
+        if number == signal.SIGHUP:
             return handler is not signal.SIG_IGN
         outer = self._outer
         return handler is signal.SIG_DFL or (outer is not None and number in outer._previous)

@@ -250,6 +250,11 @@ def test_who_moves_on_after_a_doubt_tells_where_it_is_but_is_doubted_until_clear
     assert monitor.tells_position.all()
 
 
+def test_an_encoder_that_jumps_to_and_fro_is_not_believed_the_third_time(monitor):
+    speeds = [look(monitor, 3.0 * (cycle % 2), cycle * 1e-3)[1] for cycle in range(1, 8)]
+    assert speeds == [5.0, np.inf, 5.0, np.inf, 0.0, 0.0, 0.0]
+
+
 def test_an_encoder_that_was_confirmed_as_stuck_tells_nothing_any_more(monitor):
     current = np.array([0.0, 20.0, 0.0, 0.0])
     for cycle in range(1, 120):

@@ -98,9 +98,10 @@ ENDING = """
 
 
 def test_whatever_else_would_end_it_asks_once(stopped: Stopped) -> None:
-    for name in ENDING.split():
-        stopped.send(signal.Signals[name])
-        assert stopped.calls() == 1, name
+    numbers = [signal.Signals[name] for name in ENDING.split()]
+    for number in (*numbers, signal.SIGRTMIN, signal.SIGRTMIN + 5, signal.SIGRTMAX):
+        stopped.send(number)
+        assert stopped.calls() == 1, number
 
 
 def test_a_signal_that_somebody_uses_is_left_alone() -> None:
