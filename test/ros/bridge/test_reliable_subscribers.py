@@ -29,7 +29,8 @@ rclpy.spin(node)
 def test_a_tutorial_s_subscriptions_hear_the_bridge(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:
-    start_bridge(base_motion_profile='tilted')
+    # In lockstep a world that stands before somebody listens tells joint_states alone again.
+    start_bridge(base_motion_profile='tilted', pace='keep_up')
     client = BridgeClient(ros_node)
     heard: dict[str, object] = {}
     for name, kind in (
