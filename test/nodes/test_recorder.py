@@ -285,8 +285,10 @@ def test_what_is_written_and_lost_is_on_diagnostics(start, source, ros_node) -> 
     payload = JointStateCdr(JOINTS).pack(1, [0.0] * 4)
     for _ in range(3000):
         source.streams[0].publish(payload)
-    assert spin_until(ros_node, lambda: found[-1].level == DiagnosticStatus.WARN, 30.0)
-    assert 'messages lost of /joint_states' in found[-1].message
+    # A busy machine may have lost one of another topic before.
+    lost = 'messages lost of /joint_states'
+    assert spin_until(ros_node, lambda: lost in found[-1].message, 30.0)
+    assert found[-1].level == DiagnosticStatus.WARN
     assert int(values(found[-1])['messages lost']) > 0
     # The console says so while it happens: at most once a second, and what to do.
     begun = time.monotonic()
