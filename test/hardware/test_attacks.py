@@ -127,7 +127,7 @@ def test_far_from_limits_commands_reach_the_boards_as_they_are(config, robot):
     assert 'limited braking' not in rig.bridge.counters
 
 
-@pytest.mark.parametrize(('board', 'motor'), [(0, 0), (0, 1), (1, 0)])
+@pytest.mark.parametrize(('board', 'motor'), [(0, 0), (0, 1), (1, 0), (1, 1)])
 def test_an_encoder_that_goes_mad_moves_no_other_joint(config, robot, board, motor):
     # What the others carry must not be reckoned from its numbers.
     posture, payload = [0.0, 0.3, 0.0, 1.9], config.rated_payload[0]
