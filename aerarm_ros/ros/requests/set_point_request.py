@@ -71,7 +71,7 @@ class SetPointRequest:
         names = self._find_arm(timeout, on_wait)
         if len(posture) != len(names):
             raise ArmClientError(f'give {len(names)} angles [rad], of {", ".join(names)}')
-        self._rejections.begin()
+        self._rejections.begin(timeout)
         self._publisher.publish(JointState(name=names, position=list(posture)))
 
         def distance() -> NDArray[np.float64]:

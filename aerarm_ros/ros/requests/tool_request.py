@@ -66,7 +66,7 @@ class ToolRequest:
         """
         self._find(timeout, on_wait)
         assert self._pose is not None
-        self._rejections.begin()
+        self._rejections.begin(timeout)
         message = PoseStamped(header=self._pose.header)
         p = message.pose.position
         p.x, p.y, p.z = (float(x) for x in place)
