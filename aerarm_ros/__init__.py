@@ -9,13 +9,19 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        'description.config_error': ['ConfigError'],
+        'description.description_error': ['DescriptionError'],
         'description.robot': ['load_robot'],
+        'excitation.settings.excitation_error': ['ExcitationError'],
         'model.dynamics': ['Dynamics'],
         'ros.library.excitation': ['plan_excitation'],
         'ros.library.identification': ['identify'],
+        'identification.conditioning.conditioning_options': ['ConditioningOptions'],
         'identification.identify': ['IdentificationOptions'],
+        'identification.parameters.link_bounds': ['LinkBounds'],
+        'identification.recording.identification_error': ['IdentificationError'],
         'ros.library.identified_arm': ['IdentifiedArm'],
-        'ros.library.motions': ['from_arrays', 'read_bag'],
+        'ros.library.motions': ['BagError', 'from_arrays', 'read_bag'],
         'ros.library.planned_excitation': ['PlannedExcitation'],
     },
 )

@@ -1,5 +1,7 @@
 """A serial arm, as its URDF describes it."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -121,7 +123,7 @@ class Robot:
         bodies = [self.model.inertias[i + 1] for i in range(self.n)]
         return _frozen([body.toDynamicParameters() for body in bodies])
 
-    def with_inertial_parameters(self, pi: npt.ArrayLike) -> 'Robot':
+    def with_inertial_parameters(self, pi: npt.ArrayLike) -> Robot:
         """Return a copy whose moving links have other inertial parameters.
 
         Its `urdf_text` stays that of the original.
@@ -147,7 +149,7 @@ class Robot:
             model.inertias[index + 1] = pin.Inertia.FromDynamicParameters(parameters)
         return replace(self, model=model)
 
-    def with_gravity(self, gravity_in_base: npt.ArrayLike) -> 'Robot':
+    def with_gravity(self, gravity_in_base: npt.ArrayLike) -> Robot:
         """Return a copy under other gravity, (3,) in the base frame [m/s^2]."""
         model = self.model.copy()
         model.gravity.linear = _gravity(gravity_in_base)

@@ -1,5 +1,7 @@
 """Inverse and direct dynamics of an arm, thesis (2.5)."""
 
+from __future__ import annotations
+
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin

@@ -79,16 +79,20 @@ def joint_warnings(
     joints : tuple of str
     """
     warnings = []
-    errors = np.max([bag.per_joint_filtered for bag in recommended.identification], axis=0)
-    far_off = [
-        f'{name} {error:.0f} %'
-        for name, error in zip(joints, errors, strict=True)
-        if error > _FAR_OFF
-    ]
-    if far_off:
+    errors, predicted = (
+        np.fmax.reduce([np.zeros(len(joints)), *(bag.per_joint_filtered for bag in part)])
+        for part in (recommended.identification, recommended.validation)
+    )
+    if far_off := _shares(joints, errors, errors > _FAR_OFF):
         warnings.append(
-            f'of the torque of some joints much is not explained ({", ".join(far_off)} of it): '
+            f'of the torque of some joints much is not explained ({far_off} of it): '
             'their friction and the parameters that only they feel are not to be relied on'
+        )
+    if far_off := _shares(joints, predicted, (predicted > _FAR_OFF) & (errors <= _FAR_OFF)):
+        warnings.append(
+            f'of the torque of some joints much is not predicted in validation ({far_off} of it), '
+            'though it was explained in identification: see what that motion asks for that the '
+            'one of identification has not shown'
         )
     for joint, (driver, share) in _followed(recommended, bags).items():
         if driver is not None and share > _FOLLOWS and errors[joint] > _LARGE:
@@ -99,6 +103,11 @@ def joint_warnings(
                 f'other, give --coupled {pair}'
             )
     return warnings
+
+
+def _shares(joints: tuple[str, ...], errors: Array, told: npt.NDArray[np.bool_]) -> str:
+    named = zip(joints, errors, told, strict=True)
+    return ', '.join(f'{name} {error:.0f} %' for name, error, is_told in named if is_told)
 
 
 def _followed(

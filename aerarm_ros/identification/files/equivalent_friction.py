@@ -55,6 +55,22 @@ def equivalent_friction(estimate: Estimate, bags: Sequence[SampleColumns]) -> tu
     return viscous, coulomb
 
 
+def unwritten(estimate: Estimate) -> tuple[str, ...]:
+    """Return what to know of the estimate's terms that these formats have no place for.
+
+    Not of offsets, which a controller's integral makes up for.
+    """
+    names = estimate.model.columns[10 * estimate.model.n :]
+    pairs = zip(names, estimate.model.joint_columns, strict=True)
+    coupled = [name for name, (_, term) in pairs if term.kind in COUPLED]
+    if not coupled:
+        return ()
+    return (
+        f'{", ".join(coupled)} are in estimate.yaml only: URDF, MJCF and SDF have no place for a '
+        "torque by another joint's motion",
+    )
+
+
 def _nearest(dq: Array, torque: Array) -> tuple[float, float]:
     columns = np.column_stack([dq, np.sign(dq)])
     both, *_ = np.linalg.lstsq(columns, torque, rcond=None)

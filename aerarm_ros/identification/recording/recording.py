@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.recording.faulty_effort import saturated_effort, without_spikes
 from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.recording.stamps import sound_messages
+from aerarm_ros.identification.recording.stamps import check_stamp_unit, sound_messages
 from aerarm_ros.identification.recording.units import check_units
 from aerarm_ros.identification.recording.used_span import UsedSpan, moving_span
 
@@ -161,7 +161,8 @@ def recording_from_states(
     ------
     IdentificationError
         If there are too few messages, a joint is missing or unknown, a locked one moves, stamps
-        repeat or jump, position or effort is missing or NaN, nothing moves, or units are wrong.
+        repeat, jump or are no seconds, position or effort is missing or NaN, nothing moves, or
+        units are wrong.
     """
     order = np.array(_columns(name, states.names, joint_names, mapping))
     if len(states.stamp) < _FEWEST_MESSAGES:
@@ -169,6 +170,7 @@ def recording_from_states(
             f'{name}: only {len(states.stamp)} joint states: too short to identify anything from, '
             'record a longer motion'
         )
+    check_stamp_unit(name, states.stamp)
     part, reason = commanded or (slice(0, len(states.stamp)), 'motion')
     moving, how = moving_span(states.stamp[part], states.position[part][:, order])
     if how != 'motion' and commanded is None:

@@ -14,8 +14,36 @@ _LONGEST_GAP = 0.1  # [s]
 # Messages in a row behind one that came before: more are a clock set back, not a late message.
 _LATE_IN_A_ROW = 2
 _LONGEST_GAP_PERIODS = 5.0
+# Between two messages, usually: so few would show no motion, so it is another unit. 1 ms are 1.0.
+_LONGEST_STEP = 0.5  # [s]
+_OTHER_UNITS = ((5e2, 'milliseconds'), (5e5, 'microseconds'), (np.inf, 'nanoseconds'))
 
 _ADVICE = 'check the clock of the node that stamps the topic, or record again'
+
+
+def check_stamp_unit(bag: str, stamp: Array) -> None:
+    """Refuse stamps that are so far apart that they can't be seconds.
+
+    Parameters
+    ----------
+    bag : str
+        Name for messages.
+    stamp : (M,) ndarray
+        Header stamps.
+
+    Raises
+    ------
+    IdentificationError
+        If they are; what they seem to be is named.
+    """
+    steps = np.diff(stamp)
+    step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    if step >= _LONGEST_STEP:
+        unit = next(name for largest, name in _OTHER_UNITS if step < largest)
+        raise IdentificationError(
+            f'{bag}: joint states are {step:.3g} s apart: stamps are in {unit}, it seems, and must '
+            'be in s; the column of a table may state its unit, as time [ms]'
+        )
 
 
 def sound_messages(

@@ -1,6 +1,6 @@
 """Joint states from a table: CSV, or arrays in an .npz file."""
 
-import re
+import itertools
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.recording.table_column import (
+    TIME,
+    WORDS,
+    TableColumn,
+    table_column,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -17,15 +23,7 @@ TABLES = ('.csv', '.npz')
 """Suffixes of files that are tables."""
 
 _LARGEST = 2**30  # bytes of a file, unpacked: 40 min of 7 joints at 1 kHz, thrice
-_TIME = ('time', 'times', 't', 'stamp', 'stamps', 'timestamp', 'time_s')
-_WORDS = {
-    'position': ('position', 'positions', 'pos', 'q', 'angle'),
-    'velocity': ('velocity', 'velocities', 'vel', 'dq', 'qd', 'qdot'),
-    'effort': ('effort', 'efforts', 'torque', 'torques', 'tau', 'current'),
-}
 _NAMES = ('joint_names', 'names', 'joints')
-_UNIT = re.compile(r'\s*[\[(]\s*([a-zA-Z/^0-9]*)\s*[\])]\s*$')
-_SEPARATOR = '_./: -'
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ class TableOptions:
     rate : float or None
         Of the rows [Hz], for tables without a column of time.
     degrees : bool
-        Whether positions and velocities are in degrees.
+        Whether positions and velocities are in degrees, where their names state no unit.
     """
 
     rate: float | None = None
@@ -75,7 +73,7 @@ def read_table(
     """Read positions, velocities and efforts of joints.
 
     The first line of a CSV file names its columns, as `time, q_elbow, dq_elbow, tau_elbow` or
-    `elbow.position [deg]`; `q1` or `q[0]` is of the first joint of the arm. An .npz file has arrays
+    `elbow.position [deg]`, see `table_column`. An .npz file has arrays
     `time` (M,), `q`, `dq` and `tau` (M, n), or `position` and so on, and may have `joint_names`.
 
     Parameters
@@ -94,9 +92,8 @@ def read_table(
     try:
         if path.stat().st_size > _LARGEST:
             raise IdentificationError(f'{path}: larger than {_LARGEST >> 20} MB: cut it')
-        columns = (
-            _npz(path, joint_names) if path.suffix.lower() == '.npz' else _csv(path, joint_names)
-        )
+        read = _npz if path.suffix.lower() == '.npz' else _csv
+        columns = read(path, joint_names, options)
     except OSError as error:
         raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
     except (ValueError, zipfile.BadZipFile) as error:
@@ -104,14 +101,14 @@ def read_table(
             raise
         reason = ' '.join(str(error).split())
         raise IdentificationError(f'{path}: is no table of numbers ({reason})') from None
-    return _states(path, columns, options)
+    return _states(path, columns, joint_names, options)
 
 
 _Columns = dict[tuple[str, str], Array]
-"""Quantity and joint to values; ('time', '') to the time."""
+"""Quantity and joint to values in SI units; ('time', '') to the time."""
 
 
-def _csv(path: Path, joint_names: Sequence[str]) -> _Columns:
+def _csv(path: Path, joint_names: Sequence[str], options: TableOptions) -> _Columns:
     with path.open(encoding='utf-8-sig', errors='replace') as file:
         header = file.readline().lstrip('#').strip()
         found = [d for d in (';', '\t', ',') if d in header]
@@ -122,24 +119,56 @@ def _csv(path: Path, joint_names: Sequence[str]) -> _Columns:
                 f'{path}: the first line must name the columns, as time, q_{joint_names[0]}, '
                 f'dq_{joint_names[0]}, tau_{joint_names[0]}'
             )
-        values = np.loadtxt(file, delimiter=delimiter, ndmin=2)
-    if values.shape[1] != len(names):
-        raise ValueError(f'{len(names)} names for {values.shape[1]} columns')
-    columns: _Columns = {}
-    for name, column in zip(names, values.T, strict=True):
-        unit = _UNIT.search(name)
-        bare = name[: unit.start()] if unit and not unit[1].isdigit() else name
-        key = _quantity(bare, joint_names)
-        if key is None:
+        meanings = _meanings(path, names, joint_names)
+        first = file.readline()
+        count = len(first.split(delimiter))
+        if first.strip() and count != len(names):
+            raise ValueError(f'{len(names)} names for {count} columns')
+        if not meanings:
+            return {}
+        rows = itertools.chain([first], file)
+        values = np.loadtxt(rows, delimiter=delimiter, ndmin=2, usecols=list(meanings))
+    return {
+        (meaning.quantity, meaning.joint): _factor(meaning, options) * column
+        for meaning, column in zip(meanings.values(), values.T, strict=True)
+    }
+
+
+def _meanings(
+    path: Path, names: Sequence[str], joint_names: Sequence[str]
+) -> dict[int, TableColumn]:
+    """Return what the columns are that tell something; others may hold anything."""
+    meanings: dict[int, TableColumn] = {}
+    known: dict[tuple[str, str], str] = {}
+    for place, name in enumerate(names):
+        try:
+            meaning = table_column(name, joint_names)
+        except IdentificationError as error:
+            raise IdentificationError(f'{path}: {error}') from None
+        if meaning is None:
             continue
-        if key in columns:
-            raise IdentificationError(f'{path}: more than one column is the {" of ".join(key)}')
-        in_degrees = unit is not None and unit[1].lower().startswith('deg')
-        columns[key] = np.radians(column) if in_degrees else column
-    return columns
+        key = meaning.quantity, meaning.joint
+        if key in known:
+            raise IdentificationError(
+                f'{path}: columns {known[key]} and {name} are both the '
+                f'{" of ".join(filter(None, key))}: leave one out'
+            )
+        known[key] = name
+        meanings[place] = meaning
+    return meanings
 
 
-def _npz(path: Path, joint_names: Sequence[str]) -> _Columns:
+def _factor(column: TableColumn, options: TableOptions) -> float:
+    return column.factor if column.unit else _unstated(column.quantity, options)
+
+
+def _unstated(quantity: str, options: TableOptions) -> float:
+    """Return what makes SI units of a quantity whose unit nothing states."""
+    in_degrees = options.degrees and quantity in ('position', 'velocity')
+    return float(np.pi / 180.0) if in_degrees else 1.0
+
+
+def _npz(path: Path, joint_names: Sequence[str], options: TableOptions) -> _Columns:
     with zipfile.ZipFile(path) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > _LARGEST:
             raise IdentificationError(f'{path}: larger than {_LARGEST >> 20} MB, unpacked: cut it')
@@ -148,25 +177,39 @@ def _npz(path: Path, joint_names: Sequence[str]) -> _Columns:
     given = next((arrays[key] for key in _NAMES if key in arrays), None)
     names = joint_names if given is None else [str(name) for name in np.ravel(given)]
     columns: _Columns = {}
+    for words in (TIME, *WORDS.values()):
+        same = [key for key in words if key in arrays]
+        if len(same) > 1:
+            raise IdentificationError(
+                f'{path}: arrays {" and ".join(same)} are the same quantity: leave one out'
+            )
     for key, array in arrays.items():
         if key in _NAMES:
             continue
-        if key in _TIME:
+        if key in TIME:
             columns['time', ''] = np.ravel(np.asarray(array, dtype=float))
             continue
         values = np.asarray(array, dtype=float)
         if values.ndim != 2 or values.shape[1] != len(names):
             raise ValueError(f'{key} is {values.shape}, not (M, {len(names)})')
-        quantity = next(name for name, words in _WORDS.items() if key in words)
+        quantity = next(name for name, words in WORDS.items() if key in words)
+        values = _unstated(quantity, options) * values
         columns |= {(quantity, joint): values[:, i] for i, joint in enumerate(names)}
     return columns
 
 
 def _states(
-    path: Path, columns: Mapping[tuple[str, str], Array], options: TableOptions
+    path: Path,
+    columns: Mapping[tuple[str, str], Array],
+    joint_names: Sequence[str],
+    options: TableOptions,
 ) -> TableStates:
+    needed = ('position', 'effort')
     names = tuple(dict.fromkeys(joint for quantity, joint in columns if quantity != 'time'))
-    for quantity in ('position', 'effort'):
+    complete = [name for name in names if all((quantity, name) in columns for quantity in needed)]
+    if complete:  # a column such as q_desired_elbow is of no joint
+        names = tuple(name for name in names if name in complete or name in joint_names)
+    for quantity in needed:
         missing = [name for name in names if (quantity, name) not in columns]
         if missing or not names:
             word = {'position': 'q', 'effort': 'tau'}[quantity]
@@ -181,43 +224,20 @@ def _states(
     if stamp is None:
         if options.rate is None:
             raise IdentificationError(
-                f'{path}: no column of time: name it time [s], or give the rate of rows (--rate)'
+                f'{path}: no column of time: name it time [s], or give the rate of rows (--rate, '
+                'or rate= of read_bag)'
             )
         stamp = np.arange(count) / options.rate
-    unit = np.pi / 180.0 if options.degrees else 1.0
     unknown = np.full(count, np.nan)
 
     def of(quantity: str) -> Array:
         return np.column_stack([columns.get((quantity, name), unknown) for name in names])
 
-    return TableStates(names, stamp, unit * of('position'), unit * of('velocity'), of('effort'))
-
-
-def _quantity(column: str, joint_names: Sequence[str]) -> tuple[str, str] | None:
-    """Return what a column is, and of which joint; None if it is something else."""
-    if column.lower() in _TIME:
-        return 'time', ''
-    for quantity, words in _WORDS.items():
-        for word in words:
-            front, back = column[: len(word)].lower(), column[-len(word) :].lower()
-            rest = column[len(word) :]
-            number = re.fullmatch(r'[_.]?(?:(\d+)|\[(\d+)\])', rest) if front == word else None
-            if number:
-                # q1 is the first joint; q[0] is so too, as programs count.
-                index = int(number[1]) - 1 if number[1] else int(number[2])
-                if 0 <= index < len(joint_names):
-                    return quantity, joint_names[index]
-            elif front == word and rest[:1] and rest[0] in _SEPARATOR:
-                return quantity, rest[1:].strip()
-            elif back == word and len(column) > len(word) + 1:
-                separator = column[-len(word) - 1]
-                if separator in _SEPARATOR:
-                    return quantity, column[: -len(word) - 1].strip()
-    return None
+    return TableStates(names, stamp, of('position'), of('velocity'), of('effort'))
 
 
 def _is_wanted(key: str) -> bool:
-    return key in _NAMES or key in _TIME or any(key in words for words in _WORDS.values())
+    return key in _NAMES or key in TIME or any(key in words for words in WORDS.values())
 
 
 def _is_number(text: str) -> bool:

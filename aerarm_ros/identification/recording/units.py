@@ -12,8 +12,12 @@ Array = npt.NDArray[np.float64]
 _LARGEST_TURN = 6.0 * np.pi  # [rad] of a joint from end to end: three turns, more than arms have
 _AGREES = 0.95  # correlation of measured and differentiated velocities that are the same motion
 _FACTOR = 1.5  # by which they may differ in size: filters and delays make less of them
-_NAMED = 0.1  # relative, of the factors below
-_DEGREE = 180.0 / np.pi
+# What velocities may be: name, how many times the rate of the positions, and how nearly. Turns per
+# minute are not far from stamps ten times too slow.
+_VELOCITY_UNITS = (
+    ('degrees per second', 180.0 / np.pi, 0.1),
+    ('turns per minute', 30.0 / np.pi, 0.02),
+)
 
 
 def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Array | None) -> None:
@@ -41,19 +45,23 @@ def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Arra
         joint, turns = joints[int(np.argmax(ranges))], ranges.max() / (2.0 * np.pi)
         raise IdentificationError(
             f'{bag}: {joint} moves by {ranges.max():.0f} rad, {turns:.0f} turns: '
-            'positions are in degrees, it seems; they and the velocities must be in rad and rad/s'
+            'positions are in degrees, it seems, not in rad; say so of a table (--degrees, degrees= '
+            'of read_bag, or a column q1 [deg]), else check the node that publishes the topic'
         )
     ratio = None if dq is None else _speed_ratio(time, q, dq)
     if ratio is None or 1.0 / _FACTOR < ratio < _FACTOR:
         return
     text = f'{bag}: velocities are {ratio:.3g} times the rate at which positions change'
-    if abs(ratio / _DEGREE - 1.0) < _NAMED:
-        text += ': they are in degrees per second, it seems, and positions in rad'
+    unit = next((u for u, of, near in _VELOCITY_UNITS if abs(ratio / of - 1.0) < near), None)
+    if unit is not None:
+        text += f': they are in {unit}, it seems, and positions in rad'
     elif ratio > 1.0:
         text += f': stamps run {ratio:.3g} times too slow, it seems'
     else:
         text += f': stamps run {1.0 / ratio:.3g} times too fast, it seems'
-    raise IdentificationError(f'{text}; check the node that publishes the topic')
+    raise IdentificationError(
+        f'{text}; check the column of the table, or the node that publishes the topic'
+    )
 
 
 def _speed_ratio(time: Array, q: Array, dq: Array) -> float | None:

@@ -246,9 +246,10 @@ def _headline(result: IdentificationResult) -> str:
     )
     consistent = recommended.estimate.physically_consistent
     return (
-        f'Torque error on {which}: {found.filtered:.2f} % filtered ({found.raw:.2f} % raw) with '
-        f'the identified model, {cad_error:.2f} % filtered with the CAD model{better}. The '
-        f'identified model is {"" if consistent else "not "}physically consistent.'
+        f'Torque error on {which}: {found.filtered:.2f} % filtered '
+        f'({found.filtered_measured:.2f} % with only the measured one filtered, {found.raw:.2f} % '
+        f'raw) with the identified model, {cad_error:.2f} % filtered with the CAD model{better}. '
+        f'The identified model is {"" if consistent else "not "}physically consistent.'
     )
 
 

@@ -1,5 +1,7 @@
 """A motion worth recording, in one call."""
 
+from __future__ import annotations
+
 import os
 import time
 from collections.abc import Sequence
@@ -79,6 +81,7 @@ def plan_excitation(
         raise ExcitationError(f'seconds = {seconds:g} must be a time not below 0')
     if periods < 1:
         raise ExcitationError(f'periods = {periods} must be at least 1')
+    lock = [lock] if isinstance(lock, str) else list(lock)
     own = urdf is None
     file = None if room is None else Path(room)
     settings = load_excitation_config(file) if file or own else ExcitationConfig()
@@ -86,6 +89,15 @@ def plan_excitation(
         settings = replace(settings, bias=tuple(float(value) for value in bias))
     known = own or config is not None
     arm = load_arm_config(None if config is None else Path(config)) if known else None
+    if lock and (arm is not None or isinstance(urdf, Robot)):
+        raise ExcitationError(
+            f'lock = {", ".join(lock)}: goes with the path of a URDF, without config; else '
+            'load_robot(urdf, locked=...) makes the robot to give'
+        )
+    if arm is not None and np.isfinite(acceleration_limit).any():
+        raise ExcitationError(
+            'acceleration_limit is for an arm without motors and gears: else they limit it'
+        )
     robot = urdf if isinstance(urdf, Robot) else _robot(urdf, arm, lock)
     if arm is not None:
         setup = ExcitationSetup.of_arm(robot, arm, settings)

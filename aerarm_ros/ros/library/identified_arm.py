@@ -95,7 +95,8 @@ class IdentifiedArm:
         worst = max(self.errors, key=lambda bag: bag.filtered)
         return (
             f'<IdentifiedArm {self.result.robot.model.name}: torque error {worst.filtered:.2f} % '
-            f'filtered, {worst.raw:.2f} % raw on {worst.bag}>'
+            f'filtered, {worst.filtered_measured:.2f} % only the measured one, {worst.raw:.2f} % '
+            f'raw on {worst.bag}>'
         )
 
     def _repr_html_(self) -> str:

@@ -1,5 +1,7 @@
 """Recorded motions as arrays: from bags, from tables, or from what a program has."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_msgs_py.bags.bag_contents import read_contents
+from aerarm_msgs_py.storage.bag_error import BagError as BagError
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.recording.table_file import (
     TABLES,

@@ -13,7 +13,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'demo_run': ['DemoError', 'DemoRun'],
         'design_options': ['excitation_setup', 'torque_noise', 'whole_periods'],
         'design_run': ['DesignRun'],
-        'identifier_bags': ['IdentifierBags', 'RecordedBag'],
+        'identifier_bags': ['IdentifierBags', 'RecordedBag', 'bag_names', 'repeated_bags'],
         'identifier_compare': ['CompareRun'],
         'identifier_files': ['RESULT_FILES', 'write_result'],
         'identifier_options': ['identifier_parser'],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -162,6 +162,32 @@ class IdentifierBags:
             return None
         thinned = np.flatnonzero(given)[:: -(-int(given.sum()) // _MOST_DESIRED)]
         return DesiredVelocity(time[thinned], dq[first[thinned]])
+
+
+def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
+    """Return a short name of each bag, its path where the folder's name isn't enough."""
+    paths = list(dict.fromkeys(paths))
+    names = [path.resolve().name for path in paths]
+    return {
+        path: name if names.count(name) == 1 else str(path)
+        for path, name in zip(paths, names, strict=True)
+    }
+
+
+def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) -> list[str]:
+    """Return what to know of bags that were given more than once."""
+    told = [
+        f'{path} is given {identification.count(path)} times to identify from: it counts as often, '
+        'and seems more certain than it is'
+        for path in dict.fromkeys(identification)
+        if identification.count(path) > 1
+    ]
+    return told + [
+        f'{path} is among those to identify from and those of validation: its errors say nothing '
+        'of other motions'
+        for path in dict.fromkeys(identification)
+        if path in validation
+    ]
 
 
 def _check_complete(path: Path, name: str, topic: str, contents: BagContents) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.files.equivalent_friction import equivalent_friction
+from aerarm_ros.identification.files.equivalent_friction import equivalent_friction, unwritten
 from aerarm_ros.identification.files.estimate_file import estimate_yaml, payload_yaml
 from aerarm_ros.identification.files.identified_mjcf import identified_mjcf
 from aerarm_ros.identification.files.identified_sdf import identified_sdf
@@ -22,7 +22,7 @@ RESULT_FILES = (
 def write_result(
     result: IdentificationResult, directory: ResultDirectory, extras: ReportExtras
 ) -> tuple[str, ...]:
-    """Write estimate, URDF, MJCF, SDF, payload and report; return what is to be said of the URDF.
+    """Write estimate, URDF, MJCF, SDF, payload and report; return what is to be said of them.
 
     Raises
     ------
@@ -33,7 +33,8 @@ def write_result(
     viscous, coulomb = equivalent_friction(estimate, result.identification)
     directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
     urdf = identified_urdf(result.robot, estimate.inertial, viscous, coulomb)
-    result.warnings.extend(text for text in urdf.warnings if text not in result.warnings)
+    told = (*urdf.warnings, *unwritten(estimate))
+    result.warnings.extend(text for text in told if text not in result.warnings)
     directory.write('identified.urdf', urdf.text)
     rotors = estimate.joint_values(TermKind.ROTOR.value)
     values = (estimate.inertial, viscous, coulomb, rotors)
@@ -42,4 +43,4 @@ def write_result(
     if extras.payload is not None:
         directory.write('payload.yaml', payload_yaml(estimate, extras.payload))
     directory.write('report.html', report_html(result, extras))
-    return urdf.warnings
+    return told

@@ -64,7 +64,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--degrees',
         {'action': 'store_true'},
-        'positions and velocities of .csv and .npz are in degrees',
+        'positions and velocities of .csv and .npz are in degrees, where no unit is stated',
     ),
     (
         '--bag-ratio',

@@ -31,11 +31,16 @@ from aerarm_ros.identification.recording.recording import (
     JointMapping,
     Recording,
 )
-from aerarm_ros.identification.recording.table_file import TableOptions
+from aerarm_ros.identification.recording.table_file import TABLES, TableOptions
 from aerarm_ros.identification.report.report import ReportExtras
 from aerarm_ros.identification.solvers.solvers import FAST
 from aerarm_ros.identification.stopwatch import Stopwatch
-from aerarm_ros.ros.programs.identifier_bags import IdentifierBags, RecordedBag
+from aerarm_ros.ros.programs.identifier_bags import (
+    IdentifierBags,
+    RecordedBag,
+    bag_names,
+    repeated_bags,
+)
 from aerarm_ros.ros.programs.identifier_files import RESULT_FILES, write_result
 from aerarm_ros.ros.programs.identifier_table import terminal_table
 
@@ -61,7 +66,14 @@ class IdentifierRun:
         self._stopwatch = Stopwatch()
         if not 0.0 <= options.holdout < 1.0:
             raise IdentificationError(f'--holdout {options.holdout:g} must lie in 0 .. 1')
-        self._names = _bag_names([*options.bag, *options.validation, *options.payload])
+        paths: list[Path] = [*options.bag, *options.validation, *options.payload]
+        self._names = bag_names(paths)
+        tables = any(path.suffix.lower() in TABLES for path in paths)
+        if not tables and (options.degrees or options.rate is not None):
+            raise IdentificationError(
+                f'{"--degrees" if options.degrees else "--rate"} is for tables (.csv, .npz), and '
+                'there is none: bags say when, and are in rad'
+            )
         self._config = self._load_config()
         self._robot = self._load_robot()
         mapping = JointMapping(
@@ -127,10 +139,7 @@ class IdentifierRun:
         with self._stopwatch.stage('reading'):
             identification = [self._recording(path) for path in self._options.bag]
             validation = [self._recording(path) for path in self._options.validation]
-        for path in set(self._options.bag) & set(self._options.validation):
-            self._bags.messages.append(
-                f'{path} is among --bag and --validation: its errors say nothing of other motions'
-            )
+        self._bags.messages += repeated_bags(self._options.bag, self._options.validation)
         share = self._options.holdout
         if share > 0.0:
             cut = 1.0 - share
@@ -232,16 +241,6 @@ def tell_replaced(directory: ResultDirectory) -> None:
     """Say so if the result took the place of an earlier one."""
     if directory.replaced:
         tell([f'{directory.target}: an earlier result was replaced'])
-
-
-def _bag_names(paths: Sequence[Path]) -> dict[Path, str]:
-    """Return a short name of each bag, its path where the folder's name isn't enough."""
-    paths = list(dict.fromkeys(paths))
-    names = [path.resolve().name for path in paths]
-    return {
-        path: name if names.count(name) == 1 else str(path)
-        for path, name in zip(paths, names, strict=True)
-    }
 
 
 def _pair(text: str, option: str) -> tuple[str, str]:

@@ -9,7 +9,7 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.assessment.plausibility import bound_warnings
+from aerarm_ros.identification.assessment.plausibility import bound_warnings, joint_warnings
 from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.parameters.joint_term import JointTerm, TermKind
 from aerarm_ros.identification.stopwatch import Stopwatch
@@ -59,6 +59,16 @@ def test_bounds_that_hold_an_estimate(result: IdentificationResult) -> None:
     held[first], wanted[first] = 0.0, -1.0
     (text,) = bound_warnings(replace(estimate, theta=held), replace(fit, theta=wanted), mass)
     assert text.startswith(f'{fit.model.columns[first]} left out, as the data ask for less than 0')
+
+
+def test_a_joint_that_only_validation_fails_to_predict(result: IdentificationResult) -> None:
+    solution, bags = result.recommended, result.identification
+    joints = result.robot.joint_names
+    assert joint_warnings(solution, bags, joints) == []
+    poor = [replace(b, per_joint_filtered=np.array([1, 2, 35, 4])) for b in solution.validation]
+    (text,) = joint_warnings(replace(solution, validation=poor), bags, joints)
+    assert 'not predicted in validation (joint3 35 % of it)' in text
+    assert joint_warnings(replace(solution, validation=[]), bags, joints) == []
 
 
 def test_friction_that_takes_all_of_the_load(result: IdentificationResult) -> None:

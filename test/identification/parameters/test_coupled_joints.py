@@ -8,6 +8,7 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.files.equivalent_friction import unwritten
 from aerarm_ros.identification.files.estimate_file import estimate_yaml
 from aerarm_ros.identification.files.estimate_reader import read_estimate
 from aerarm_ros.identification.identify import IdentificationOptions, identify
@@ -48,6 +49,8 @@ def coefficients(estimate: Estimate) -> list[float]:
 @pytest.mark.parametrize('friction', ['coulomb', 'auto'])
 def test_coefficients_of_either_sign_are_found(arm, config: ArmConfig, friction: str) -> None:
     estimate = identified(arm, config, friction).recommended.estimate
+    (told,) = unwritten(estimate)
+    assert told.startswith('cv_joint3_joint4, ca_joint3_joint4 are in estimate.yaml only')
     assert coefficients(estimate) == pytest.approx([VISCOUS, INERTIA], rel=0.1)
     assert estimate.physically_consistent
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.recording.stamps import sound_messages
+from aerarm_ros.identification.recording.stamps import check_stamp_unit, sound_messages
 
 STAMP = 100.0 + 1e-3 * np.arange(5000)
 
@@ -88,3 +88,11 @@ def test_two_swapped_messages_are_put_in_their_place() -> None:
     order, warnings = sound_messages('bag', stamp)
     assert np.all(np.diff(stamp[order]) > 0)
     assert len(warnings) == 1
+
+
+def test_stamps_that_are_no_seconds() -> None:
+    check_stamp_unit('bag', STAMP)
+    check_stamp_unit('bag', np.full(5, 3.0))
+    for factor, unit in ((1e3, 'milliseconds'), (1e6, 'microseconds'), (1e9, 'nanoseconds')):
+        with pytest.raises(IdentificationError, match=f's apart: stamps are in {unit}'):
+            check_stamp_unit('bag', factor * 5.0 * STAMP)

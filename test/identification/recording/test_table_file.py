@@ -34,6 +34,11 @@ def csv(path: Path, header: str, *columns: np.ndarray, delimiter: str = ',') -> 
             'elbow.velocity, shoulder_pan.effort (Nm), elbow.effort (Nm)',
             ',',
         ),
+        (
+            '__time,/joint_states/shoulder_pan/position,/joint_states/elbow/position,'
+            '/joint_states/velocity[0],/joint_states/velocity[1],/arm/effort[0],/arm/effort[1]',
+            ',',
+        ),
     ],
 )
 def test_columns_are_known_by_their_names(tmp_path: Path, header: str, delimiter: str) -> None:
@@ -50,8 +55,12 @@ def test_columns_are_known_by_their_names(tmp_path: Path, header: str, delimiter
 
 
 def test_other_columns_are_passed_over_and_what_is_missing_is_unknown(tmp_path: Path) -> None:
-    header = 'cycle,tau1,temperature_elbow,tau2,q2,q1'
+    header = 'cycle,tau1,q_desired_elbow,tau2,q2,q1'
     path = csv(tmp_path / 'a.csv', header, T, TAU[:, 0], T, TAU[:, 1], Q[:, 1], Q[:, 0])
+    lines = path.read_text().splitlines()
+    words = ['mode', *(['running', ''] * 50)]
+    pairs = zip(lines, words, strict=False)
+    path.write_text('\n'.join(f'{line},{word}' for line, word in pairs) + '\n')
     states = read_table(path, JOINTS, TableOptions(rate=100.0))
     order = [states.names.index(name) for name in JOINTS]
     np.testing.assert_allclose(states.position[:, order], Q)
@@ -67,6 +76,27 @@ def test_degrees_become_radians(tmp_path: Path, unit: str, degrees: bool) -> Non
     np.testing.assert_allclose(states.position, Q)
     np.testing.assert_allclose(states.velocity, DQ)
     np.testing.assert_allclose(states.effort, TAU)
+
+
+def test_units_that_are_stated_are_believed(tmp_path: Path) -> None:
+    header = 'time [ms],q1 [mrad],q2 (°),dq1 [rpm],dq2 [degrees/s],tau1 [mNm],tau2 [N m]'
+    scaled = (1e3 * T, 1e3 * Q[:, 0], np.degrees(Q[:, 1]), 30.0 / np.pi * DQ[:, 0])
+    columns = (*scaled, np.degrees(DQ[:, 1]), 1e3 * TAU[:, 0], TAU[:, 1])
+    path = csv(tmp_path / 'a.csv', header, *columns)
+    # Of a column that states its unit --degrees says nothing.
+    for options in (TableOptions(), TableOptions(degrees=True)):
+        states = read_table(path, JOINTS, options)
+        np.testing.assert_allclose(states.stamp, T, atol=1e-15)
+        np.testing.assert_allclose(states.position, Q, atol=1e-15)
+        np.testing.assert_allclose(states.velocity, DQ, atol=1e-15)
+        np.testing.assert_allclose(states.effort, TAU, atol=1e-15)
+
+
+def test_arrays_in_degrees(tmp_path: Path) -> None:
+    np.savez(tmp_path / 'a.npz', time=T, q=np.degrees(Q), tau=TAU)
+    states = read_table(tmp_path / 'a.npz', JOINTS, TableOptions(degrees=True))
+    np.testing.assert_allclose(states.position, Q)
+    np.testing.assert_array_equal(states.effort, TAU)
 
 
 @pytest.mark.parametrize('names', [None, ('elbow', 'shoulder_pan')])
@@ -88,7 +118,9 @@ def test_arrays(tmp_path: Path, names: tuple[str, str] | None) -> None:
         ('time,a,b', (T, Q), 'no position of any joint'),
         ('0.0,1.0,2.0', (T, Q), 'the first line must name the columns'),
         ('time,q1,q2', (T, Q, TAU), '3 names for 5 columns'),
-        ('time,q1,q1,tau1,tau2', (T, Q, TAU), 'more than one column is the position of'),
+        ('time,q1,q[0],tau1,tau2', (T, Q, TAU), r'q1 and q\[0\] are both the position of shoulder'),
+        ('time,t,q1,tau1', (T, T, Q[:, 0], T), 'time and t are both the time: leave one out'),
+        ('time,q1,q2,tau1 [lbf],tau2', (T, Q, TAU), r'a\.csv: column tau1 .*unit lbf is not known'),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path: Path, header: str, columns, words: str) -> None:
@@ -111,6 +143,9 @@ def test_files_that_are_none(tmp_path: Path) -> None:
     np.savez(tmp_path / 'c.npz', time=T[:50], q=Q, tau=TAU)
     with pytest.raises(IdentificationError, match='differ in length'):
         read_table(tmp_path / 'c.npz', JOINTS)
+    np.savez(tmp_path / 'e.npz', time=T, q=Q, position=Q, tau=TAU)
+    with pytest.raises(IdentificationError, match='arrays position and q are the same quantity'):
+        read_table(tmp_path / 'e.npz', JOINTS)
     np.savez(tmp_path / 'd.npz', time=T, q=np.array([{}], dtype=object), tau=TAU)
     with pytest.raises(IdentificationError, match='is no table of numbers'):
         read_table(tmp_path / 'd.npz', JOINTS)

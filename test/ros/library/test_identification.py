@@ -1,5 +1,6 @@
 """The interface for programs: arrays or bags in, an arm that says what it is worth out."""
 
+import inspect
 import json
 from html.parser import HTMLParser
 from pathlib import Path
@@ -94,6 +95,34 @@ def test_shapes_are_checked_with_a_sentence() -> None:
         aerarm_ros.identify([], holdout=1.5)
     with pytest.raises(IdentificationError, match='no bag to identify from'):
         aerarm_ros.identify([])
+    for given in (q, 5, None):
+        with pytest.raises(IdentificationError, match='is neither a path nor a motion'):
+            aerarm_ros.identify(given)
+    with pytest.raises(IdentificationError, match=r'load_robot\(urdf, locked='):
+        aerarm_ros.identify('bag', aerarm_ros.load_robot(), lock='joint1')
+
+
+def test_signatures_are_short_and_errors_have_names() -> None:
+    offered = {name: getattr(aerarm_ros, name) for name in aerarm_ros.__all__}
+    for name, each in offered.items():
+        if not name[0].isupper() or name == 'Dynamics':
+            assert 'Union' not in str(inspect.signature(each))
+    errors = [each for name, each in offered.items() if name.endswith('Error')]
+    assert len(errors) == 5
+    assert all(issubclass(each, ValueError) for each in errors)
+
+
+def test_bags_are_told_apart(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:
+    stamp, q, dq, tau = arrays
+    files = [tmp_path / folder / 'a.npz' for folder in ('one', 'two')]
+    for file in files:
+        file.parent.mkdir()
+        np.savez(file, time=stamp, q=q, dq=dq, tau=tau)
+    found = aerarm_ros.identify([*files, files[0]], validation=files[1], options=OPTIONS)
+    names = [bag.samples.name for bag in found.result.identification]
+    assert names == [str(files[0]), str(files[1]), str(files[0])]
+    assert 'one/a.npz is given 2 times to identify from' in found.warnings[0]
+    assert 'two/a.npz is among those to identify from' in found.warnings[1]
 
 
 def test_tables_are_read_too(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:
