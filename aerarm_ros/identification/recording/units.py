@@ -45,8 +45,9 @@ def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Arra
         joint, turns = joints[int(np.argmax(ranges))], ranges.max() / (2.0 * np.pi)
         raise IdentificationError(
             f'{bag}: {joint} moves by {ranges.max():.0f} rad, {turns:.0f} turns: '
-            'positions are in degrees, it seems, not in rad; say so of a table (--degrees, degrees= '
-            'of read_bag, or a column q1 [deg]), else check the node that publishes the topic'
+            'positions are in degrees, it seems, not in rad; say so of a table (--degrees, '
+            'degrees= of read_bag, or a column q1 [deg]), else check the node that publishes the '
+            'topic'
         )
     ratio = None if dq is None else _speed_ratio(time, q, dq)
     if ratio is None or 1.0 / _FACTOR < ratio < _FACTOR:
