@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import InertiaStamped, PointStamped, PoseStamped, WrenchStamped
+from geometry_msgs.msg import AccelStamped, InertiaStamped, PointStamped, PoseStamped, WrenchStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -47,6 +47,8 @@ MOTOR_POWER = Topic('motor_power', Float64MultiArray, NEWEST)
 ENERGY = Topic('energy', Float64MultiArray, NEWEST)
 JOINT_COMMAND = Topic('joint_command', JointState, NEWEST)
 JOINT_TRAJECTORY = Topic('joint_trajectory', JointTrajectory, RELIABLE)
+# What a controller will do in the next 0.1 s, from the stamp of a state on.
+PLANNED_MOTION = Topic('planned_motion', JointTrajectory, NEWEST)
 # Where a planner is to bring the joints, or the tool; and what came of it, a JSON object.
 JOINT_GOAL = Topic('joint_goal', JointState, RELIABLE)
 TOOL_GOAL = Topic('tool_goal', PointStamped, RELIABLE)
@@ -66,6 +68,11 @@ ARM_COM = Topic('arm_com', PointStamped, NEWEST)
 ARM_MODE = Topic('arm_mode', String, LATCHED)
 TOOL_PATH = Topic('tool_path', Path, LATCHED)
 DISTURBANCE = Topic('disturbance', JointState, NEWEST)
+# Of the arm on its drone: its weight along the thrust, and what the joints' motion does; the
+# acceleration that rotors add against the latter. Stamped with the time that they are about.
+WEIGHT_WRENCH = Topic('base_wrench_weight', WrenchStamped, NEWEST)
+MOTION_WRENCH = Topic('base_wrench_motion', WrenchStamped, NEWEST)
+FEEDFORWARD_ACCELERATION = Topic('feedforward_acceleration', AccelStamped, NEWEST)
 STATIC_WRENCH = Topic('base_wrench_static', WrenchStamped, NEWEST)
 ROBOT_DESCRIPTION = Topic('robot_description', String, LATCHED)
 RECORDER_STATUS = Topic('recorder_status', String, LATCHED)
@@ -85,6 +92,7 @@ TOPICS = MappingProxyType(
             ENERGY,
             JOINT_COMMAND,
             JOINT_TRAJECTORY,
+            PLANNED_MOTION,
             JOINT_GOAL,
             TOOL_GOAL,
             PLAN_STATUS,
@@ -99,6 +107,9 @@ TOPICS = MappingProxyType(
             ARM_INERTIA,
             ARM_COM,
             STATIC_WRENCH,
+            WEIGHT_WRENCH,
+            MOTION_WRENCH,
+            FEEDFORWARD_ACCELERATION,
             DISTURBANCE,
             TOOL_PATH,
             ROBOT_DESCRIPTION,

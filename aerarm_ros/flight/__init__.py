@@ -1,7 +1,7 @@
-"""Flying the drone that carries the arm: a plain position and attitude controller.
+"""Flying the drone that carries the arm: what the arm adds to it, and a plain controller.
 
-In come odometry, IMU samples, a set point and the drone's description; out go the thrusts of the
-rotors, and what is wrong with the sensors.
+In come odometry, IMU samples, a set point, the joints' motion and the drone's description; out go
+what may be fed forward of the arm, the thrusts of the rotors, and what is wrong with the sensors.
 """
 
 import lazy_loader
@@ -10,6 +10,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'allocation': ['Allocation'],
+        'arm_forecast': ['ArmForecast'],
+        'arm_load': ['ArmLoad', 'at_drone_centre'],
+        'arm_load_model': ['ArmLoadModel'],
         'flight_control': ['FlightControl'],
         'flight_estimator': ['FlightEstimator'],
         'flight_gains': ['FlightGains'],

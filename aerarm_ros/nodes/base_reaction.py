@@ -1,8 +1,10 @@
 """Tells the drone what the arm does to it: wrench at the mount, mass, centre, inertia, energy.
 
 Everything is in base_link's axes, moments about its origin. `base_wrench` is the wrench of
-the arm on the drone; `base_wrench_static` is its part due to gravity. `energy` tells what it takes
-from the battery, and for what.
+the arm on the drone; `base_wrench_static` is its part due to gravity. What a drone may feed
+forward: mass properties, `base_wrench_weight`, `base_wrench_motion` and, with a drone_file, the
+`feedforward_acceleration` against that motion. `energy` tells what it takes from the battery,
+and for what.
 """
 
 import sys
@@ -10,9 +12,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import InertiaStamped, PointStamped, WrenchStamped
-from numpy.typing import NDArray
-from std_msgs.msg import Header
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.acceleration_estimate import AccelerationEstimate
@@ -20,8 +19,10 @@ from aerarm_ros.control.base.base_reaction import BaseReaction
 from aerarm_ros.control.base.free_base_estimator import FREE
 from aerarm_ros.control.control_loop import LONGEST_GAP
 from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
 from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS
 from aerarm_ros.ros.controllers.energy_topic import EnergyTopic
+from aerarm_ros.ros.controllers.load_topics import LOAD_PARAMETERS, LoadTopics, wrench_message
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
@@ -30,8 +31,9 @@ from aerarm_ros.ros.states.base_header import base_header
 NAME = 'base_reaction'
 
 PARAMETERS = state_node_parameters(
-    Parameter('rate', 100.0, 'how often the wrench is published', 'Hz', 1.0, 1000.0),
-    Parameter('cutoff', 20.0, 'low-pass of the joint acceleration', 'Hz', 0.1, 500.0),
+    Parameter('rate', 100.0, 'how often the whole wrench is published', 'Hz', 1.0, 1000.0),
+    Parameter('cutoff', 20.0, 'low-pass of the measured joint acceleration', 'Hz', 0.1, 500.0),
+    *LOAD_PARAMETERS,
     *ENERGY_PARAMETERS,
 )
 
@@ -61,8 +63,8 @@ class BaseReactionNode(StateNode):
         """Advertise what the drone wants to know."""
         self._wrench = self.advertise(topics.BASE_WRENCH)
         self._static = self.advertise(topics.STATIC_WRENCH)
-        self._inertia = self.advertise(topics.ARM_INERTIA)
-        self._com = self.advertise(topics.ARM_COM)
+        self._loads = LoadTopics(self.node, self.arm, self.values)
+        self.listen(topics.PLANNED_MOTION, self._loads.take_plan)
         self._energy = EnergyTopic(self.node, self.arm, self.values)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
@@ -70,6 +72,7 @@ class BaseReactionNode(StateNode):
         now = stamp_ns * 1e-9
         if now == self._last and self._result is not None:
             self._send(stamp_ns, self._result)  # an emulated arm tells its state again
+            self._loads.repeat()
             return
         dt, self._last = now - self._last, now
         if not 0.0 < dt < LONGEST_GAP:
@@ -77,6 +80,7 @@ class BaseReactionNode(StateNode):
             self._due = -np.inf  # the clock may have been set back
         ddq = self._acceleration.update(state.dq, dt)
         self._energy.add(now, state)
+        self._loads.add(stamp_ns, JointReference(state.q, state.dq, ddq))
         if now < self._due:
             return
         self._due = now + self._period
@@ -84,43 +88,23 @@ class BaseReactionNode(StateNode):
         self._send(stamp_ns, self._result)
         self.count_answer()
 
+    def silence(self) -> float:
+        """Let what is told of the arm's motion fade."""
+        return self._loads.fade() or super().silence()
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Change the lead."""
+        self._loads.forecast.lead = value
+
     def describe(self) -> dict[str, object]:
-        """Tell the joules, too."""
-        return {**super().describe(), **self._energy.describe()}
+        """Tell whose motion is told, and the joules."""
+        motion = self._loads.forecast.problem or 'planned'
+        return {**super().describe(), 'motion ahead': motion, **self._energy.describe()}
 
     def _send(self, stamp_ns: int, result: BaseReaction.ArmReaction) -> None:
         header = base_header(stamp_ns, self.arm.robot.base_link)
-        self._wrench.publish(_wrench_message(header, result.wrench))
-        self._static.publish(_wrench_message(header, result.static))
-        self._com.publish(_point_message(header, result.com))
-        self._inertia.publish(_inertia_message(header, result))
-
-
-def _wrench_message(header: Header, wrench: NDArray[np.float64]) -> WrenchStamped:
-    message = WrenchStamped(header=header)
-    _fill(message.wrench.force, wrench[:3])
-    _fill(message.wrench.torque, wrench[3:])
-    return message
-
-
-def _point_message(header: Header, point: NDArray[np.float64]) -> PointStamped:
-    message = PointStamped(header=header)
-    _fill(message.point, point)
-    return message
-
-
-def _inertia_message(header: Header, result: BaseReaction.ArmReaction) -> InertiaStamped:
-    message = InertiaStamped(header=header)
-    inertia, tensor = message.inertia, result.inertia.tolist()
-    inertia.m = result.mass
-    _fill(inertia.com, result.com)
-    inertia.ixx, inertia.ixy, inertia.ixz = tensor[0]
-    inertia.iyy, inertia.iyz, inertia.izz = tensor[1][1], tensor[1][2], tensor[2][2]
-    return message
-
-
-def _fill(message: Any, vector: NDArray[np.float64]) -> None:
-    message.x, message.y, message.z = vector.tolist()
+        self._wrench.publish(wrench_message(header, result.wrench))
+        self._static.publish(wrench_message(header, result.static))
 
 
 def main(args: Sequence[str] | None = None) -> int:

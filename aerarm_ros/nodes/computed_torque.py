@@ -81,6 +81,7 @@ class ComputedTorqueNode(ControllerNode):
             topics.SET_POINT, lambda m, now: go_to_set_point(self.follower, m, now)
         )
         serve_trajectories(self, self.follower)
+        self.tell_plan(self.follower.ahead)
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Change gains."""

@@ -22,6 +22,9 @@ from aerarm_ros.excitation.player.velocity_law import VelocityLaw
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.ros.controllers.plan_topic import PlanTopic
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -109,6 +112,8 @@ class ExcitationNode:
         self._diagnostics.watch(self._playback.states)
         self._arm_at_end = ArmAtEnd(self._node, self._parameters)
         self._player: ExcitationPlayer | None = None
+        states = self._playback.states
+        self._plan = PlanTopic(self._node, self._names, lambda: states.stamp_ns, self._ahead)
 
     def run(self) -> None:
         """Play the trajectory; `status` says how it ended."""
@@ -121,6 +126,7 @@ class ExcitationNode:
     def close(self) -> None:
         """Destroy the node."""
         self._playback.destroy()
+        self._plan.destroy()
         self._node.destroy_node()
 
     def _run(self) -> None:
@@ -178,6 +184,10 @@ class ExcitationNode:
 
     def _measure(self, *_: object) -> None:
         self._diagnostics.latency.add(self._playback.states.latency_ns())
+        self._plan.update()
+
+    def _ahead(self, times: FloatArray) -> JointReference | None:
+        return None if self._player is None else self._player.ahead(times)
 
     def _conclude(self) -> None:
         assert self._player is not None

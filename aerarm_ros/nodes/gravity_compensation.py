@@ -66,6 +66,7 @@ class GravityCompensationNode(ControllerNode):
         self.take_references(topics.SET_POINT, self._unless_guided(go_to_set_point))
         self.take_references(topics.JOINT_TRAJECTORY, self._unless_guided(follow_trajectory))
         serve_trajectories(self, self.follower, self._guidance_problem)
+        self.tell_plan(lambda times: None if self._was_guided else self.follower.ahead(times))
 
     def before_update(self, state: ArmState, now: float) -> None:
         """Let the reference follow the arm while a person moves it."""

@@ -18,7 +18,7 @@ ALLOWED = {
     'motion': set(),
     'pages': set(),
     'control': {'motion', 'model', 'description'},
-    'flight': {'control', 'model', 'description'},
+    'flight': {'control', 'motion', 'model', 'description'},
     'energy': {'control', 'motion', 'model', 'description'},
     'excitation': {'pages', 'motion', 'model', 'description'},
     'identification': {'energy', 'pages', 'model', 'description'},

@@ -14,7 +14,9 @@ import pytest
 from bridge_client import BridgeClient
 from quick_excitation import quick
 from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectory
 
+from aerarm_msgs_py import topics
 from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
@@ -109,12 +111,19 @@ def test_drives_the_emulated_boards(tmp_path: Path, environment, ros_node: Node)
     with hardware:
         client = BridgeClient(ros_node)
         client.make_ready()
+        plans: list[JointTrajectory] = []
+        topic = topics.PLANNED_MOTION
+        ros_node.create_subscription(topic.type, topic.name, plans.append, topic.qos)
         seen = len(client.modes)
         status, log = run(environment, tmp_path)
         client.wait_for(lambda: client.modes[seen:][-1:] == ['ready'])  # the arm is held
         assert 'damping' not in client.modes
     assert status == 0, log
     assert 'done' in log
+    # It said what it would do next: at the end, to stay.
+    assert plans
+    assert list(plans[-1].joint_names) == list(NAMES)
+    np.testing.assert_allclose(plans[-1].points[-1].velocities, 0.0, atol=1e-6)
 
 
 def test_full_mode_from_a_file_with_another_joint_order(tmp_path: Path, environment) -> None:

@@ -171,18 +171,22 @@ class TrajectoryFollower:
         `dt` isn't used: the reference is a function of time.
         """
         self.reference = self._evaluate(now)
+        if self._blend is not None and now - self._replaced >= self._blend.duration:
+            self._blend = None
         self._elapsed = now - self._start
         if self.status != 'holding':
             self._watch(q, now)
         return self.reference
 
+    def ahead(self, times: Array) -> JointReference:
+        """Return the references (M, n) at times (M,) [s] from now on, if nothing new comes."""
+        rows = [self._evaluate(time) for time in times.tolist()]
+        return JointReference(*map(np.array, zip(*rows, strict=True)))
+
     def _evaluate(self, now: float) -> JointReference:
         reference = self._motion.evaluate(now - self._start)
-        if self._blend is None:
-            return reference
         elapsed = now - self._replaced
-        if elapsed >= self._blend.duration:
-            self._blend = None
+        if self._blend is None or elapsed >= self._blend.duration:
             return reference
         return self._blend.add_to(reference, elapsed)
 

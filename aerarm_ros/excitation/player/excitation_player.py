@@ -114,6 +114,7 @@ class ExcitationPlayer:
         now = self._elapsed(stamp_ns)
         if self.state is PlayState.STOPPING:
             self._clock.stop(now)
+        self.path_time = self._clock.at(now).value
         reference = self._reference(now)
         self._check_tracking(reference.q - position)
         if self._clock.stopped(now):
@@ -121,6 +122,14 @@ class ExcitationPlayer:
         elif self.path_time >= self.motion.duration:
             self.state = PlayState.FINISHED
         return self._law.command(reference, position)
+
+    def ahead(self, times: FloatArray) -> JointReference | None:
+        """Return the references (M, n) at times (M,) [s] after the last state; None before it."""
+        if self._start_ns is None:
+            return None
+        now = (self._last_ns - self._start_ns) * 1e-9
+        rows = [self._reference(now + time) for time in times.tolist()]
+        return JointReference(*map(np.array, zip(*rows, strict=True)))
 
     def _require_start(self, position: FloatArray) -> None:
         moved = np.abs(self.motion.evaluate(0.0).q - position)
@@ -145,15 +154,8 @@ class ExcitationPlayer:
 
     def _reference(self, now: float) -> JointReference:
         path = self._clock.at(now)
-        self.path_time = path.value
         along = self.motion.evaluate(path.value)
-        if not self._clock.stopping:
-            return along
-        return JointReference(
-            along.q,
-            path.rate * along.dq,
-            path.rate**2 * along.ddq + path.rate_change * along.dq,
-        )
+        return along.paced(path.rate, path.rate_change) if self._clock.stopping else along
 
     def _check_tracking(self, error: FloatArray) -> None:
         distance = np.abs(error)

@@ -11,6 +11,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'controller_node': ['ControllerNode'],
         'controller_parameters': ['ControlledArm'],
+        'load_topics': ['LOAD_PARAMETERS', 'LoadTopics'],
+        'plan_topic': ['PlanTopic'],
         'state_node': ['StateNode', 'state_node_parameters'],
         'target_parameters': ['TARGET_PARAMETERS', 'make_target_follower'],
         'tool_topics': ['ToolTopics'],

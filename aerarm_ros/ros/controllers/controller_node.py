@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
@@ -13,6 +15,8 @@ from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.ros.controllers.plan_topic import PlanTopic
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
@@ -74,6 +78,15 @@ class ControllerNode(StateNode):
     def attend(self, attendant: Attendant) -> None:
         """Tell something of each update of the loop, and of the arm's release."""
         self._attendants.append(attendant)
+
+    def tell_plan(self, ahead: Callable[[Any], JointReference | None]) -> None:
+        """Publish what the arm will do next: `ahead` gives the references of times (M,) [s]."""
+
+        def after_state(times: NDArray[np.float64]) -> JointReference | None:
+            return ahead(1e-9 * self.stamp_ns + times)
+
+        names = self.arm.config.joint_names
+        self.attend(PlanTopic(self.node, names, lambda: self.stamp_ns, after_state))
 
     def commandable_problem(self, what: str) -> str:
         """Return why something cannot move the arm now, '' if it can."""

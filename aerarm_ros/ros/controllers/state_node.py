@@ -78,6 +78,7 @@ class StateNode:
         self.status = 0
         self.state: ArmState | None = None
         self.stamp_ns = 0
+        self._heard = 0.0  # when the newest state came, on this host [s]
         self._requests: deque[Callable[[float], None]] = deque()
         self._stopping = False
         self.node = rclpy.create_node(name)
@@ -110,6 +111,10 @@ class StateNode:
     def answer(self, stamp_ns: int, state: ArmState) -> None:
         """Act on a state, and call `count_answer` if that is an answer."""
         raise NotImplementedError
+
+    def silence(self) -> float:
+        """Act while no states come; return after what time to act again [s] if none has come."""
+        return float(self.values.state_timeout)
 
     def leave(self) -> None:
         """Act once no more states are answered, while the executor still spins."""
@@ -164,9 +169,12 @@ class StateNode:
         """Answer states until SIGINT, SIGTERM, SIGHUP or a shutdown."""
         with StopSignals(self._on_stop), BackgroundExecutor(self.node):
             prepare_thread(self.values, self.node.get_logger())
+            patience = self.values.state_timeout
             while not self._stopping and rclpy.ok():
-                if self._stream.wait(self.values.state_timeout):
+                if self._stream.wait(patience):
                     self._take()
+                is_silent = time.monotonic() - self._heard > self.values.state_timeout
+                patience = self.silence() if is_silent else self.values.state_timeout
             if rclpy.ok():
                 self.leave()
         print_account(self.node.get_name(), self.diagnostics.account())
@@ -189,6 +197,7 @@ class StateNode:
             else:
                 self._offer(sample, _arrival(before_ns, stamp_ns, lead_ns))
         if newest is not None:
+            self._heard = time.monotonic()
             self.stamp_ns, self.state = newest
             while self._requests:
                 self._try(self._requests.popleft(), stamp_ns)

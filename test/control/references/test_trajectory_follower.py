@@ -157,3 +157,17 @@ def test_rejected_input_changes_nothing(follower, limits) -> None:
 def test_an_unknown_interpolation_is_refused(limits) -> None:
     with pytest.raises(ValueError, match='quintic'):
         TrajectoryFollower(limits, FollowerTolerances.uniform(4), 'linear')
+
+
+def test_what_it_says_of_the_next_moments_is_what_it_does(follower) -> None:
+    follower.go_to(AWAY, 0.0)
+    play(follower, 0.3)
+    follower.go_to(HOME, 0.3)  # a blend is under way, and ends meanwhile
+    for begin in (0.3, 0.4, 3.0):
+        rows = play(follower, 0.01, start=begin)
+        now = begin + 0.009
+        times = now + np.linspace(0.0, 0.1, 6)
+        told = follower.ahead(times)
+        np.testing.assert_array_equal(told.q[0], rows[-1, 0])
+        done = play(follower, 0.101, start=now)[::20]
+        np.testing.assert_allclose(np.stack(told, axis=1), done, atol=1e-9)

@@ -123,3 +123,22 @@ def test_feed_forward_commands_all_three(motion: MotionSequence, setup: Excitati
     np.testing.assert_allclose(
         command.tau, model.effort(*(part[np.newaxis] for part in reference))[0]
     )
+
+
+def test_what_it_says_of_the_next_moments_is_what_it_commands(motion: MotionSequence) -> None:
+    player = ExcitationPlayer(motion, VelocityLaw(0.0), NAMES)
+    times = np.linspace(0.0, 0.1, 6)
+    assert player.ahead(times) is None
+    told: dict[int, np.ndarray] = {}
+    for stamp, _, command in play(player, motion.evaluate(0.0).q):
+        if stamp in told:
+            np.testing.assert_allclose(command.dq, told.pop(stamp), atol=1e-9)
+        elif not told:
+            ahead = player.ahead(times)
+            assert ahead is not None
+            stamps = [stamp + round(1e9 * time) for time in times.tolist()]
+            told = dict(zip(stamps[1:], ahead.dq[1:], strict=True))
+        if stamp == 5_700_000_000:
+            player.stop()  # which no plan of before knows
+            told = {}
+    assert player.done

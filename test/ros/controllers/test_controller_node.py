@@ -12,6 +12,7 @@ from geometry_msgs.msg import InertiaStamped, PoseStamped, WrenchStamped
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.robot import load_robot
@@ -48,6 +49,7 @@ def test_gravity_compensation_goes_to_set_points_and_lets_go(bench: ControllerBe
 
 @pytest.mark.parametrize('feedback', ['host', 'boards'])
 def test_computed_torque_executes_a_trajectory(bench: ControllerBench, feedback: str) -> None:
+    bench.keep(topics.PLANNED_MOTION)
     with bench.controller('computed_torque', feedback=feedback, compensation=0.2):
         trajectories = bench.publisher(topics.JOINT_TRAJECTORY)
         bench.wait(lambda: bench.mode == 'running', 'commands')
@@ -57,6 +59,16 @@ def test_computed_torque_executes_a_trajectory(bench: ControllerBench, feedback:
         trajectories.publish(trajectory(goal, 1.0, ['joint1', 'joint2', 'joint3', 'elbow']))
         bench.wait(lambda: any('elbow' in p for p in bench.problems), 'a rejection')
         assert np.abs(bench.q - goal).max() < 0.02
+
+        def planned() -> np.ndarray:
+            plan = bench.heard.get(topics.PLANNED_MOTION.name)
+            if not isinstance(plan, JointTrajectory):
+                return np.full(4, np.nan)
+            assert plan.joint_names == NAMES
+            assert plan.points[-1].time_from_start.nanosec == 100_000_000
+            return np.array(plan.points[-1].positions)
+
+        bench.wait(lambda: np.abs(planned() - goal).max() < 1e-9, 'a plan to stay there')
 
 
 @pytest.mark.parametrize('name', ['kinematic_control', 'impedance_control'])

@@ -1,0 +1,138 @@
+"""What `base_reaction` tells a drone ahead of time, a process that is fed by this one."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.drone_config import load_drone_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.flight.arm_load import at_drone_centre
+from aerarm_ros.flight.arm_load_model import ArmLoadModel
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.ros.controllers.plan_topic import PlanTopic
+from aerarm_ros.ros.executors.spinning import spin_until
+from aerarm_ros.ros.process.node_process import NodeProcess
+
+LEAD = 0.03
+DRONE = load_drone_config()
+CONFIG = load_arm_config()
+MODEL = ArmLoadModel(load_robot(gravity_in_base=DRONE.gravity_in_base))
+AMPLITUDE, W = np.array([0.5, 0.8, 0.6, 0.7]), 2.0 * np.pi * np.array([0.5, 0.6, 0.75, 0.9])
+
+
+def swing(time: float | np.ndarray) -> JointReference:
+    t = np.asarray(time)[..., np.newaxis]
+    s, c = np.sin(W * t), np.cos(W * t)
+    return JointReference(AMPLITUDE * s, AMPLITUDE * W * c, -AMPLITUDE * W**2 * s)
+
+
+class SwingingArm:
+    """Swings, says where it is and what it plans, and hears what the drone is told."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.codec = JointStateCdr(CONFIG.joint_names)
+        self.stamp_ns = 10**9
+        self.heard: dict[str, object] = {}
+        topic = topics.JOINT_STATES
+        self.states = node.create_publisher(topic.type, topic.name, topic.qos)
+        self.plan = PlanTopic(
+            node, CONFIG.joint_names, lambda: self.stamp_ns, lambda t: swing(self.now + t)
+        )
+        for topic in (
+            *(topics.ARM_INERTIA, topics.ARM_COM, topics.WEIGHT_WRENCH, topics.MOTION_WRENCH),
+            topics.FEEDFORWARD_ACCELERATION,
+        ):
+            node.create_subscription(
+                topic.type,
+                topic.name,
+                lambda message, name=topic.name: self.heard.__setitem__(name, message),
+                topic.qos,
+            )
+
+    @property
+    def now(self) -> float:
+        return 1e-9 * self.stamp_ns
+
+    def about(self, name: str) -> int:
+        stamp = self.heard[name].header.stamp if name in self.heard else None
+        return stamp.sec * 10**9 + stamp.nanosec if stamp else 0
+
+    def step(self) -> bool:
+        """Go on for 5 ms; return whether the drone was told of this state in time."""
+        self.stamp_ns += 5_000_000
+        self.plan.update()
+        rclpy.spin_once(self.node, timeout_sec=0.005)
+        motion = swing(self.now)
+        self.states.publish(self.codec.pack(self.stamp_ns, motion.q, motion.dq, np.zeros(4)))
+        goal = self.stamp_ns + round(1e9 * LEAD)
+        told = ('base_wrench_motion', 'feedforward_acceleration', 'arm_inertia')
+        return spin_until(
+            self.node, lambda: all(abs(self.about(name) - goal) < 10 for name in told), 0.2
+        )
+
+
+@pytest.fixture
+def arm(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterator[SwingingArm]:
+    parameters = {
+        'drone_file': resource('config', 'drone.yaml'),
+        'lead': LEAD,
+        'load_rate': 500.0,
+        'acceleration_at': 'centre',
+    }
+    with NodeProcess('base_reaction', (), parameters, log=tmp_path / 'log') as process:
+        arm = SwingingArm(ros_node)
+        assert spin_until(ros_node, arm.states.get_subscription_count, 60.0), process.tail()
+        yield arm
+
+
+def vector(part) -> np.ndarray:
+    return np.array([part.x, part.y, part.z])
+
+
+def test_the_drone_is_told_ahead_of_time_and_of_an_end(arm: SwingingArm) -> None:
+    # Until one plan has been heard for as long as it takes to be believed.
+    in_time = errors = 0
+    while in_time < 30:
+        if not arm.step():
+            continue
+        planned = MODEL.evaluate(swing(arm.now + LEAD))
+        force = vector(arm.heard['base_wrench_motion'].wrench.force)
+        errors += np.linalg.norm(force - planned.motion[:3]) > 0.02
+        in_time += 1
+        if errors and in_time == 30 and arm.now < 20.0:
+            in_time = errors = 0
+    assert not errors
+    assert np.linalg.norm(planned.motion[:3]) > 0.1
+    told = arm.heard['feedforward_acceleration']
+    assert told.header.frame_id == 'drone'
+    wanted = at_drone_centre(planned.acceleration(DRONE), DRONE)
+    both = np.concatenate([vector(told.accel.linear), vector(told.accel.angular)])
+    np.testing.assert_allclose(both, wanted, atol=0.02 * np.abs(wanted).max())
+    inertia = arm.heard['arm_inertia'].inertia
+    np.testing.assert_allclose(vector(inertia.com), planned.com, atol=1e-4)
+    np.testing.assert_allclose(vector(arm.heard['arm_com'].point), vector(inertia.com))
+    weight = vector(arm.heard['base_wrench_weight'].wrench.force)
+    np.testing.assert_allclose(weight, inertia.m * np.array(DRONE.gravity_in_base), rtol=1e-9)
+
+    def motion() -> float:
+        force = vector(arm.heard['base_wrench_motion'].wrench.force)
+        spin = vector(arm.heard['feedforward_acceleration'].accel.angular)
+        return float(np.abs([force, spin]).max())
+
+    # The states end in the middle of a motion: within some steps, nothing is left of it.
+    sizes = [motion()]
+    while sizes[-1] > 0.0:
+        count = arm.about('feedforward_acceleration')
+        assert spin_until(arm.node, lambda c=count: arm.about('feedforward_acceleration') > c, 60.0)
+        sizes.append(motion())
+    assert len(sizes) > 3
+    assert np.all(np.diff(sizes) <= 1e-9)
