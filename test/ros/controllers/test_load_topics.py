@@ -34,7 +34,7 @@ def swing(time: float | np.ndarray) -> JointReference:
     return JointReference(AMPLITUDE * s, AMPLITUDE * W * c, -AMPLITUDE * W**2 * s)
 
 
-class SwingingArm:
+class ToldArm:
     """Swings, says where it is and what it plans, and hears what the drone is told."""
 
     def __init__(self, node: Node) -> None:
@@ -81,7 +81,7 @@ class SwingingArm:
 
 
 @pytest.fixture
-def arm(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterator[SwingingArm]:
+def arm(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterator[ToldArm]:
     parameters = {
         'drone_file': resource('config', 'drone.yaml'),
         'lead': LEAD,
@@ -89,7 +89,7 @@ def arm(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterator[
         'acceleration_at': 'centre',
     }
     with NodeProcess('base_reaction', (), parameters, log=tmp_path / 'log') as process:
-        arm = SwingingArm(ros_node)
+        arm = ToldArm(ros_node)
         assert spin_until(ros_node, arm.states.get_subscription_count, 60.0), process.tail()
         yield arm
 
@@ -98,7 +98,7 @@ def vector(part) -> np.ndarray:
     return np.array([part.x, part.y, part.z])
 
 
-def test_the_drone_is_told_ahead_of_time_and_of_an_end(arm: SwingingArm) -> None:
+def test_the_drone_is_told_ahead_of_time_and_of_an_end(arm: ToldArm) -> None:
     # Until one plan has been heard for as long as it takes to be believed.
     in_time = errors = 0
     while in_time < 30:
