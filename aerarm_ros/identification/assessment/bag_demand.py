@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression_bank import RegressionBank
-from aerarm_ros.identification.regression.regularised_regression import posterior_covariance
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
 
 Array = npt.NDArray[np.float64]
@@ -58,12 +57,11 @@ def bag_demand(fit: ModelFit, bags: Sequence[SampleColumns], judged: SampleColum
         low, high = known.min(axis=0), known.max(axis=0)
         over = np.maximum(asked.max(axis=0) - high, low - asked.min(axis=0))
         beyond.append(np.maximum(over, 0.0) / np.maximum(high - low, 1e-9))
-    covariance = posterior_covariance(
-        fit.regression.system(fit.noise.information_weights), fit.prior
-    )
     terms = [term for _, term in fit.model.joint_columns]
     regression = RegressionBank([judged], terms, fit.inertial).regression(fit.model)
-    variance = [np.einsum('ij,jk,ik', f[:, :-1], covariance, f[:, :-1]) for f in regression.factors]
+    variance = [
+        np.einsum('ij,jk,ik', f[:, :-1], fit.covariance, f[:, :-1]) for f in regression.factors
+    ]
     mean = np.array(variance) / np.maximum(regression.rows, 1)
     return BagDemand(judged.samples.name, np.array(beyond), np.sqrt(mean))
 

@@ -12,6 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'estimate_comparison': ['EstimateComparison', 'compare_estimates'],
         'estimate_file': ['estimate_yaml', 'payload_yaml'],
         'estimate_reader': ['read_estimate', 'read_gravity'],
+        'friction_torque': ['FrictionDeviations', 'friction_deviations'],
         'identified_urdf': ['IdentifiedUrdf'],
         'result_directory': ['MARKER', 'ResultDirectory'],
         'summary': ['summarise', 'term_text'],

@@ -5,13 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.identification.files.friction_torque import NO_FRICTION
 from aerarm_ros.identification.parameters.joint_term import COUPLED, TermKind
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
 
 Array = npt.NDArray[np.float64]
-
-_NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 
 
 def equivalent_friction(estimate: Estimate, bags: Sequence[SampleColumns]) -> tuple[Array, Array]:
@@ -39,7 +38,7 @@ def equivalent_friction(estimate: Estimate, bags: Sequence[SampleColumns]) -> tu
         own = [
             (term, value)
             for (j, term), value in zip(model.joint_columns, values, strict=True)
-            if j == joint and term.kind not in _NO_FRICTION
+            if j == joint and term.kind not in NO_FRICTION
         ]
         if all(
             term.kind in (TermKind.VISCOUS, TermKind.COULOMB) and not term.width for term, _ in own

@@ -6,13 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from aerarm_ros.description.config_reader import read_yaml
-from aerarm_ros.identification.parameters.joint_term import COUPLED, TermKind
+from aerarm_ros.identification.files.estimate_reader import joint_terms
+from aerarm_ros.identification.files.friction_torque import friction_torque
+from aerarm_ros.identification.parameters.joint_term import COUPLED, JointTerm, TermKind
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 
+Array = npt.NDArray[np.float64]
+
 _CLEAR = 3.0  # standard deviations
-_OF_JOINTS = {'viscous': 'Nms/rad', 'coulomb': 'Nm'}
+_SHARES = (0.2, 0.6, 1.0)  # of the speed that both motions reach
+_STILL = 1e-3  # [rad/s]
 _NOT_FRICTION = (TermKind.ROTOR, *COUPLED)
 _FRICTION = tuple(f'{kind.value}_' for kind in TermKind if kind not in _NOT_FRICTION)
 
@@ -24,7 +30,7 @@ class EstimateChange:
     Attributes
     ----------
     name : str
-        Such as 'coulomb friction of joint2', or a base parameter.
+        Such as 'friction of joint2 at 0.5 rad/s', or a base parameter.
     unit : str
     old, new : float
     std : float
@@ -55,8 +61,9 @@ class EstimateComparison:
     Attributes
     ----------
     friction, inertia : tuple of EstimateChange
-        Friction (2.6) of each joint, as it is nearest to the models'; base parameters of links and
-        rotors that both motions determine.
+        Friction torque of each joint at some speeds that both motions reach, under the same load:
+        the terms of the two models may differ. Base parameters of links and rotors that both
+        motions determine.
     unmatched : int
         Base parameters that only one of the two has.
     """
@@ -115,15 +122,47 @@ def _parameters(path: Path) -> Mapping[str, Any]:
     return dict(parameters)
 
 
+@dataclass(frozen=True, eq=False)
+class _JointFriction:
+    """A joint's friction in one result."""
+
+    terms: Mapping[JointTerm, float]
+    speeds: Array
+    torques: Array
+    load: float
+    load_deviation: float
+
+    def at(self, speed: Array, load: float) -> tuple[Array, Array]:
+        """Return friction torque and its standard deviation at some speeds [Nm]."""
+        known = np.interp(speed, self.speeds, self.torques)
+        elsewhere = self.load_deviation * (load - self.load)
+        return friction_torque(self.terms, speed, load), np.hypot(known, elsewhere)
+
+
+def _joints(parameters: Mapping[str, Any]) -> list[_JointFriction]:
+    n = len(parameters['joint_names'])
+    deviations = parameters['friction_deviations']
+    speeds, torques = (
+        np.array(deviations[key], dtype=float).reshape(n, -1) for key in ('speeds', 'torques')
+    )
+    loads = np.array(deviations['loads'], dtype=float).reshape(n)
+    of_load = np.array(parameters['standard_deviation']['load'], dtype=float).reshape(n)
+    own = zip(joint_terms(parameters, n), speeds, torques, loads, of_load, strict=True)
+    return [_JointFriction(*each) for each in own]
+
+
 def _friction(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[EstimateChange, ...]:
     changes = []
-    for key, unit in _OF_JOINTS.items():
-        values = [np.array(each[key], dtype=float) for each in (first, second)]
-        stds = [np.array(each['standard_deviation'][key], dtype=float) for each in (first, second)]
-        rows = zip(first['joint_names'], *values, np.hypot(*stds), strict=True)
+    for name, *pair in zip(first['joint_names'], _joints(first), _joints(second), strict=True):
+        top = min(float(each.speeds[-1]) for each in pair)
+        if top < _STILL:
+            continue
+        speeds = top * np.array(_SHARES)
+        load = float(np.mean([each.load for each in pair]))
+        (old, old_std), (new, new_std) = (each.at(speeds, load) for each in pair)
         changes += [
-            EstimateChange(f'{key} friction of {joint}', unit, *map(float, row))
-            for joint, *row in rows
+            EstimateChange(f'friction of {name} at {speed:.2g} rad/s', 'Nm', *map(float, row))
+            for speed, *row in zip(speeds, old, new, np.hypot(old_std, new_std), strict=True)
         ]
     return tuple(changes)
 

@@ -1,5 +1,6 @@
 """An estimate as YAML that ROS nodes read with `--params-file`."""
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy.typing as npt
 import yaml
 
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.files.friction_torque import friction_deviations
 from aerarm_ros.identification.parameters.joint_term import TermKind
 from aerarm_ros.identification.payload.payload import Payload
 from aerarm_ros.identification.solvers.estimate import Estimate
@@ -25,6 +27,8 @@ _HEADER = """\
 # velocity of the driver) or ca (per acceleration), and its coefficient.
 # from_data: share of each value that comes from data (1) rather than from CAD (0). A parameter that
 # stands in one of the sums below is shared out by CAD, however much the data say of the sum.
+# friction_deviations: standard deviations of friction torques (offsets are no part of them), joint
+# by joint at rising speeds, at the usual torque on its links (loads).
 # base_parameters: the sums that the torque depends on, which the data determine, with their
 # standard deviations by the data alone.
 """
@@ -86,6 +90,8 @@ def estimate_yaml(
         parameters['coupled_joints'] = coupled
     if estimate.std is not None:
         parameters['standard_deviation'] = _per_kind(estimate, estimate.std)
+        deviations = asdict(friction_deviations(result))
+        parameters['friction_deviations'] = {key: _floats(v) for key, v in deviations.items()}
     if estimate.determined is not None:
         parameters['from_data'] = _per_kind(estimate, estimate.determined)
     if result.used_base.rank:

@@ -39,10 +39,8 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
         parameters = document['/**']['ros__parameters']
         names = tuple(parameters['joint_names'])
         _check_joints(path, names, robot.joint_names)
-        friction = parameters['friction']
         inertial = np.array(parameters['inertial_parameters'], dtype=float).reshape(robot.n, 10)
-        values = {kind: _column(friction, parameters, kind, robot.n) for kind in NAMES}
-        widths = {name: _numbers(friction.get(name), robot.n) for name in WIDTHS}
+        own = joint_terms(parameters, robot.n)
         coupled = _coupled(parameters.get('coupled_joints'), names)
     except IdentificationError:
         raise
@@ -52,23 +50,46 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
             'the file as the identifier has written it'
         ) from None
     terms = [
-        tuple(
-            JointTerm(kind, _width(widths, kind, joint))
-            for kind, column in values.items()
-            if column[joint] != 0.0
-        )
-        + tuple(term for owner, term in coupled if owner == joint)
-        for joint in range(robot.n)
+        (*values, *(term for owner, term in coupled if owner == joint))
+        for joint, values in enumerate(own)
     ]
     model = JointModel(robot.joint_names, robot.link_names, tuple(terms))
     joints = [
-        values[term.kind][joint] if term.driver is None else coupled[joint, term]
+        own[joint][term] if term.driver is None else coupled[joint, term]
         for joint, term in model.joint_columns
     ]
     theta = np.concatenate([inertial.ravel(), joints])
     if not np.isfinite(theta).all():
         raise IdentificationError(f'{path}: holds numbers that are not finite')
     return Estimate(str(parameters.get('solver', '')), model, theta)
+
+
+def joint_terms(parameters: Mapping[str, Any], n: int) -> list[dict[JointTerm, float]]:
+    """Return each joint's terms and their coefficients, without couplings.
+
+    Parameters
+    ----------
+    parameters : mapping
+        ROS parameters of an estimate.
+    n : int
+        Number of joints.
+
+    Raises
+    ------
+    KeyError, TypeError, AttributeError, ValueError
+        If it is no estimate of so many joints.
+    """
+    friction = parameters['friction']
+    values = {kind: _column(friction, parameters, kind, n) for kind in NAMES}
+    widths = {name: _numbers(friction.get(name), n) for name in WIDTHS}
+    return [
+        {
+            JointTerm(kind, _width(widths, kind, joint)): float(column[joint])
+            for kind, column in values.items()
+            if column[joint] != 0.0
+        }
+        for joint in range(n)
+    ]
 
 
 def read_gravity(path: Path, robot: Robot) -> Array:

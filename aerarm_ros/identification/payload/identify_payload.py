@@ -90,10 +90,7 @@ def identify_payload(result: IdentificationResult, recordings: Sequence[Recordin
         for recording in recordings
     ]
     fit = result.fit
-    covariance = posterior_covariance(
-        fit.regression.system(fit.noise.information_weights), fit.prior
-    )
-    arm = _Arm(result.robot, fit.model, result.recommended.estimate.theta, covariance)
+    arm = _Arm(result.robot, fit.model, result.recommended.estimate.theta, fit.covariance)
     return _weigh(arm, bags, [fit.noise] * _ROUNDS)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,10 @@ from aerarm_ros.identification.regression.noise import Noise, noise_from_residua
 from aerarm_ros.identification.regression.prior import Prior, prior_from_cad
 from aerarm_ros.identification.regression.reduced_regression import ReducedRegression
 from aerarm_ros.identification.regression.regression_bank import RegressionBank
-from aerarm_ros.identification.regression.regularised_regression import solve_regularised
+from aerarm_ros.identification.regression.regularised_regression import (
+    posterior_covariance,
+    solve_regularised,
+)
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
 
 Array = npt.NDArray[np.float64]
@@ -45,6 +49,12 @@ class ModelFit:
     def inertial(self) -> Array:
         """(10 n,) inertial parameters of `theta`."""
         return self.theta[: 10 * self.model.n]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """(p, p) covariance of the parameters given data and prior, constraints left out."""
+        system = self.regression.system(self.noise.information_weights)
+        return posterior_covariance(system, self.prior)
 
 
 def fit_model(

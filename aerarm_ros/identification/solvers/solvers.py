@@ -13,7 +13,6 @@ from aerarm_ros.identification.parameters.joint_term import TermKind
 from aerarm_ros.identification.parameters.link_bounds import LinkBounds
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.regularised_regression import posterior_covariance
 from aerarm_ros.identification.regression.sample_columns import SampleColumns
 from aerarm_ros.identification.rollout.rollout_windows import RolloutWindows
 from aerarm_ros.identification.solvers.annealing_solver import solve_annealing
@@ -174,5 +173,4 @@ def _with_uncertainty(estimate: Estimate, fit: ModelFit) -> Estimate:
 
 def _variance(fit: ModelFit) -> Array:
     """Return the (p,) variances of the parameters given data and prior."""
-    system = fit.regression.system(fit.noise.information_weights)
-    return np.diag(posterior_covariance(system, fit.prior))
+    return np.diag(fit.covariance)
