@@ -27,6 +27,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         ],
         'kinematics': ['Kinematics', 'dh_forward', 'dh_transform'],
         'last_link': ['LastLink', 'checked_payload'],
+        'momentum_regressor': ['MomentumRegressor'],
         'regressor': ['Regressor'],
         'whole_body_dynamics': ['WholeBodyDynamics'],
     },

@@ -1,6 +1,7 @@
 """The arm as a physics engine sees it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -156,6 +157,31 @@ class ArmPlant:
     def apply_effort(self, effort: ArrayLike) -> None:
         """Set the torques (n,) that the motors put into the gears, at joint side [Nm]."""
         self._effort[:] = effort
+
+    def grasp(self, parameters: PlantParameters) -> None:
+        """Let the last link be that of other parameters, as of an arm that picks something up.
+
+        The motion goes on: what is grasped moved with the arm already.
+
+        Parameters
+        ----------
+        parameters
+            Of which the last link's inertial ones count.
+        """
+        pi = parameters.inertial_parameters[-1]
+        moments, axes = np.linalg.eigh(barycentric_inertia(pi))
+        if np.linalg.det(axes) < 0.0:
+            axes[:, 0] = -axes[:, 0]
+        model, body = self._model, self._model.jnt_bodyid[-1]
+        model.body_mass[body] = pi[0]
+        model.body_ipos[body] = pi[1:4] / pi[0]
+        model.body_inertia[body] = moments
+        mujoco.mju_mat2Quat(model.body_iquat[body], axes.ravel())
+        # What is derived of them; on other data, as it puts the joints to zero.
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        inertial = np.array(self.parameters.inertial_parameters)
+        inertial[-1] = pi
+        self.parameters = replace(self.parameters, inertial_parameters=inertial)
 
     def step(self) -> None:
         """Advance by one sub-step."""

@@ -22,6 +22,7 @@ ALLOWED = {
     'energy': {'control', 'motion', 'model', 'description'},
     'excitation': {'pages', 'motion', 'model', 'description'},
     'identification': {'energy', 'pages', 'model', 'description'},
+    'online': {'identification', 'control', 'motion', 'model', 'description'},
     'simulation': {'motion', 'model', 'description'},
     'hardware': {'motion', 'simulation', 'model', 'description'},
     'experiment': {

@@ -47,6 +47,7 @@ class EmulatedArm:
         self._names = config.joint_names
         transport = make_emulated_transport(config, robot, seed, position=posture, parameters=truth)
         self._bridge = BridgeCycle(config, transport, BridgeSettings(stall_time=60.0))
+        self.plant = transport.plant
         transport.open()
         self._now = 0.0
         while self._bridge.mode != 'ready':

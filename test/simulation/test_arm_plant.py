@@ -41,6 +41,23 @@ def test_agrees_with_the_controllers_model_without_friction(rng, gravity, seed):
         assert model.inverse(q, dq, plant.acceleration) == pytest.approx(tau, abs=1e-9)
 
 
+def test_what_is_grasped_in_motion_is_felt_from_then_on(rng):
+    parameters = NOMINAL.without_friction().perturbed(3)
+    loaded = parameters.carrying(0.2, (0.1, 0.01, -0.02), 0.03)
+    plant = ArmPlant(ROBOT, parameters)
+    q, dq, tau = UPRIGHT + 0.3, rng.uniform(-2, 2, 4), rng.uniform(-5, 5, 4)
+    plant.reset(q, dq)
+    plant.grasp(loaded)
+    assert (plant.position == q).all() and (plant.velocity == dq).all()
+    assert plant.parameters.inertial_parameters == pytest.approx(loaded.inertial_parameters)
+    plant.apply_effort(tau)
+    plant.step()
+    model = Dynamics(
+        ROBOT.with_inertial_parameters(loaded.inertial_parameters), parameters.rotor_inertia
+    )
+    assert model.inverse(q, dq, plant.acceleration) == pytest.approx(tau, abs=1e-9)
+
+
 def test_friction_at_speed_is_viscous_plus_coulomb_plus_load_share(rng):
     parameters = NOMINAL.perturbed(3)
     plant = ArmPlant(ROBOT, parameters)

@@ -1,0 +1,21 @@
+"""What an arm carries and how its gears wear, learnt while it works.
+
+In come states of the arm, the motion of its base and the model of the arm without a payload; out
+go, fifty times a second, a body that the last link carries, with standard deviations, and friction
+as it is by now.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        'change_test': ['ChangeTest'],
+        'effort_watch': ['EffortWatch'],
+        'estimator_settings': ['EstimatorSettings'],
+        'filtered_motion': ['FilteredMotion', 'MotionRow'],
+        'information_filter': ['InformationFilter'],
+        'online_estimate': ['OnlineEstimate'],
+        'payload_estimator': ['PayloadEstimator'],
+    },
+)

@@ -1,0 +1,160 @@
+"""The equation of motion, low-passed, as rows that are linear in what is looked for."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.gains import non_negative
+from aerarm_ros.model.momentum_regressor import MomentumRegressor
+from aerarm_ros.motion.arm_state import ArmState
+
+Array = npt.NDArray[np.float64]
+
+WINDOW = 5e-3
+"""[s] after which momentum is taken again: motion is much slower, torque is a mean over it."""
+# Joints slower than this [rad/s] may be held by dry friction, in either direction.
+_SLOW = 0.03
+_SETTLED = 6.6  # time constants after which a step has come to 99 %
+_WIDTH = 0.01  # [rad/s] in which dry friction turns round
+
+
+class MotionRow(NamedTuple):
+    """What one instant says.
+
+    Attributes
+    ----------
+    regressor : (n, 10 + 3 n) ndarray
+        Torque by the ten parameters of what is carried, then by viscous, Coulomb and load friction
+        of each joint.
+    torque : (n,) ndarray
+        What drive, arm and known friction leave [Nm].
+    doubt : (n,) ndarray
+        Dry friction whose direction isn't known [Nm].
+    """
+
+    regressor: Array
+    torque: Array
+    doubt: Array
+
+
+class FilteredMotion:
+    """Both sides of the equation of motion through two equal first-order low-passes.
+
+    With the momentum form of `MomentumRegressor` nothing measured is differentiated twice: the
+    change of momentum over a window is the mean force in it, as the drives' torque is a mean. The
+    second low-pass takes away what the first makes of noise in the velocities.
+
+    Parameters
+    ----------
+    dynamics : MovingBaseDynamics
+        Of the arm, carrying nothing.
+    viscous, coulomb, load_share : (n,) array_like
+        Friction that is known: [Nms/rad], [Nm], per torque that the gear passes on [-].
+    bandwidth : float
+        Of each low-pass [1/s].
+
+    Raises
+    ------
+    ValueError
+        If a friction is negative, or their number isn't n.
+    """
+
+    def __init__(
+        self,
+        dynamics: MovingBaseDynamics,
+        viscous: npt.ArrayLike,
+        coulomb: npt.ArrayLike,
+        load_share: npt.ArrayLike,
+        bandwidth: float,
+    ) -> None:
+        n = dynamics.n
+        self.n = n
+        self.viscous = non_negative('viscous friction', viscous, n)
+        self.coulomb = non_negative('Coulomb friction', coulomb, n)
+        self.load_share = non_negative('load share', load_share, n)
+        self._dynamics = dynamics
+        self._regressor = MomentumRegressor(dynamics.robot)
+        self._bandwidth = bandwidth
+        self._joints = np.arange(n)
+        # Columns: the regressor's, the torque that is left, the doubt.
+        self._instant = np.zeros((n, 12 + 3 * n))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything, as after a gap."""
+        self._first: Array | None = None
+        self._filtered: Array | None = None
+        self._before: Array | None = None
+        self._momentum = np.zeros((self.n, 11))
+        self._impulse = np.zeros(self.n)
+        self._elapsed = 0.0
+        self._age = 0.0
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether what was before the last `reset` has decayed to 1 %."""
+        return self._age * self._bandwidth > _SETTLED
+
+    def update(self, state: ArmState, dt: float, base: BaseMotion) -> bool:
+        """Take the state at the end of a cycle of `dt` [s]; tell whether a window has ended.
+
+        `state.tau` is the drives' torque during the cycle.
+        """
+        self._impulse += dt * state.tau
+        self._elapsed += dt
+        if self._before is not None and self._elapsed < WINDOW - 1e-4:
+            return False
+        self._end_window(state, base)
+        return True
+
+    def row(self) -> MotionRow:
+        """Return the newest row; there must have been two windows."""
+        if self._filtered is None:
+            raise RuntimeError('no window has ended yet')
+        values = self._filtered
+        return MotionRow(values[:, :-2].copy(), values[:, -2].copy(), values[:, -1].copy())
+
+    def _end_window(self, state: ArmState, base: BaseMotion) -> None:
+        q, dq, _ = state
+        tau = self._impulse / self._elapsed
+        instant = self._evaluate(q, dq, tau, base)
+        momentum = np.empty_like(self._momentum)
+        momentum[:, :10], instant[:, :10] = self._regressor.evaluate(
+            q, dq, base.specific_force, base.angular_velocity
+        )
+        fixed = self._dynamics.fixed
+        momentum[:, 10] = fixed.inertia_matrix(q) @ dq
+        if self._before is not None:
+            mean = 0.5 * (instant + self._before)
+            change = (momentum - self._momentum) / self._elapsed
+            mean[:, :10] += change[:, :10]
+            mean[:, -2] += tau - change[:, 10]
+            if self._first is None or self._filtered is None:
+                self._first, self._filtered = mean, mean.copy()
+            else:
+                share = -np.expm1(-self._bandwidth * self._elapsed)
+                self._first += share * (mean - self._first)
+                self._filtered += share * (self._first - self._filtered)
+            self._age += self._elapsed
+        self._before, self._momentum = instant.copy(), momentum
+        self._impulse[:] = 0.0
+        self._elapsed = 0.0
+
+    def _evaluate(self, q: Array, dq: Array, tau: Array, base: BaseMotion) -> Array:
+        """Return what holds at an instant, but for the payload's columns."""
+        instant, joints, n = self._instant, self._joints, self.n
+        coriolis = self._dynamics.fixed.coriolis_matrix(q, dq)
+        rigid = self._dynamics.bias(q, dq, base) - (coriolis + coriolis.T) @ dq
+        sign = np.tanh(dq / _WIDTH)
+        known = self.viscous * dq + self.coulomb * sign
+        load = np.abs(tau - known)
+        dry = self.load_share * load
+        instant[joints, 10 + joints] = dq
+        instant[joints, 10 + n + joints] = sign
+        instant[joints, 10 + 2 * n + joints] = sign * load
+        instant[:, -2] = -rigid - known - dry * sign
+        instant[:, -1] = (self.coulomb + dry) * (np.abs(dq) < _SLOW)
+        return instant

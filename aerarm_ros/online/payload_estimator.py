@@ -1,0 +1,301 @@
+"""What the last link carries, found while the arm moves."""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.identification.payload.payload import Payload
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.online.change_test import ChangeTest
+from aerarm_ros.online.effort_watch import EffortWatch
+from aerarm_ros.online.estimator_settings import EstimatorSettings
+from aerarm_ros.online.filtered_motion import WINDOW, FilteredMotion, MotionRow
+from aerarm_ros.online.information_filter import Belief, InformationFilter
+from aerarm_ros.online.nearest_body import SPECK, ball, nearest_body
+from aerarm_ros.online.online_estimate import OnlineEstimate
+
+Array = npt.NDArray[np.float64]
+
+PERIOD = 0.02
+"""[s] between estimates."""
+# A longer silence [s] may hide anything.
+_LONGEST_GAP = 0.05
+_WINDOWS = round(PERIOD / WINDOW)
+_TARE, _LOAD = slice(0, 10), slice(10, 20)
+_UNDONE = 0.3  # [s] before a change was found, it may have happened
+_SETTLING = 0.15  # [s] after a change was found, in which the filter still holds what was before
+_DECISION = 0.35  # [s] in which it shows whether a change was a put-down
+_FAST = 2.0  # [s] after a change, in which nothing is forgotten and noise isn't measured
+_TARE_TIME = 1.0  # [s] of motion without a sign of a payload, by which there is none
+_SIGNIFICANT = 3.0  # standard deviations that a payload must weigh
+_NOISE_TIME = 3.0  # [s] over which the unexplained torque is measured
+_LARGEST = 5.0  # standard deviations from which on an error counts less
+_SMALL_SHARE = 0.02  # standard deviation of load friction, where the model has none
+_SMALL_FRICTION = 0.01  # [Nm], [Nms/rad]: the same of the others
+_LEAST_NOISE = 0.25  # of the noise that was assumed
+
+
+class _Phase(NamedTuple):
+    """What the estimator takes the arm to do, and since when [s]."""
+
+    carries: bool
+    since: float
+
+
+class PayloadEstimator:
+    """Payload and friction from states at 1 kHz, in a fiftieth of a second each.
+
+    A linear Bayesian filter in three blocks: the *tare*, a body by which the arm's model is wrong
+    at its last link, learnt while nothing is carried; the *payload*, in the same columns while
+    something is; and friction's deviation from the model, slowly. Payload and tare are told apart
+    by time alone, so that an error of the arm's model that is the same before and after the
+    pick-up is not weighed.
+
+    What is picked up or put down shows in the innovations: their squares over their variance are
+    summed up (`ChangeTest`). Then the belief of a moment before is taken back, and the payload
+    begins anew from its wide prior (the fast phase), or ends. What is told is the body nearest to
+    the payload's block (`nearest_body`), so its 4x4 pseudo-inertia is positive definite in every
+    step.
+
+    Parameters
+    ----------
+    dynamics : MovingBaseDynamics
+        Of the arm, carrying nothing.
+    viscous, coulomb, load_share : (n,) array_like
+        Friction as it is known, see `FilteredMotion`.
+    settings : EstimatorSettings, optional
+
+    Attributes
+    ----------
+    estimate : OnlineEstimate or None
+        The last good one; none before the first.
+    changes : int
+        Pick-ups and put-downs that were found.
+    """
+
+    def __init__(
+        self,
+        dynamics: MovingBaseDynamics,
+        viscous: npt.ArrayLike,
+        coulomb: npt.ArrayLike,
+        load_share: npt.ArrayLike,
+        settings: EstimatorSettings | None = None,
+    ) -> None:
+        self.settings = s = settings or EstimatorSettings()
+        self.link = dynamics.robot.link_names[-1]
+        self._still = dynamics.still
+        self._motion = FilteredMotion(dynamics, viscous, coulomb, load_share, s.bandwidth)
+        known = self._motion
+        least = np.repeat([_SMALL_FRICTION, _SMALL_FRICTION, _SMALL_SHARE], known.n)
+        self._friction = np.concatenate([known.viscous, known.coulomb, known.load_share])
+        self._friction_scale = s.friction_spread * self._friction + least
+        self._tare_scale = s.body_scale(s.tare_mass)
+        self._load_scale = s.body_scale(s.payload_mass)
+        self._filter = InformationFilter(20 + len(self._friction))
+        self._efforts = EffortWatch(dynamics.robot.joint_names)
+        self._change = ChangeTest()
+        # An error that stays for a while is one error, not one a period.
+        self._repeated = 2.0 * s.correlation_time / PERIOD
+        self.estimate: OnlineEstimate | None = None
+        self.changes = 0
+        self._last: float | None = None
+        self._noise = np.full(known.n, s.torque_noise**2)
+        self._windows = 0
+        self._start_anew()
+
+    @property
+    def problem(self) -> str:
+        """What keeps the arm from being estimated, '' if nothing."""
+        return self._efforts.problem or self._fault
+
+    @property
+    def is_tared(self) -> bool:
+        """Whether the arm has moved for a second and shown no payload, so that one is news."""
+        return self._bare_time >= _TARE_TIME
+
+    def update(
+        self, state: ArmState, now: float, base: BaseMotion | None = None
+    ) -> OnlineEstimate | None:
+        """Take the state of `now` [s], and return an estimate if a new one is due.
+
+        A state with a number missing counts as lost. After a gap, or while something is wrong
+        (`problem`), the last good estimate stays.
+
+        Parameters
+        ----------
+        state : ArmState
+        now : float
+            [s]
+        base : BaseMotion, optional
+            Default: at rest, under the arm's own gravity.
+        """
+        if not np.isfinite(state.q.sum() + state.dq.sum() + state.tau.sum()):
+            return None
+        last, self._last = self._last, now
+        if last is None or not 0.0 < now - last < _LONGEST_GAP:
+            if last is None or now != last:
+                self.pause()
+                self._last = now
+            return None
+        self._efforts.update(state, now - last)
+        if self._efforts.problem:
+            self._motion.reset()
+            return None
+        if not self._motion.update(state, now - last, self._still if base is None else base):
+            return None
+        self._windows += 1
+        if self._windows < _WINDOWS or not self._motion.is_settled:
+            return None
+        self._windows = 0
+        return self._learn(self._motion.row(), now)
+
+    def pause(self) -> None:
+        """Say that states, or what is known of the base, are missing: what is known stays."""
+        self._motion.reset()
+        self._windows = 0
+        self._last = None
+
+    def _start_anew(self) -> None:
+        self._filter = InformationFilter(20 + len(self._friction))
+        self._phase = _Phase(False, -np.inf)
+        self._found: float | None = None
+        self._fault = ''
+        self._bare_time = 0.0
+        self._quiet = 0.0
+        self._windows = 0
+        self._history: deque[Belief] = deque(maxlen=round(_UNDONE / PERIOD))
+        self._change.reset()
+
+    # One period.
+
+    def _learn(self, row: MotionRow, now: float) -> OnlineEstimate | None:
+        rows = self._rows(row)
+        if self._fault:
+            self._look_again(rows, row)
+            return None
+        if self._found is not None:
+            self._decide(rows, row, now)
+            return self._tell(now)
+        error, square = self._innovation(rows, row)
+        if self._change.update(square):
+            self._change_found(now)
+            return None if self._fault else self._tell(now)
+        if now - self._phase.since > _FAST:
+            self._measure_noise(error, rows, row)
+        if now - self._phase.since > _SETTLING:
+            self._take(rows, row, error, now)
+        return self._tell(now)
+
+    def _rows(self, row: MotionRow) -> Array:
+        """Return what the n torques are, by the filter's parameters."""
+        body, friction = row.regressor[:, :10], row.regressor[:, 10:]
+        load = self._load_scale if self._phase.carries else np.zeros(10)
+        return np.hstack([body * self._tare_scale, body * load, friction * self._friction_scale])
+
+    def _innovation(self, rows: Array, row: MotionRow) -> tuple[Array, float]:
+        """Return errors of prediction (n,) [Nm], and the largest square over its variance."""
+        belief = self._filter.belief
+        error = row.torque - rows @ belief.mean
+        spread = np.einsum('ij,jk,ik->i', rows, belief.covariance, rows)
+        variance = self._noise + row.doubt**2 + spread
+        return error, float(np.max(error**2 / variance))
+
+    def _take(self, rows: Array, row: MotionRow, error: Array, now: float) -> None:
+        variance = self._noise + row.doubt**2
+        large = error**2 / (_LARGEST**2 * variance)
+        variance = self._repeated * variance * np.maximum(1.0, large)
+        if (row.doubt**2 < self._noise).any():
+            self._bare_time += PERIOD
+        self._history.append(self._filter.belief)
+        self._filter.update(rows, row.torque, variance, self._kept(now))
+
+    def _kept(self, now: float) -> Array:
+        """Return what is kept of the information, for each parameter."""
+        s, kept = self.settings, np.ones(20 + len(self._friction))
+        if now - self._phase.since < _FAST:
+            return kept
+        # While something is carried nothing is learnt of the arm without.
+        kept[_LOAD if self._phase.carries else _TARE] = np.exp(-PERIOD / s.memory)
+        kept[20:] = np.exp(-PERIOD / s.friction_memory)
+        return kept
+
+    def _measure_noise(self, error: Array, rows: Array, row: MotionRow) -> None:
+        """Follow the torque that stays unexplained, where its friction is known."""
+        square = np.minimum(error**2, _LARGEST**2 * self._noise)
+        share = np.where(row.doubt**2 > 0.1 * self._noise, 0.0, PERIOD / _NOISE_TIME)
+        least = (_LEAST_NOISE * self.settings.torque_noise) ** 2
+        self._noise = np.maximum(self._noise + share * (square - self._noise), least)
+
+    # Changes.
+
+    def _change_found(self, now: float) -> None:
+        if self._history:
+            self._filter.belief = self._history[0]
+        self._history.clear()
+        self._change.reset()
+        if self._phase.carries:
+            self._found = now
+        elif self.is_tared:
+            self._begin(True, now)
+        else:
+            self._fault = (
+                'the arm seems to carry something since the start, or its model is not that of '
+                'this arm: start without a payload and move, give payload.inertial_parameters, '
+                'or identify the arm'
+            )
+
+    def _decide(self, rows: Array, row: MotionRow, now: float) -> None:
+        """See whether the arm without payload explains what is felt now."""
+        assert self._found is not None
+        bare = rows.copy()
+        bare[:, _LOAD] = 0.0
+        _, square = self._innovation(bare, row)
+        self._quiet = self._quiet + PERIOD if square < 3.0 else 0.0
+        if self._quiet >= 2.5 * PERIOD:
+            self._begin(False, now)
+        elif now - self._found > _DECISION:
+            self._begin(True, now)
+
+    def _begin(self, carries: bool, now: float) -> None:
+        self._filter.forget(_LOAD)
+        self._phase = _Phase(carries, now)
+        self._found = None
+        self._quiet = 0.0
+        self._change.reset()
+        self.changes += 1
+
+    def _look_again(self, rows: Array, row: MotionRow) -> None:
+        """Begin anew once the arm without payload explains what is felt."""
+        _, square = self._innovation(rows, row)
+        self._quiet = self._quiet + PERIOD if square < 3.0 else 0.0
+        if self._quiet > 1.0:
+            self._start_anew()
+
+    # What is told.
+
+    def _tell(self, now: float) -> OnlineEstimate:
+        belief, carries = self._filter.belief, self._phase.carries
+        block, scale = (_LOAD, self._load_scale) if carries else (_TARE, self._tare_scale)
+        covariance = belief.covariance[block, block] * np.outer(scale, scale)
+        body = ball(SPECK, np.zeros(3), self.settings.payload_size)
+        if carries:
+            information = np.asarray(np.linalg.inv(covariance))
+            body = nearest_body(scale * belief.mean[block], information, self.settings.payload_size)
+        n = self._motion.n
+        deviation = self._friction_scale * belief.mean[20:]
+        spread = self._friction_scale * np.sqrt(np.diag(belief.covariance)[20:])
+        self.estimate = OnlineEstimate(
+            now,
+            Payload(self.link, body, covariance),
+            carries,
+            self._phase.since,
+            scale,
+            (self._friction + deviation).reshape(3, n),
+            spread.reshape(3, n),
+            np.sqrt(self._noise),
+        )
+        return self.estimate

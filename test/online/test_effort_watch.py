@@ -1,0 +1,27 @@
+import numpy as np
+
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.online.effort_watch import EffortWatch
+
+NAMES = ('shoulder', 'elbow')
+
+
+def feed(watch: EffortWatch, dq: list[float], efforts: list[list[float]]) -> None:
+    for tau in efforts:
+        watch.update(ArmState(np.zeros(2), np.array(dq), np.array(tau)), 1e-3)
+
+
+def test_a_torque_that_stays_in_motion_is_named() -> None:
+    watch = EffortWatch(NAMES)
+    feed(watch, [1.0, 1.0], [[0.1 * k, 0.5] for k in range(300)])
+    assert watch.problem == (
+        'effort of elbow stays 0.5 Nm while it moves: check that joint_states has measured torques'
+    )
+    feed(watch, [1.0, 1.0], [[0.1, 0.6]])
+    assert not watch.problem
+
+
+def test_an_arm_at_rest_may_be_silent() -> None:
+    watch = EffortWatch(NAMES)
+    feed(watch, [0.0, 0.01], [[0.0, 0.0]] * 1000)
+    assert not watch.problem

@@ -1,0 +1,165 @@
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from carrying_run import COLD, CarryingRun
+
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.inertia import minimum_eigenvalue
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.online.estimator_settings import EstimatorSettings
+from aerarm_ros.online.nearest_body import SPECK
+from aerarm_ros.online.online_estimate import OnlineEstimate
+from aerarm_ros.online.payload_estimator import PayloadEstimator
+
+SEED = 2
+
+
+@pytest.fixture(scope='module')
+def run(made_once: Callable[[str, Callable[[Path], None]], Path]) -> CarryingRun:
+    def fill(folder: Path) -> None:
+        CarryingRun.record(SEED).save(folder / 'run.npy')
+
+    return CarryingRun.load(made_once('carrying_run', fill) / 'run.npy', SEED)
+
+
+def feed(
+    estimator: PayloadEstimator, states: list[tuple[float, ArmState]]
+) -> Iterator[OnlineEstimate]:
+    for now, state in states:
+        estimate = estimator.update(state, now)
+        if estimate is not None:
+            yield estimate
+
+
+@pytest.fixture(scope='module')
+def estimates(run: CarryingRun) -> list[OnlineEstimate]:
+    return list(feed(run.estimator(), run.states()))
+
+
+def at(estimates: list[OnlineEstimate], time: float) -> OnlineEstimate:
+    return next(estimate for estimate in estimates if estimate.time >= time)
+
+
+def test_two_seconds_after_a_pick_up_the_payload_is_known(
+    run: CarryingRun, estimates: list[OnlineEstimate]
+) -> None:
+    estimate = at(estimates, run.pick_up + 2.0)
+    payload, true_centre = estimate.payload, run.payload[1:4] / run.payload[0]
+    assert payload.mass == pytest.approx(run.payload[0], rel=0.05)
+    assert np.linalg.norm(payload.centre - true_centre) < 5e-3
+    assert abs(payload.mass - run.payload[0]) < 2.0 * payload.std[0]
+    assert (np.abs(payload.centre - true_centre) < 2.0 * payload.centre_std).all()
+
+
+def test_pick_up_and_put_down_are_found(run: CarryingRun, estimates: list[OnlineEstimate]) -> None:
+    carrying = np.array([estimate.carries for estimate in estimates])
+    times = np.array([estimate.time for estimate in estimates])
+    changes = times[1:][carrying[1:] != carrying[:-1]]
+    assert len(changes) == 2
+    assert 0.0 < changes[0] - run.pick_up < 0.5
+    assert 0.0 < changes[1] - run.put_down < 0.5
+    assert estimates[-1].payload.mass == SPECK
+
+
+def test_it_is_a_body_in_every_estimate(estimates: list[OnlineEstimate]) -> None:
+    assert min(minimum_eigenvalue(estimate.payload.inertial) for estimate in estimates) > 0.0
+
+
+def test_it_tells_fifty_times_a_second(estimates: list[OnlineEstimate]) -> None:
+    gaps = np.diff([estimate.time for estimate in estimates])
+    assert np.median(gaps) == pytest.approx(0.02)
+
+
+def test_friction_of_another_day_is_learnt_beside(
+    run: CarryingRun, estimates: list[OnlineEstimate]
+) -> None:
+    true, last = run.truth.coulomb, estimates[-1]
+    error = np.abs(last.friction[1] - true)
+    assert (error < 0.7 * (COLD - 1.0) * true).all()
+    assert (error < 3.0 * last.friction_std[1]).all()
+
+
+def test_what_is_carried_from_the_start_is_told_and_not_weighed(run: CarryingRun) -> None:
+    estimator = run.estimator()
+    carrying = [
+        (now, state) for now, state in run.states() if run.pick_up < now < run.pick_up + 2.0
+    ]
+    assert not any(estimate.carries for estimate in feed(estimator, carrying))
+    assert 'since the start' in estimator.problem
+    bare = [(now, state) for now, state in run.states() if now < run.pick_up]
+    later = [(now + run.put_down, state) for now, state in bare]
+    assert not any(estimate.carries for estimate in feed(estimator, later))
+    assert not estimator.problem
+
+
+def test_a_dead_effort_leaves_the_last_good_estimate(run: CarryingRun) -> None:
+    estimator = run.estimator()
+    states = [(now, state) for now, state in run.states() if now < run.pick_up + 1.5]
+    good = list(feed(estimator, states))[-1]
+    dead = [
+        (now, state._replace(tau=np.zeros(4)))
+        for now, state in run.states()
+        if run.pick_up + 1.5 <= now < run.pick_up + 2.5
+    ]
+    list(feed(estimator, dead))
+    assert 'effort of' in estimator.problem
+    assert estimator.estimate is not None
+    assert estimator.estimate.payload.mass == pytest.approx(good.payload.mass, rel=0.1)
+
+
+def test_lost_states_and_missing_numbers_do_little(
+    run: CarryingRun, estimates: list[OnlineEstimate]
+) -> None:
+    random = np.random.default_rng(0)
+    states = [pair for pair in run.states() if random.random() > 0.05 and pair[0] < 4.7]
+    gone = [
+        (now, state._replace(tau=np.full(4, np.nan)) if random.random() < 0.02 else state)
+        for now, state in states
+        if not 3.5 < now < 3.7
+    ]
+    last = list(feed(run.estimator(), gone))[-1]
+    assert last.payload.mass == pytest.approx(run.payload[0], rel=0.05)
+
+
+@pytest.mark.parametrize('kind', ['wrong signs', 'saturation', 'noise', 'rest'])
+def test_whatever_comes_in_it_stays_a_body(run: CarryingRun, robot: Robot, kind: str) -> None:
+    random = np.random.default_rng(1)
+    states = [state for now, state in run.states() if now < 2.0]
+    if kind == 'wrong signs':
+        states = [state._replace(tau=-state.tau) for state in states]
+    elif kind == 'saturation':
+        states = [state._replace(tau=np.clip(state.tau, -0.3, 0.3)) for state in states]
+    elif kind == 'noise':
+        noise = random.normal(size=(2000, 3, 4)) * 10.0 ** random.uniform(-3, 3, size=(2000, 1, 1))
+        states = [ArmState(*rows) for rows in noise]
+    else:
+        rest = states[0]
+        states = [rest._replace(tau=random.normal(size=4), dq=np.zeros(4)) for _ in range(2000)]
+    estimator = PayloadEstimator(
+        MovingBaseDynamics(robot, 0.01), 0.01, 0.1, 0.03, EstimatorSettings(tare_mass=10.0)
+    )
+    for number, state in enumerate(states):
+        estimate = estimator.update(state, 1e-3 * number)
+        if estimate is not None:
+            assert minimum_eigenvalue(estimate.payload.inertial) > 0.0
+            assert np.isfinite(estimate.payload.covariance).all()
+            assert (np.linalg.eigvalsh(estimate.payload.covariance) > 0.0).all()
+
+
+def test_an_arm_at_rest_learns_nothing(run: CarryingRun) -> None:
+    estimator = run.estimator()
+    start = run.states()[0][1]
+    still = ArmState(start.q, np.zeros(4), start.tau)
+    noise = np.random.default_rng(0).normal(scale=0.01, size=(2000, 4))
+    states = [(1e-3 * k, still._replace(tau=start.tau + row)) for k, row in enumerate(noise)]
+    last = list(feed(estimator, states))[-1]
+    assert 'm' in last.unexcited
+    assert not estimator.is_tared
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(ValueError, match='memory = -1'):
+        EstimatorSettings(memory=-1.0)
