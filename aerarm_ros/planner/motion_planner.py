@@ -29,7 +29,7 @@ from aerarm_ros.planner.motion_cost import MotionCost
 from aerarm_ros.planner.motion_plan import MotionPlan
 from aerarm_ros.planner.plan_error import PlanError
 from aerarm_ros.planner.plan_settings import ENERGY, QUINTIC, TIME, PlanSettings
-from aerarm_ros.planner.smoothness_term import SmoothnessTerm
+from aerarm_ros.planner.smoothness_term import SmoothnessTerm, prices_by_lightness
 from aerarm_ros.planner.spline_basis import SplineBasis
 from aerarm_ros.planner.tool_postures import ToolPostures
 
@@ -37,11 +37,13 @@ _SHORTEST, _LONGEST = 0.05, 60.0  # [s]
 # Penalties of broken limits [1/s], tried one after the other.
 _PENALTIES = (1e3, 3e4, 1e6)
 _ITERATIONS = 60
+_ITERATIONS_TO_A_PEAK = 150  # where peaks of a moment are priced, which are sharp
 _CHANGE = 1e-6  # relative, at which the search ends
 _QUICK = 1e3  # price of a second where nothing else counts
 _STRETCH = 1.02  # by which a motion of free duration gives way, step by step
 _STRETCHES = 40
 _LEAST_MOMENT = 1e-3  # [Nm]
+_GLANCES = 5  # postures of the straight way whose inertia tells which joints are light
 # How far a motion that breaks a limit by a little gives way to the straight one.
 _TOWARD_QUINTIC = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 _CANDIDATES = 2  # postures whose motion is planned
@@ -189,11 +191,11 @@ class MotionPlanner:
     def _of_duration(self, q0: FloatArray, q1: FloatArray, duration: float) -> MotionPlan:
         near = PolynomialPath.rest_to_rest(q0, q1, duration)
         points = first = self._basis.points_near(near)
-        base = self._base_terms(near)
+        beside = self._terms_beside_energy(near)
         looks_around = False
         heavier = 1.0 + self.settings.disturbance_price
         for penalty in _PENALTIES:
-            terms = [*self._terms(1.0, heavier * penalty, looks_around), *base]
+            terms = [*self._terms(1.0, heavier * penalty, looks_around), *beside]
             cost = MotionCost(self._basis, q0, q1, terms)
             points = self._searched(cost, points, duration)[0]
             path = self._basis.path(points, q0, q1, duration)
@@ -214,10 +216,10 @@ class MotionPlanner:
         near = PolynomialPath.rest_to_rest(q0, q1, duration)
         points = self._basis.points_near(near)
         is_priced = self.settings.objective == ENERGY
-        base = self._base_terms(near) if is_priced else []
+        beside = self._terms_beside_energy(near) if is_priced else []
         looks_around = False
         for penalty in _PENALTIES:
-            terms = [*self._terms(float(is_priced), 10.0 * penalty, looks_around), *base]
+            terms = [*self._terms(float(is_priced), 10.0 * penalty, looks_around), *beside]
             cost = MotionCost(self._basis, q0, q1, terms, second)
             points, duration = self._searched(cost, points, duration, is_free=True)
             path, report = self._stretched(points, q0, q1, duration)
@@ -245,20 +247,23 @@ class MotionPlanner:
             DriveTerm(self._model, self._effort_max, price, penalty),
             LimitTerm(self._limits, penalty),
         ]
-        if price and self.settings.smoothness:
-            terms.append(SmoothnessTerm(self.settings.smoothness))
         if looks_around:
             terms.append(ClearanceTerm(self._setup.clearance, penalty))
         return terms
 
-    def _base_terms(self, near: PolynomialPath) -> list[CostTerm]:
-        """Return the price of moments on the base, beyond half of a motion's peak above all."""
-        price = self.settings.disturbance_price
-        if not price:
-            return []
-        times = np.linspace(0.0, near.duration, self.settings.samples)
-        peak = peak_moment(self._body, near.evaluate(times))
-        return [DisturbanceTerm(self._body, price, max(0.5 * peak, _LEAST_MOMENT))]
+    def _terms_beside_energy(self, near: PolynomialPath) -> list[CostTerm]:
+        """Return prices of acceleration and of moments on the base, where `near` may lead."""
+        settings, terms = self.settings, list[CostTerm]()
+        if settings.smoothness:
+            postures = near.evaluate(np.linspace(0.0, near.duration, _GLANCES)).q
+            matrices = [self._model.dynamics.inertia_matrix(q) for q in postures]
+            inertia = np.mean([np.diag(matrix) for matrix in matrices], axis=0)
+            terms.append(SmoothnessTerm(prices_by_lightness(settings.smoothness, inertia)))
+        if settings.disturbance_price:
+            times = np.linspace(0.0, near.duration, settings.samples)
+            scale = max(0.5 * peak_moment(self._body, near.evaluate(times)), _LEAST_MOMENT)
+            terms.append(DisturbanceTerm(self._body, settings.disturbance_price, scale))
+        return terms
 
     def _searched(
         self, cost: MotionCost, points: FloatArray, duration: float, is_free: bool = False
@@ -277,6 +282,8 @@ class MotionPlanner:
             x = np.append(x, np.log(duration))
             bounds.append((np.log(_SHORTEST), np.log(_LONGEST)))
 
+        peaks = self.settings.disturbance_price > 0.0
+
         def value(x: FloatArray) -> tuple[float, FloatArray]:
             length = float(np.exp(x[size])) if is_free else duration
             total, by_points, by_log = cost.of(x[:size].reshape(shape), length)
@@ -289,7 +296,11 @@ class MotionPlanner:
             jac=True,
             method='L-BFGS-B',
             bounds=bounds,
-            options={'maxiter': _ITERATIONS, 'ftol': _CHANGE, 'maxcor': 20},
+            options={
+                'maxiter': _ITERATIONS_TO_A_PEAK if peaks else _ITERATIONS,
+                'ftol': _CHANGE,
+                'maxcor': 20,
+            },
         ).x
         return found[:size].reshape(shape), float(np.exp(found[size])) if is_free else duration
 

@@ -22,7 +22,8 @@ class PlanSettings:
     time_price : float
         What a second costs besides the arm's energy [W], as the power at which the drone hovers.
     smoothness : float
-        Price of acceleration squared [J s^3/rad^2], where energy is saved; see `SmoothnessTerm`.
+        Price of acceleration squared, of the joint that moves most inertia [J s^3/rad^2], where
+        energy is saved; lighter ones pay more, see `prices_by_lightness`.
     disturbance_price : float
         Price of the reaction's moment on the base, see `DisturbanceTerm` [J/(Nm)^2/s]; 0 for none.
     velocity_share, effort_share : float
@@ -41,7 +42,7 @@ class PlanSettings:
     objective: str = ENERGY
     duration: float = 0.0
     time_price: float = 10.0
-    smoothness: float = 0.016
+    smoothness: float = 0.03
     disturbance_price: float = 0.0
     velocity_share: float = 0.9
     effort_share: float = 0.8

@@ -25,7 +25,7 @@ def terms(model, setup) -> dict[str, Callable[[], CostTerm]]:
         'energy': lambda: DriveTerm(model, setup.limits.effort, 1.0, 0.0),
         'torque': lambda: DriveTerm(model, weak.effort, 0.0, 10.0),
         'limits': lambda: LimitTerm(weak, 10.0),
-        'smoothness': lambda: SmoothnessTerm(0.1),
+        'smoothness': lambda: SmoothnessTerm(np.array([0.1, 0.2, 0.5, 1.0])),
         'clearance': lambda: ClearanceTerm(setup.clearance, 10.0),
     }
 

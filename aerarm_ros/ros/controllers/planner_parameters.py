@@ -25,8 +25,9 @@ _SETTINGS = (
     Parameter('duration', 2.0, 'of a motion; 0 for as long as is best', 's', 0.0, 60.0, live=True),
     Parameter('time_price', 10.0, 'what a second costs besides the arm where the duration is free, '
               'as the power at which the drone hovers', 'W', 0.0, 1e5, live=True),
-    Parameter('smoothness', 0.016, 'price of acceleration squared: joints whose way costs nothing '
-              'move evenly instead of creeping', 'J s^3/rad^2', 0.0, 100.0, live=True),
+    Parameter('smoothness', 0.03, 'price of acceleration squared, for light joints by their '
+              'inertia more: joints whose way costs nothing move evenly instead of creeping',
+              'J s^3/rad^2', 0.0, 100.0, live=True),
     Parameter('disturbance_price', 0.0, "price of the moment that a motion's reaction puts on the "
               'base: 3 trades it against energy, 1000 counts nothing else', 'J/(Nm)^2/s', 0.0, 1e6,
               live=True),
