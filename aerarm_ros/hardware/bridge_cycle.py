@@ -371,6 +371,8 @@ class BridgeCycle:
                 feed_forward,
                 noise,
                 state.interval_max,
+                self.gate.inertias,
+                self.gate.loads,
             )
             if text:
                 self.gate.trip(text)

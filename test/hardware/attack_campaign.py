@@ -37,6 +37,11 @@ class Outcome:
     arm: str
     faults: tuple[str, ...]
 
+    @property
+    def is_doubted(self) -> bool:
+        """Whether a joint was said to have turned although its encoder, which is sound, did not."""
+        return any('must have turned it' in fault for fault in self.faults)
+
 
 def run(attack: str, number: int, seconds: float = _SECONDS) -> Outcome:
     """Run an attack on the arm that its number draws."""
@@ -113,7 +118,8 @@ def main() -> int:
             outcomes = [future.result() for future in waiting]
             print(_row(outcomes), flush=True)
             for outcome in outcomes:
-                bad = outcome.beyond > BEYOND_MAX or outcome.speed > SPEED_MAX
+                fast = outcome.speed > SPEED_MAX
+                bad = outcome.beyond > BEYOND_MAX or fast or outcome.is_doubted
                 broken += bad
                 if bad or options.verbose:
                     print(f'  #{outcome.number}: {outcome}', flush=True)

@@ -24,6 +24,7 @@ def test_no_attack_breaks_a_limit(attack: str, number: int) -> None:
     outcome = run(attack, number, seconds=1.5 if (attack, number) in SPECIAL else 0.7)
     assert outcome.beyond <= BEYOND_MAX, outcome
     assert outcome.speed <= SPEED_MAX, outcome
+    assert not outcome.is_doubted, outcome
 
 
 @pytest.mark.parametrize('way', [1.0, -1.0])

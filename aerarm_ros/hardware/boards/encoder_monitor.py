@@ -1,11 +1,13 @@
 """Tells when an encoder cannot be believed."""
 
+from collections.abc import Sequence
 from math import inf, nan
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.boards.expected_motion import ExpectedMotion
 from aerarm_ros.hardware.gate.command_buffer import Array, Mask
 
 _JUMP_VELOCITY_FACTOR = 2.0
@@ -36,6 +38,9 @@ class EncoderMonitor:
     that a load can ask for; what the boards' feedback adds is not, for it acts only where
     reference and angle differ. Nor does it matter which of the two carries a load that was
     carried before. A joint that the bridge itself brakes is believed to carry what its model says.
+
+    A torque that stays the same moves a joint as well: a standstill is also against reason once the
+    joint must have turned clearly; see `ExpectedMotion`.
 
     One look stops the arm. But a joint that is no longer damped by its encoder's speed is let go,
     so a second look comes before that: is the angle still where no motion could have brought it,
@@ -72,12 +77,16 @@ class EncoderMonitor:
         self._stall_time = stall_time
         fastest = _JUMP_VELOCITY_FACTOR * config.column('velocity_max')
         friction = _FRICTION_FACTOR * config.column('coulomb')
+        strongest = config.column('effort_max') / config.column('torque_per_ampere')
         load = _LOAD_FACTOR * np.broadcast_to(np.asarray(load_max, dtype=float), config.n)
         rows = zip(
             config.joint_names,
             (fastest / config.column('gear.ratio')).tolist(),
             (friction / config.column('torque_per_ampere')).tolist(),
             (load / config.column('torque_per_ampere')).tolist(),
+            np.minimum(strongest, config.column('motor.current_max')).tolist(),
+            config.column('torque_per_ampere').tolist(),
+            config.column('gear.ratio').tolist(),
             strict=True,
         )
         self._encoders = [_Encoder(*row) for row in rows]
@@ -98,6 +107,8 @@ class EncoderMonitor:
         feed_forward: Array | None = None,
         braking_noise: Array | None = None,
         interval_max: Array | None = None,
+        inertias: Sequence[float] | None = None,
+        loads: Sequence[float] | None = None,
     ) -> str:
         """Return what is wrong with an encoder, or ''.
 
@@ -118,10 +129,13 @@ class EncoderMonitor:
         interval_max
             (n,) longest time that the angles can have taken to change since the last look [s];
             the difference of `now` if not given, which a host held up makes too small.
+        inertias, loads
+            n each, of the joints [kg m^2] and, as the arm's model has them, [Nm]; without them it
+            is not asked whether a joint must have turned.
         """
-        first = ''
-        given = [0.0] * len(self._encoders) if feed_forward is None else feed_forward.tolist()
-        noise = [0.0] * len(given) if braking_noise is None else braking_noise.tolist()
+        n = len(self._encoders)
+        given = [0.0] * n if feed_forward is None else feed_forward.tolist()
+        noise = [0.0] * n if braking_noise is None else braking_noise.tolist()
         if interval_max is None:
             intervals = [now - encoder.seen for encoder in self._encoders]
         else:
@@ -134,14 +148,19 @@ class EncoderMonitor:
             noise,
             fresh.tolist(),
             intervals,
+            inertias or [nan] * n,
+            loads or [0.0] * n,
             strict=True,
         )
-        for i, (encoder, angle, amperes, commanded, noisy, is_fresh, interval) in enumerate(rows):
+        first = ''
+        for i, (encoder, angle, amps, commanded, noisy, is_fresh, interval, *body) in enumerate(
+            rows
+        ):
             if not is_fresh:
                 continue
             jump = encoder.look(angle, now, interval)
-            stand = encoder.feel(amperes, commanded, noisy, self._stall_time)
-            fault = jump or stand
+            stand = encoder.feel(amps, commanded, noisy, self._stall_time)
+            fault = jump or stand or encoder.expect(amps, noisy, *body)
             if fault:
                 self.trusted[i] = False
                 first = first or fault
@@ -160,6 +179,7 @@ class _Encoder:
         'change',  # [rad] since the look before
         'doubted_for',  # [s] of a standstill that awaits its second look, NaN without one
         'elapsed',  # [s] since the look before
+        'expected',  # motion
         'fastest',  # [rad/s]
         'held',  # [A] that dry friction may hold
         'is_confirmed',
@@ -167,6 +187,7 @@ class _Encoder:
         'is_settling',  # the last look saw it move
         'jumps',
         'load',  # [A] that a load may ask for
+        'model_scale',  # [A/Nm]
         'moving_current',  # [A] when the angle last changed, or just after
         'moving_feedback',  # [A] part of it that was not commanded as effort
         'moving_noise',  # [A] of it, if the joint was braked
@@ -179,11 +200,22 @@ class _Encoder:
         'stood_at',  # [rad] where it was doubted for that, NaN once it has moved on
     )
 
-    def __init__(self, name: str, fastest: float, held: float, load: float) -> None:
+    def __init__(
+        self,
+        name: str,
+        fastest: float,
+        held: float,
+        load: float,
+        strongest: float,
+        torque_per_ampere: float,
+        ratio: float,
+    ) -> None:
         self.name = name
         self.fastest = fastest
         self.held = held
         self.load = load
+        self.expected = ExpectedMotion(load + held, strongest, torque_per_ampere, ratio)
+        self.model_scale = 1.0 / torque_per_ampere
         self.seen = 0.0
         self.clear()
 
@@ -193,6 +225,7 @@ class _Encoder:
         self.stood_at = nan
         self.jumps = 0
         self.is_confirmed = False
+        self.expected.restart()
 
     @property
     def tells_position(self) -> bool:
@@ -268,10 +301,39 @@ class _Encoder:
         self.standing += self.elapsed
         if self.standing <= stall_time:
             return ''
-        if self.doubted_for != self.doubted_for:
-            self.doubted_for = 0.0
-            self.stood_at = self.position
+        self._doubt()
         return (
             f'{self.name} does not move although its current changed to '
             f'{current:.1f} A: check for a stuck encoder or a blocked joint'
         )
+
+    def expect(self, current: float, noise: float, inertia: float, load: float) -> str:
+        """Take what the joint moves [kg m^2] and carries [Nm]; return why it must have moved.
+
+        To be called after `feel`, with the same currents [A]; NaN is an inertia nobody knows.
+        """
+        if inertia != inertia:
+            return ''
+        if self.anchor == self.anchor or self.change != self.change:
+            self.expected.restart()
+            return ''
+        if self.is_pause:
+            self.expected.pause(self.change, self.elapsed, current)
+            return ''
+        friction = self.held + _LOAD_SHARE * abs(current) + noise
+        modelled = self.model_scale * load
+        if not self.expected.update(
+            self.change, self.elapsed, current, inertia, friction, modelled
+        ):
+            return ''
+        self._doubt()
+        return (
+            f'{self.name} does not move although its speed and its current of {current:.1f} A must '
+            'have turned it: check for a stuck encoder or a blocked joint'
+        )
+
+    def _doubt(self) -> None:
+        """Begin to wait for the second look at a standstill."""
+        if self.doubted_for != self.doubted_for:
+            self.doubted_for = 0.0
+            self.stood_at = self.position

@@ -45,6 +45,9 @@ class SafetyGate:
         The last limit that acted, and when [s].
     barriers
         One `JointBarrier` a joint, as of the last call of `watch`.
+    loads, inertias
+        What the joints carry by the model [Nm], and what they move [kg m^2], as of then; empty
+        before.
     """
 
     def __init__(self, config: ArmConfig, settings: BridgeSettings, loads: JointLoads) -> None:
@@ -67,6 +70,8 @@ class SafetyGate:
             JointLimiter(joint, settings, barrier)
             for joint, barrier in zip(config.joints, self.barriers, strict=True)
         ]
+        self.loads: list[float] = []
+        self.inertias: list[float] = []
         self._out = CommandBuffer(config.n)
         self._is_slowed = False
 
@@ -116,8 +121,8 @@ class SafetyGate:
 
         Arguments as those of `JointBarrier.update`, (n,) each.
         """
-        loads, inertias = self._loads.at(q, dq, effort)
-        columns = (q.tolist(), dq.tolist(), effort.tolist(), loads, inertias)
+        self.loads, self.inertias = self._loads.at(q, dq, effort)
+        columns = (q.tolist(), dq.tolist(), effort.tolist(), self.loads, self.inertias)
         rows = zip(self.barriers, *columns, age.tolist(), interval.tolist(), strict=True)
         for barrier, *row in rows:
             barrier.update(*row)
