@@ -61,14 +61,16 @@ class PlanTopic:
         ]
 
     def update(self) -> None:
-        """Publish if it is due."""
+        """Publish if it is due and somebody listens."""
         stamp_ns = self._stamp_ns()
         if stamp_ns is None or 0 <= stamp_ns - self._told_ns < _PERIOD_NS:
             return
+        self._told_ns = stamp_ns
+        if not self._publisher.get_subscription_count():
+            return  # it would cost the loop a tenth of its time for nobody
         plan = self._ahead(_TIMES)
         if plan is None:
             return
-        self._told_ns = stamp_ns
         message = self._message
         message.header = base_header(stamp_ns, '')
         for point, q, dq, ddq in zip(message.points, *map(np.ndarray.tolist, plan), strict=True):
