@@ -86,6 +86,7 @@ setup(
         (share(), ['package.xml']),
         (share('config'), glob('config/*.*')),
         (share('config', 'drones'), glob('config/drones/*.*')),
+        (share('config', 'examples'), glob('config/examples/*.*')),
         (share('config', 'profiles'), glob('config/profiles/*.*')),
         (share('config', 'moveit'), glob('config/moveit/*.*')),
         (share('urdf'), glob('urdf/*.urdf')),

@@ -54,6 +54,8 @@ class ArmConfig:
         last link's joint [m]. With up to it the bridge's limits hold.
     power_stage : PowerStageConfig
         What the boards take for themselves, and what becomes of braking energy.
+    emulated_only : bool
+        Whether some of it is guessed, so that no real motor may be driven by it.
 
     Raises
     ------
@@ -70,6 +72,7 @@ class ArmConfig:
     coupled_joints: tuple[tuple[str, str], ...] = ()
     rated_payload: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     power_stage: PowerStageConfig = PowerStageConfig()
+    emulated_only: bool = False
 
     def __post_init__(self) -> None:
         """Check what involves more than one part."""

@@ -94,7 +94,7 @@ def build(config: type[Config], where: str, entry: Any, **given: Any) -> Config:
     Parameters
     ----------
     config : type
-        A dataclass whose fields are float, int, str, optional floats or tuples of floats;
+        A dataclass whose fields are float, int, bool, str, optional floats or tuples of floats;
         a field of another type must be given ready-made.
     where : str
         Place in the file, for messages.
@@ -129,6 +129,10 @@ def _convert(where: str, value: Any, hint: Any) -> Any:
         return None if value is None else _convert(where, value, inner[0])
     if hint is float:
         return _number(where, value)
+    if hint is bool:
+        if not isinstance(value, bool):
+            raise ConfigError(f'{where} must be true or false, not {value!r}')
+        return value
     if hint is int:
         if isinstance(value, bool) or not isinstance(value, int):
             raise ConfigError(f'{where} must be a whole number, not {value!r}')

@@ -93,6 +93,15 @@ class Robot:
         return _frozen(self.model.upperPositionLimit)
 
     @cached_property
+    def posture_range(self) -> tuple[Array, Array]:
+        """(n,) and (n,) between which postures can be drawn [rad]: one turn where no limits are."""
+        low, high = self.position_min, self.position_max
+        return (
+            _frozen(np.where(np.isfinite(low), low, -np.pi)),
+            _frozen(np.where(np.isfinite(high), high, np.pi)),
+        )
+
+    @cached_property
     def velocity_max(self) -> Array:
         """(n,) velocity limits [rad/s]; inf where the URDF gives none."""
         return _frozen(self.model.velocityLimit)

@@ -30,7 +30,7 @@ def largest_gravity_load(robot: Robot) -> Array:
     model = robot.model.copy()
     data = model.createData()
     random = np.random.default_rng(0)
-    postures = random.uniform(robot.position_min, robot.position_max, (_POSTURES, robot.n))
+    postures = random.uniform(*robot.posture_range, (_POSTURES, robot.n))
     along_axes = []
     for direction in np.eye(3):
         model.gravity.linear = GRAVITY * direction

@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from math import isfinite
+from pathlib import Path
 from typing import NoReturn
 
 import rclpy
@@ -21,6 +22,8 @@ from aerarm_ros.hardware.bridge_modes import MODES
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS
 from aerarm_ros.hardware.emulation.fault_request import FORM
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS
+from aerarm_ros.ros.process.completion import lazy_script, parser_script
+from aerarm_ros.ros.process.exit_status import USER_ERROR, print_error
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
 from aerarm_ros.ros.requests.parameter_request import set_parameter
@@ -44,6 +47,7 @@ _PROGRAMS = {
     'play': ('excitation', 'trajectory', 'FILE', 'play a motion of a file, once it can begin'),
     'record': ('recorder', 'bag', 'NAME', 'record a bag of that name, until Ctrl-C'),
 }
+_INIT = 'write a first configuration of an arm from its URDF'
 _STOP_TIMEOUT = 3.0  # [s]
 
 
@@ -175,8 +179,42 @@ def make_parser() -> argparse.ArgumentParser:
     command = add('fault', f'inject a fault into {_FAKE}', _fault)
     command.add_argument('fault', metavar=FORM, help=f'NAME is one of {", ".join(FAULTS)}')
     command.add_argument('--bridge', metavar='NODE', default=_FAKE, help='its node name')
-    commands.add_parser('completion', help='print what makes bash or zsh complete all this')
+    _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
+    commands.add_parser(
+        'completion', help='print what makes bash or zsh complete this and all other executables'
+    )
     return parser
+
+
+def _add_init(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add('urdf', type=Path, help='of the arm')
+    add('--name', default='', help='of the arm and of the files (default: as in the URDF)')
+    add('--out', type=Path, default=Path(), metavar='FOLDER', help='for the files (default: here)')
+    add('--locked', nargs='+', default=[], metavar='JOINT', help='that do not move (fingers)')
+    add(
+        '--gravity',
+        type=finite_number,
+        nargs=3,
+        default=[0.0, 0.0, -9.81],
+        metavar=tuple('XYZ'),
+        help='in the frame of the base link [m/s^2] (default: 0 0 -9.81, 0 0 9.81 hangs)',
+    )
+    add('--package-directory', type=Path, action='append', default=[], metavar='FOLDER',
+        help='for package:// meshes')  # fmt: skip
+    add('--overwrite', action='store_true', help='replace files that exist')
+
+
+def _init(options: argparse.Namespace) -> int:
+    # Only now: no other command needs the libraries, which take a second to load.
+    from aerarm_ros.ros.programs.init_run import InitRun
+
+    try:
+        InitRun(options).run()
+    except (ValueError, OSError) as error:
+        print_error(f'{NAME} init', error)
+        return USER_ERROR
+    return 0
 
 
 def _add_waits(command: argparse.ArgumentParser) -> None:
@@ -221,22 +259,10 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
 
 
 def _completion(parser: argparse.ArgumentParser) -> str:
-    """Return a script for bash, and zsh with bashcompinit: commands first, then their options."""
-    (commands,) = (action.choices for action in parser._actions if isinstance(action.choices, dict))
-    cases = '\n'.join(
-        f'    {name}) words="{" ".join(sorted(command._option_string_actions))}" ;;'
-        for name, command in commands.items()
-    )
-    return f"""# eval "$({NAME} completion)"
-_{NAME}() {{
-  local words="{' '.join(commands)}"
-  [ "$COMP_CWORD" -gt 1 ] && case "${{COMP_WORDS[1]}}" in
-{cases}
-  esac
-  COMPREPLY=($(compgen -o default -W "$words" -- "${{COMP_WORDS[COMP_CWORD]}}"))
-}}
-[ -n "$ZSH_VERSION" ] && autoload -U +X bashcompinit && bashcompinit
-complete -o default -F _{NAME} {NAME}"""
+    """Return what makes a shell complete this and, when they are first asked, all the others."""
+    others = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))
+    others.remove(NAME)
+    return f'# eval "$({NAME} completion)"\n{parser_script(parser)}\n{lazy_script(others)}'
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -251,6 +277,8 @@ def main(args: Sequence[str] | None = None) -> int:
     if options.command == 'completion':
         print(_completion(parser))
         return 0
+    if options.command == 'init':
+        return _init(options)
     if options.command in _PROGRAMS:
         _become(options, arguments)
     return run_node(NAME, lambda: Arm(options), args)

@@ -17,6 +17,7 @@ from typing import NoReturn
 
 from aerarm_ros.ros.emulation.emulated_world import KEEP_UP, LOCKSTEP
 from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR
+from aerarm_ros.ros.process.one_line_parser import OneLineParser
 from aerarm_ros.ros.process.stop_signals import StopSignals
 from aerarm_ros.ros.programs.demo_run import DemoError, DemoRun
 from aerarm_ros.ros.requests.arm_client import ArmClientError
@@ -66,7 +67,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _parse(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog='demo', description=__doc__.splitlines()[0])
+    parser = OneLineParser(prog='demo', description=__doc__.splitlines()[0])
     parser.add_argument(
         '--out',
         type=Path,

@@ -24,6 +24,7 @@ from aerarm_ros.experiment.experiment_bench import ExperimentBench
 from aerarm_ros.experiment.experiment_case import ExperimentCase, all_cases
 from aerarm_ros.experiment.experiment_report import ExperimentReport
 from aerarm_ros.ros.process.exit_status import INTERRUPTED, print_error
+from aerarm_ros.ros.process.one_line_parser import OneLineParser
 from aerarm_ros.ros.process.stop_signals import StopSignals
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
@@ -81,7 +82,7 @@ def _cases(text: str) -> list[ExperimentCase]:
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog=NAME, description=(__doc__ or '').splitlines()[0])
+    parser = OneLineParser(prog=NAME, description=(__doc__ or '').splitlines()[0])
     parser.add_argument('--out', type=Path, default=Path('output') / NAME, help='folder')
     parser.add_argument('--seed', type=int, default=1, help='seed of the trajectory')
     parser.add_argument('--amplitude', type=float, default=0.15, help='coefficients [rad]')

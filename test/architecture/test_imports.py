@@ -25,6 +25,7 @@ ALLOWED = {
     'online': {'identification', 'control', 'motion', 'model', 'description'},
     'simulation': {'motion', 'model', 'description'},
     'hardware': {'motion', 'simulation', 'model', 'description'},
+    'draft': {'excitation', 'hardware', 'motion', 'model', 'description'},
     'experiment': {
         *('control', 'excitation', 'identification', 'hardware', 'simulation'),
         *('pages', 'motion', 'model', 'description'),

@@ -117,3 +117,13 @@ def test_parameters_in_the_text_exist_and_may_have_that_value(
             if not named and name not in other or choices and value not in choices:
                 wrong.append(f'{page.relative_to(ROOT)}: {name}:={value}')
     assert not wrong
+
+
+def test_the_arm_that_is_worked_out_is_the_one_that_is_shipped() -> None:
+    page = (DOCS / 'how-to' / 'your_arm.md').read_text()
+    examples = ROOT / 'config' / 'examples'
+    (urdf,) = re.findall(r'^```xml\n(.*?)^```$', page, flags=re.MULTILINE | re.DOTALL)
+    assert urdf == (examples / 'three_joints.urdf').read_text()
+    (shown,) = re.findall(r'^```yaml\n(.*?)^```$', page, flags=re.MULTILINE | re.DOTALL)
+    shipped = (examples / 'three_joints.yaml').read_text().splitlines()
+    assert {line for line in shown.splitlines() if line} <= set(shipped)

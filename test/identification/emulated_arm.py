@@ -46,7 +46,7 @@ class EmulatedArm:
     ) -> None:
         self._names = config.joint_names
         transport = make_emulated_transport(config, robot, seed, position=posture, parameters=truth)
-        self._bridge = BridgeCycle(config, transport, BridgeSettings(stall_time=60.0))
+        self._bridge = BridgeCycle(config, transport, BridgeSettings(stall_time=60.0), robot=robot)
         self.plant = transport.plant
         transport.open()
         self._now = 0.0

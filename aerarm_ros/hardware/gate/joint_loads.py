@@ -107,7 +107,7 @@ class JointLoads:
 def _largest_inertia(robot: Robot, rotor_inertia: Array) -> Array:
     dynamics = Dynamics(robot, rotor_inertia)
     random = np.random.default_rng(0)
-    postures = random.uniform(robot.position_min, robot.position_max, (_POSTURES, robot.n))
+    postures = random.uniform(*robot.posture_range, (_POSTURES, robot.n))
     inertias = [dynamics.inertia_matrix(q).diagonal() for q in postures]
     largest: Array = np.max(inertias, axis=0)
     return largest

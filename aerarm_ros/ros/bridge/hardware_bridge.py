@@ -114,6 +114,11 @@ class HardwareBridge(LifecycleNode):
 
     def make_transport(self, config: ArmConfig, robot: Robot, profile: FrameProfile) -> Transport:
         """Return the way to the boards; raises ValueError or OSError with what to check."""
+        if config.emulated_only:
+            raise ValueError(
+                f'the configuration of {config.name} is for emulated boards: find out the values '
+                'that it marks as guesses, then take its line emulated_only away'
+            )
         return SpidevTransport(config)
 
     def actions(self) -> Mapping[str, Action]:

@@ -11,6 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'command_line': ['CommandLine'],
+        'completion': ['lazy_script', 'node_script', 'parser_script'],
         'discovery_profile': ['use_packaged_profile'],
         'exit_status': ['INTERRUPTED', 'USER_ERROR', 'print_error'],
         'local_discovery': ['is_on_this_host', 'stay_on_this_host'],

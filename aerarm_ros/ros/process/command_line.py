@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from inspect import cleandoc
 
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process import completion
 from aerarm_ros.ros.process.ros_arguments import GivenParameter, RosArguments, UsageError
 
 _HELP = ('-h', '--help')
@@ -65,6 +66,10 @@ class CommandLine:
                     lines.append(_wrap(parameter.heading(), width, 2, 6))
                     lines.append(_wrap(parameter.description, width, 6, 6))
         return '\n'.join(lines)
+
+    def completion(self) -> str:
+        """Return what makes a shell complete the parameters' names."""
+        return completion.node_script(self.name, list(self._parameters.values()))
 
     def check(self, arguments: RosArguments) -> list[str]:
         """Return warnings of what is probably a mistake.

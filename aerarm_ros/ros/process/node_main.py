@@ -12,6 +12,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process import completion
 from aerarm_ros.ros.process.command_line import CommandLine
 from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
 from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
@@ -158,6 +159,9 @@ def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) ->
         arguments = RosArguments(sys.argv[1:] if args is None else args)
         if command_line.asks_help(arguments):
             _print_help(command_line.help())
+            return 0
+        if completion.OPTION in arguments.plain:
+            print(command_line.completion())
             return 0
         for warning in command_line.check(arguments):
             print(f'{name}: warning: {warning}', file=sys.stderr, flush=True)

@@ -1,0 +1,207 @@
+"""A draft as YAML for people to go on from: what is a guess, and how to find it."""
+
+from __future__ import annotations
+
+import json
+import re
+import textwrap
+from collections.abc import Iterable, Sequence
+from dataclasses import fields
+
+from aerarm_ros.description.gear_config import GearConfig
+from aerarm_ros.description.joint_config import JointConfig
+from aerarm_ros.description.motor_config import MotorConfig
+from aerarm_ros.draft.arm_draft import ArmDraft
+
+MARK = '# guess'
+_COLUMN = 38  # of marks
+_WIDTH = 100
+_PLAIN = re.compile(r'[A-Za-z_][A-Za-z_0-9]*')
+_PARTS = ('motor', 'gear')
+
+_HEAD = """\
+The drive train of {name}: motors, gears, boards, and what each joint may do. Drafted from
+{source}. SI units, joint side, unless a line says motor side.
+
+What no URDF says is marked "guess": good for emulated boards, wrong for motors. Replace each by
+what it is, take its mark away, and the line emulated_only at last."""
+
+# How each value that may be a guess is found.
+_ARM_ADVICE = {
+    'profile': "layout of the boards' frames: a name of config/profiles, or a file of your own.",
+    'gravity_in_base': '[m/s^2], in the frame of the base link: which way is down, as the base is '
+    'mounted. One that hangs upside down has [0, 0, 9.81].',
+    'rest_position': "[rad], in the joints' order: clear of everything and easy to hold, as far as "
+    'the URDF tells. Look at it in the browser (view); take the one in which the arm is parked.',
+    'rated_payload': 'the most that the arm is to carry: mass [kg], and x, y, z of its centre in '
+    "the frame of the last link's joint [m]. Weigh it; limits then hold with it.",
+    'boards': 'numbered from 0; two motors a board. device: ls /dev/spidev*, bus and chip select '
+    "as wired. clock_hz, mode: from the boards' documents.",
+    'motors': 'pole_pairs, kv [rpm/V], current_max [A], resistance [ohm, phase to neutral]: data '
+    'sheet; here they give each effort limit through the gear. rotor_inertia [kg m^2], and a '
+    'torque_constant_measured [Nm/A] to add: from motor_bench.',
+    'gears': 'ratio = joint speed / motor speed: data sheet, or count the turns of the motor for '
+    'one of the joint. efficiency stays 1 where losses are identified as friction.',
+}
+_JOINT_ADVICE = {
+    'motor, gear': 'which of those above.',
+    'board, channel': 'which board (number in the list above) and which of its two motors: look '
+    'where the motor is plugged in.',
+    'sign, offset': 'joint angle = sign * ratio * motor angle + offset. With the motors off, turn '
+    'the joint by hand and watch joint_states: sign -1 if it goes down while the joint goes up; '
+    "offset [rad] is the joint's true angle where the encoder says zero.",
+    'position_min, position_max': '[rad] from the URDF, or where it gives none half a turn each '
+    'way: what cables and stops allow.',
+    'velocity_max': '[rad/s] from the URDF, or slow: well below the speed of the motor without '
+    'load.',
+    'acceleration_max': '[rad/s^2] half of what effort_max leaves beyond gravity with the arm '
+    'stretched out, and full speed after 0.1 s at least: what gears and mounting bear.',
+    'effort_max': '[Nm] from the URDF, or three times the weight: at most torque constant * '
+    'current_max / ratio, and what the gear bears.',
+    'effort_rate_max': '[Nm/s] all of the effort within 17 ms: what gear teeth bear.',
+    'viscous, coulomb': 'friction [Nms/rad], [Nm], from the URDF or as light drives have it: the '
+    'fv and fs that identifier writes, or motor_bench.',
+    'board_kp, board_kd': 'gains at the motor [A/rad], [A s/rad]: damped in every posture with '
+    'the inertias above. With other motors or gears they are others: docs/how-to/tuning.md.',
+}
+
+
+def arm_text(draft: ArmDraft, source: str) -> str:
+    """Return the drive train as YAML.
+
+    Parameters
+    ----------
+    draft : ArmDraft
+    source : str
+        File name of the URDF, for its head.
+    """
+    config = draft.config
+    lines = [*_comment(_HEAD.format(name=config.name, source=source)), '', *_about(_ARM_ADVICE), '']
+    add = lines.append
+    add(f'name: {_word(config.name)}')
+    add(_line('', 'emulated_only', 'true', '# hardware_bridge refuses this file'))
+    add(_line('', 'profile', config.profile, MARK))
+    add(_line('', 'gravity_in_base', _list(config.gravity_in_base), MARK))
+    add(_line('', 'rest_position', _list(config.rest_position), MARK))
+    add(_line('', 'rated_payload', _list(config.rated_payload), MARK))
+    lines += ['', 'boards:']
+    for board in config.boards:
+        lines.append(f'  - name: {board.name}')
+        for key in ('device', 'clock_hz', 'mode'):
+            add(_line('    ', key, str(getattr(board, key)), MARK))
+    lines += ['', 'motors:']
+    for name, motor in {joint.motor.name: joint.motor for joint in config.joints}.items():
+        values = [(item.name, getattr(motor, item.name)) for item in fields(MotorConfig)]
+        add(f'  {name}:')
+        lines += [
+            _line('    ', key, _number(value), MARK)
+            for key, value in values
+            if key != 'name' and value is not None
+        ]
+    lines += ['', 'gears:']
+    for kind, gear in {joint.gear.kind: joint.gear for joint in config.joints}.items():
+        values = [(f.name, getattr(gear, f.name)) for f in fields(GearConfig) if f.name != 'kind']
+        add(f'  {kind}:')
+        lines += [_line('    ', key, _number(value), MARK) for key, value in values]
+    lines += ['', *_about(_JOINT_ADVICE), 'joints:']
+    for joint, guesses in zip(config.joints, draft.guesses, strict=True):
+        lines += _joint(joint, guesses)
+    return '\n'.join(lines) + '\n'
+
+
+_EXCITATION_ADVICE = {
+    'position_share': "usable share of each joint's range, about its middle.",
+    'velocity_share': 'of velocity and acceleration limits.',
+    'effort_share': 'of torque and motor current limits.',
+    'transfer_share': 'of the usable velocity on the way to the trajectory and back.',
+    'self_clearance': '[m] between links that are not neighbours: what cables and screws add to '
+    'the collision shapes.',
+    'ground_clearance': '[m] above the ground.',
+    'ground_height': '[m] against gravity, from the base frame: measure it; null where no ground '
+    'is in reach. A table, a wall or a landing gear belongs into the URDF, as shapes of the base.',
+    'bias': '[rad] centre of the motion: the rest position.',
+    'bias_spread': '[rad] largest random term added to it.',
+    'highest_frequency': '[Hz] highest harmonic: well below the first bending mode. Tap the arm, '
+    'held by its motors, and look at how its velocities ring.',
+    'ramp_time': '[s] run-in and run-out along the trajectory.',
+    'stop_time': '[s] of a smooth stop: a shorter one brakes harder.',
+    'unchecked_pairs': "links that touch by construction, as 'one to other': never checked.",
+}
+_EXCITATION_GUESSES = (
+    *('self_clearance', 'ground_clearance', 'ground_height', 'bias', 'highest_frequency'),
+    'unchecked_pairs',
+)
+
+
+def excitation_text(draft: ArmDraft, source: str) -> str:
+    """Return where and how far an excitation may move the arm, as YAML."""
+    head = (
+        f'Where and how far an excitation may move {draft.config.name}. Drafted from {source}; '
+        'what no URDF says is marked "guess".'
+    )
+    lines = [*_comment(head), '']
+    for item in fields(draft.excitation):
+        value = getattr(draft.excitation, item.name)
+        lines += _about({item.name: _EXCITATION_ADVICE[item.name]}, names=False)
+        text = 'null' if value is None else _value(value)
+        mark = MARK if item.name in _EXCITATION_GUESSES else ''
+        lines.append(_line('', item.name, text, mark))
+    return '\n'.join(lines) + '\n'
+
+
+def _joint(joint: JointConfig, guesses: Iterable[str]) -> list[str]:
+    lines = [f'  - name: {_word(joint.name)}']
+    for item in fields(joint):
+        if item.name == 'name':
+            continue
+        value = getattr(joint, item.name)
+        text = {'motor': joint.motor.name, 'gear': joint.gear.kind}.get(item.name)
+        mark = MARK if item.name in guesses else ''
+        lines.append(_line('    ', item.name, text or _number(value), mark))
+    return lines
+
+
+def _about(advice: dict[str, str], names: bool = True) -> list[str]:
+    lines: list[str] = []
+    for key, text in advice.items():
+        lines += _comment(f'{key}: {text}' if names else text, hanging='  ' if names else '')
+    return lines
+
+
+def _comment(text: str, hanging: str = '') -> list[str]:
+    lines: list[str] = []
+    for paragraph in text.split('\n\n'):
+        lines += ['#'] if lines else []
+        lines += textwrap.wrap(
+            ' '.join(paragraph.split()),
+            _WIDTH,
+            initial_indent='# ',
+            subsequent_indent=f'# {hanging}',
+            break_on_hyphens=False,
+        )
+    return lines
+
+
+def _line(indent: str, key: str, text: str, mark: str) -> str:
+    line = f'{indent}{key}: {text}'
+    return f'{line:<{_COLUMN - 1}} {mark}' if mark else line
+
+
+def _value(value: object) -> str:
+    return _list(value) if isinstance(value, tuple) else _number(value)
+
+
+def _list(values: Sequence[object]) -> str:
+    return f'[{", ".join(map(_number, values))}]'
+
+
+def _number(value: object) -> str:
+    """Return a number that YAML 1.1 reads as one: its floats have a point."""
+    if isinstance(value, float):
+        text = repr(value)
+        return text if '.' in text or 'e' not in text else text.replace('e', '.0e')
+    return str(value)
+
+
+def _word(text: str) -> str:
+    return text if _PLAIN.fullmatch(text) else json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,74 @@
+"""One run of `arm init`: from a URDF to the files that everything else asks for."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.draft.arm_draft import ArmDraft
+from aerarm_ros.draft.draft_text import MARK, arm_text, excitation_text
+from aerarm_ros.excitation.design.whole_file import write_whole
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+
+
+class InitRun:
+    """Reads a URDF, and writes an arm's configuration and that of its excitations.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        `urdf`, `name`, `out`, `locked`, `gravity`, `package_directory` and `overwrite`.
+
+    Raises
+    ------
+    ValueError, OSError
+        If the URDF cannot be used, or a file exists already; nothing is written then.
+    """
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self._urdf: Path = options.urdf
+        robot = load_robot(options.urdf, gravity_in_base=options.gravity, locked=options.locked)
+        self._draft = ArmDraft(robot, options.name, options.package_directory)
+        self._mass = float(robot.inertial_parameters[:, 0].sum())
+        name = self._draft.config.name
+        self._arm_file = options.out / f'{name}.yaml'
+        self._excitation_file = options.out / f'{name}_excitation.yaml'
+        for file in (self._arm_file, self._excitation_file):
+            if file.exists() and not options.overwrite:
+                raise ValueError(
+                    f'{file} exists: give another --name or --out, or --overwrite, which loses '
+                    'what was changed in it'
+                )
+
+    def run(self) -> None:
+        """Write the files, read them as everybody does, and say how to go on."""
+        draft = self._draft
+        self._arm_file.parent.mkdir(parents=True, exist_ok=True)
+        text = arm_text(draft, self._urdf.name)
+        write_whole(self._arm_file, text)
+        write_whole(self._excitation_file, excitation_text(draft, self._urdf.name))
+        load_arm_config(self._arm_file)
+        load_excitation_config(self._excitation_file)
+        joints = draft.config.joint_names
+        print(f'{self._urdf}: {len(joints)} joints, {self._mass:.2f} kg move: {", ".join(joints)}')
+        print(
+            f'{self._arm_file}: {len(draft.config.boards)} boards; {text.count(MARK)} values that '
+            'no URDF says are marked as guesses, with how to find each'
+        )
+        print(f'{self._excitation_file}: where an excitation may go')
+        if draft.problem:
+            config = draft.excitation
+            print(
+                f'arm init: warning: {draft.problem}. Written were self_clearance '
+                f'{config.self_clearance:g}, ground_clearance {config.ground_clearance:g} and '
+                f'ground_height {"null" if config.ground_height is None else config.ground_height}'
+            )
+        print(f"""On emulated boards it runs now, each line in a terminal of its own:
+  fake_hardware --ros-args {self._parameters()}
+  arm enable --wait-before idle --wait ready
+  excitation --ros-args {self._parameters()} -p excitation_config:={self._excitation_file}""")
+
+    def _parameters(self) -> str:
+        return f'-p config:={self._arm_file} -p urdf:={self._urdf}'
