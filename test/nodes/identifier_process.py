@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from forked_executable import run
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -77,9 +78,14 @@ def measured(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np
     return links + 0.015 * ddq + 0.01 * dq + 0.2 * np.sign(dq) + noise
 
 
-def identifier(*arguments: object, **options: object) -> subprocess.CompletedProcess:
+def identifier(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return run('identifier', *arguments)
+
+
+def fresh_identifier(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run it in an interpreter of its own, whose hashes are others."""
     command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier', *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, **options)
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
 def write_bags(folder: Path, robot: Robot) -> Path:

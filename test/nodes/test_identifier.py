@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 import rclpy
 import yaml
-from identifier_process import JOINTS, identifier, measured, motion, write_bag, write_bags
+from identifier_process import (
+    JOINTS,
+    fresh_identifier,
+    identifier,
+    measured,
+    motion,
+    write_bag,
+    write_bags,
+)
 
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.model.inertia import from_pseudo_inertia, is_physically_consistent
@@ -136,7 +144,7 @@ def test_report_shows_desired_velocities(run: tuple[str, Path]) -> None:
 
 def test_same_bags_same_bits(bags: Path, run: tuple[str, Path], tmp_path: Path) -> None:
     out = tmp_path / 'again'
-    done = identifier(
+    done = fresh_identifier(
         *('--bag', bags / 'identification', '--validation', bags / 'validation', '--out', out)
     )
     assert done.returncode == 0

@@ -3,8 +3,6 @@
 import json
 import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from emulated_bag import record_excitation
+from identifier_process import identifier
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
@@ -21,18 +20,13 @@ from aerarm_ros.simulation.plant_parameters import PlantParameters
 MASS, CENTRE = 0.2, (0.1, 0.01, -0.02)
 
 
-def identifier(*arguments: object) -> subprocess.CompletedProcess:
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier', *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300)
-
-
 def record_both(folder: Path) -> None:
     """Record a bag of the arm alone, and one of the arm with the payload."""
     config = load_arm_config()
     robot = load_robot(joint_names=config.joint_names)
     truth = PlantParameters.nominal(config, robot).perturbed(3)
-    record_excitation(folder / 'without', truth, seed=1)
-    record_excitation(folder / 'with', truth.carrying(MASS, CENTRE, 0.03), seed=2)
+    record_excitation(folder / 'without', truth, seed=1, periods=1)
+    record_excitation(folder / 'with', truth.carrying(MASS, CENTRE, 0.03), seed=2, periods=1)
 
 
 @pytest.fixture(scope='module')

@@ -167,11 +167,11 @@ def test_interrupted_runs_leave_nothing(bags: Path, tmp_path: Path, number: sign
         str(tmp_path / 'r' / 'out'),
     ]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 60.0
     while not (tmp_path / 'r').exists() and time.monotonic() < deadline:
         time.sleep(0.02)
     process.send_signal(number)
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=60.0)
     assert process.returncode == 130
     assert errors.strip() == 'identifier: interrupted, nothing was written'
     assert not list(tmp_path.iterdir())

@@ -51,9 +51,7 @@ class NodeProcess:
         # The launcher alone needs no packages: -I -S.
         command = [sys.executable, '-I', '-S', str(_LAUNCHER), str(os.getpid())]
         command += [sys.executable, '-m', f'aerarm_ros.nodes.{name}', *arguments]
-        for key, value in (parameters or {}).items():
-            # ROS arguments may appear in several groups; one a parameter reads well in `ps`.
-            command += ['--ros-args', '-p', f'{key}:={_as_yaml(value)}', '--']
+        command += parameter_arguments(parameters or {})
         self.log = log
         self._stream: IO[bytes] | None = log.open('wb') if log else None
         self._process = subprocess.Popen(
@@ -129,6 +127,15 @@ def ros_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
     use_packaged_profile(environment)
     find_log_directory(environment)
     return environment
+
+
+def parameter_arguments(parameters: Mapping[str, object]) -> list[str]:
+    """Return the command-line arguments that give a node these parameters."""
+    arguments = []
+    for key, value in parameters.items():
+        # ROS arguments may appear in several groups; one a parameter reads well in `ps`.
+        arguments += ['--ros-args', '-p', f'{key}:={_as_yaml(value)}', '--']
+    return arguments
 
 
 def _as_yaml(value: object) -> str:

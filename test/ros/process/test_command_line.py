@@ -1,11 +1,10 @@
 """Help and mistakes of a node's command line, and both of every node as a process."""
 
-import subprocess
-import sys
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
+from forked_executable import run
 
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
@@ -111,11 +110,10 @@ def executables() -> list[str]:
 def test_every_executable_explains_itself_and_starts_nothing(
     name: str, ros_domain: dict[str, str], tmp_path: Path
 ) -> None:
-    command = [sys.executable, '-m', f'aerarm_ros.nodes.{name}', '--help']
-    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert run.returncode == 0
-    assert run.stdout.startswith('usage: ')
-    assert run.stderr == ''
+    done = run(name, '--help', cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stdout.startswith('usage: ')
+    assert done.stderr == ''
     assert not list(tmp_path.iterdir())
 
 
@@ -123,19 +121,16 @@ def test_every_executable_explains_itself_and_starts_nothing(
 def test_no_executable_starts_with_an_argument_that_it_does_not_have(
     name: str, ros_domain: dict[str, str], tmp_path: Path
 ) -> None:
-    command = [sys.executable, '-m', f'aerarm_ros.nodes.{name}', '--nonsense']
-    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert run.returncode == 2
-    assert 'Traceback' not in run.stderr
+    done = run(name, '--nonsense', cwd=tmp_path)
+    assert done.returncode == 2
+    assert 'Traceback' not in done.stderr
     assert not list(tmp_path.iterdir())
 
 
 def test_a_mistyped_parameter_moves_nothing(ros_domain: dict[str, str], tmp_path: Path) -> None:
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.excitation', '--ros-args']
-    command += ['-p', f'save:={tmp_path / "drawn.yaml"}', '-p', 'perods:=3']
-    run = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert run.returncode == 2
-    assert run.stderr == (
+    done = run('excitation', parameters={'save': tmp_path / 'drawn.yaml', 'perods': 3})
+    assert done.returncode == 2
+    assert done.stderr == (
         "excitation: -p: there is no parameter 'perods': did you mean 'periods'? "
         '(excitation --help lists all)\n'
     )

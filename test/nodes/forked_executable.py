@@ -1,0 +1,129 @@
+"""Runs an executable to its end, where it is its answer that is tested and not its start.
+
+What the executables import takes most of a second of the processor. Here one process imports it,
+and forks for every run: that one has a process, a command line and an exit of its own.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import gc
+import importlib
+import json
+import os
+import runpy
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from aerarm_ros.ros.process.node_process import parameter_arguments, ros_environment
+
+_PATIENCE = 120.0  # [s]
+_NODES = 'aerarm_ros.nodes'
+# What they import once they have read their command line.
+_LATE = (
+    'aerarm_ros.ros.programs.design_run',
+    'aerarm_ros.ros.programs.identifier_compare',
+    'aerarm_ros.ros.programs.identifier_payload',
+    'aerarm_ros.ros.programs.identifier_run',
+)
+_servers: list[subprocess.Popen[str]] = []
+
+
+def run(
+    name: str,
+    *arguments: object,
+    parameters: Mapping[str, object] | None = None,
+    cwd: Path | None = None,
+) -> subprocess.CompletedProcess[str]:
+    """Run `python -m aerarm_ros.nodes.NAME` with arguments and parameters, in this environment.
+
+    It is killed after two minutes.
+    """
+    server = _server()
+    assert server.stdin is not None
+    assert server.stdout is not None
+    with tempfile.TemporaryDirectory() as folder:
+        said = [Path(folder, stream) for stream in ('stdout', 'stderr')]
+        request = {
+            'module': f'{_NODES}.{name}',
+            'arguments': [*map(str, arguments), *parameter_arguments(parameters or {})],
+            'cwd': str(cwd or Path.cwd()),
+            'environment': ros_environment(),
+            'said': [str(file) for file in said],
+        }
+        server.stdin.write(json.dumps(request) + '\n')
+        server.stdin.flush()
+        status = int(server.stdout.readline())
+        texts = [file.read_text() for file in said]
+    return subprocess.CompletedProcess([name, *request['arguments']], status, *texts)
+
+
+def _server() -> subprocess.Popen[str]:
+    if not _servers:
+        command = [sys.executable, __file__]
+        pipe = subprocess.PIPE
+        server = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
+        _servers.append(server)
+        atexit.register(server.kill)
+    return _servers[0]
+
+
+# The process that forks.
+
+
+def _serve() -> None:
+    """Answer each request, a line, with the status of its end."""
+    (folder,) = importlib.import_module(_NODES).__path__
+    names = [file.stem for file in Path(folder).glob('[a-z]*.py')]
+    for module in (*(f'{_NODES}.{name}' for name in names), *_LATE):
+        importlib.import_module(module)
+    # They are run as programs, which what was imported already is not.
+    for module in [name for name in sys.modules if name.startswith(f'{_NODES}.')]:
+        del sys.modules[module]
+    gc.freeze()  # else every process looks through all of it at its end
+    requests, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), 'w')
+    while line := requests.readline():
+        pid = os.fork()
+        if pid == 0:
+            requests.close()
+            answers.close()
+            _become(**json.loads(line))
+            return
+        print(_status(pid), file=answers, flush=True)
+
+
+def _become(
+    module: str, arguments: list[str], cwd: str, environment: dict[str, str], said: list[str]
+) -> None:
+    """Be the program; what it raises at its end ends this process, as it would that one."""
+    with contextlib.ExitStack() as stack:
+        for descriptor, file in ((0, os.devnull), *enumerate(said, 1)):
+            stream = stack.enter_context(open(file, 'r+' if descriptor == 0 else 'w'))
+            os.dup2(stream.fileno(), descriptor)
+    os.chdir(cwd)
+    os.environ.clear()
+    os.environ.update(environment)
+    sys.argv = [module, *arguments]
+    runpy.run_module(module, run_name='__main__', alter_sys=True)
+
+
+def _status(pid: int) -> int:
+    """Wait for the end of a process; return its status, minus the signal that ended it."""
+    deadline = time.monotonic() + _PATIENCE
+    while True:
+        ended, status = os.waitpid(pid, os.WNOHANG)
+        if ended:
+            return os.waitstatus_to_exitcode(status)
+        if time.monotonic() > deadline:
+            os.kill(pid, signal.SIGKILL)
+        time.sleep(5e-3)
+
+
+if __name__ == '__main__':
+    _serve()
