@@ -7,6 +7,7 @@ import random
 import shutil
 import signal
 import socket
+import sys
 from collections.abc import Callable, Iterator
 from importlib.metadata import files
 from pathlib import Path
@@ -24,6 +25,9 @@ from aerarm_ros.ros.process.node_process import ros_environment
 # The same examples each time, and no limit on their time: other work may share the machine.
 settings.register_profile('suite', deadline=None, derandomize=True)
 settings.load_profile('suite')
+# Hundreds of processes are started: each would compile the package anew.
+sys.dont_write_bytecode = False
+os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 # The tests may be started without HOME.
 find_log_directory()
 
