@@ -123,6 +123,7 @@ def _delays(result: IdentificationResult) -> dict[str, Any]:
         'velocity_used': result.filter_choice.kinematics.in_time,
         'effort': used.effort.tolist(),
         'effort_found': None if found is None else found.found.tolist(),
+        'effort_deviation': None if found is None else found.deviation.tolist(),
     }
 
 

@@ -39,12 +39,15 @@ class EffortDelay:
         What fits best [s], positive where the effort is late.
     used : (n,) ndarray
         The same where it is believed, else 0 [s].
+    deviation : (n,) ndarray
+        Standard deviation of what was found [s].
     in_time : bool
         Whether velocities are to be moved too, which are late themselves.
     """
 
     found: Array
     used: Array
+    deviation: Array
     in_time: bool = False
 
 
@@ -87,10 +90,11 @@ def find_effort_delay(
     gain = _squares(bags, plain.residuals()) - _squares(judged, fit.residuals())
     clear = np.array([standard_errors(of_joint) for of_joint in gain.T]) > _CLEAR
     believed = clear & (np.abs(found) >= _LEAST) & (np.abs(found) <= _MOST)
+    deviation = fit.deviations()[10 * n : 11 * n]
     if in_time is None:
-        return EffortDelay(found, np.where(believed, found, 0.0))
+        return EffortDelay(found, np.where(believed, found, 0.0), deviation)
     together = bool(believed.any()) and standard_errors(gain.sum(axis=1)) > _CLEAR
-    return EffortDelay(found, np.where(believed & together, found, 0.0), together)
+    return EffortDelay(found, np.where(believed & together, found, 0.0), deviation, together)
 
 
 def _columns(bag: SampleColumns, rate: Array) -> SharedColumns:

@@ -93,6 +93,11 @@ class SimpleFit:
         solved = mean + spread * np.linalg.solve(system, wanted[..., None])[..., 0]
         self._parts, self.theta = solved[:-1], solved[-1]
 
+    def deviations(self) -> Array:
+        """Return (p,) standard deviations of `theta`, by leaving out each part (jackknife)."""
+        spread = self._parts - self._parts.mean(axis=0)
+        return np.asarray(np.sqrt((FOLDS - 1) / FOLDS * (spread**2).sum(axis=0)))
+
     def rates(self) -> list[Array]:
         """Return the (M, n) time derivative of each bag's filtered prediction [Nm/s].
 

@@ -36,5 +36,5 @@ def block_sums(
 
 def standard_errors(differences: Array) -> float:
     """Return how far from zero the sum of independent differences is, in its standard errors."""
-    error = float(differences.std()) * np.sqrt(len(differences))
+    error = float(differences.std() * np.sqrt(len(differences)))
     return float(differences.sum()) / error if error > 0.0 else 0.0

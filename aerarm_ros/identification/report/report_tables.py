@@ -189,9 +189,17 @@ def _gravity(result: IdentificationResult) -> str:
 
 def _delays(result: IdentificationResult) -> str:
     names, used = result.robot.joint_names, result.conditioner.delays
+    known = [''] * len(names)
+    certain = (
+        known if result.delay is None else [f' ± {1e3 * d:.1f}' for d in result.delay.deviation]
+    )
     parts = []
-    for word, values in (('velocities', used.velocity), ('efforts', used.effort)):
-        late = [f'{n} {1e3 * v:.1f} ms' for n, v in zip(names, values, strict=True) if v]
+    for word, values, more in (
+        ('velocities', used.velocity, known),
+        ('efforts', used.effort, certain),
+    ):
+        rows = zip(names, values, more, strict=True)
+        late = [f'{name} {1e3 * v:.1f}{std} ms' for name, v, std in rows if v]
         parts += [f'{word} are late: {", ".join(late)}'] if late else []
     return '; '.join(parts) or 'none'
 

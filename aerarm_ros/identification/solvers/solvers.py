@@ -165,10 +165,14 @@ def physical_limits(
 
 
 def _with_uncertainty(estimate: Estimate, fit: ModelFit) -> Estimate:
-    """Add standard deviations: prior and data as normal distributions, constraints left out."""
+    """Add standard deviations: prior and data as normal distributions, constraints left out.
+
+    What lies at its bound 0, by the solver's accuracy, is 0.
+    """
     variance = _variance(fit)
     determined = np.clip(1.0 - variance / fit.prior.std**2, 0.0, 1.0)
-    return replace(estimate, std=np.sqrt(variance), determined=determined)
+    known = replace(estimate, std=np.sqrt(variance), determined=determined)
+    return replace(known, theta=np.where(known.held_at_zero, 0.0, known.theta))
 
 
 def _variance(fit: ModelFit) -> Array:

@@ -1,5 +1,6 @@
 """Efforts that come late are found to a millisecond, and moved to where they belong."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
+from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.stopwatch import Stopwatch
@@ -32,10 +34,14 @@ def test_a_delay_of_five_milliseconds_is_found(arm, robot: Robot, config: ArmCon
     moved = replace(bag, tau=late(bag, bag.tau, EFFORT), dq=late(bag, bag.dq, VELOCITY))
     found = run(robot, config, moved)
     assert found.delay.found == pytest.approx(EFFORT, abs=1e-3)
+    assert np.all((found.delay.deviation > 0.0) & (found.delay.deviation < 2e-3))
+    assert np.all(np.abs(found.delay.found - EFFORT) < 3.0 * found.delay.deviation)
     assert found.conditioner.delays.velocity == pytest.approx(VELOCITY, abs=2e-4)
     used = found.delay.used
     assert used[0] == pytest.approx(5e-3, abs=1e-3)
     assert np.array_equal(found.conditioner.delays.effort, used)
+    # What a summary holds are plain numbers.
+    assert json.loads(json.dumps(summarise(found, {})))['delays']['velocity_used'] is True
     trusting = run(robot, config, moved, exact=True)
     assert trusting.delay is None
     before, after = (each.recommended.identification[0].filtered for each in (trusting, found))

@@ -7,6 +7,7 @@ import pytest
 
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.regression.reduced_regression import ReducedRegression
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED, physical_limits, solve_all
 
 
@@ -62,3 +63,17 @@ def test_one_that_cannot_solve_is_left_out_and_named(result: IdentificationResul
 def test_an_unknown_solver_is_refused(result: IdentificationResult) -> None:
     with pytest.raises(IdentificationError, match='choose among cad, ols'):
         solve_all(result.fit, result.cad, names=['magic'])
+
+
+def test_what_lies_at_its_bound_is_nothing(result: IdentificationResult) -> None:
+    """Friction that the data want to be a little below 0."""
+    fit = result.fit
+    index = fit.model.columns.index('fv_joint2')
+    less = fit.theta[index] + 0.5 * np.sqrt(fit.covariance[index, index])
+    factors = [factor.copy() for factor in fit.regression.factors]
+    for factor in factors:
+        factor[:, -1] -= less * factor[:, index]
+    regression = ReducedRegression(fit.model.columns, factors, fit.regression.rows)
+    estimate = solve_all(replace(fit, regression=regression), result.cad)[RECOMMENDED]
+    assert estimate.theta[index] == 0.0
+    assert estimate.std[index] > 0.0
