@@ -56,6 +56,7 @@ EXECUTABLES = [
     'kinematic_control',
     'motion_planner',
     'motor_bench',
+    'payload_estimator',
     'px4_imu',
     'recorder',
     'tool_path',

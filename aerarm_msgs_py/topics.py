@@ -65,6 +65,9 @@ FLIGHT_SET_POINT = Topic('flight_set_point', PoseStamped, RELIABLE)
 BASE_WRENCH = Topic('base_wrench', WrenchStamped, NEWEST)
 ARM_INERTIA = Topic('arm_inertia', InertiaStamped, NEWEST)
 ARM_COM = Topic('arm_com', PointStamped, NEWEST)
+# What the last link carries, in its frame; and friction, a row a kind and a column a joint.
+PAYLOAD = Topic('payload', InertiaStamped, NEWEST)
+JOINT_FRICTION = Topic('joint_friction', Float64MultiArray, NEWEST)
 ARM_MODE = Topic('arm_mode', String, LATCHED)
 TOOL_PATH = Topic('tool_path', Path, LATCHED)
 DISTURBANCE = Topic('disturbance', JointState, NEWEST)
@@ -113,6 +116,8 @@ TOPICS = MappingProxyType(
             DISTURBANCE,
             TOOL_PATH,
             ROBOT_DESCRIPTION,
+            PAYLOAD,
+            JOINT_FRICTION,
             ARM_MODE,
             RECORDER_STATUS,
             RECORDED_UNTIL,

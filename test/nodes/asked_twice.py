@@ -36,6 +36,7 @@ SERVING: Mapping[str, Sequence[str]] = {
     'kinematic_control': (),
     'base_reaction': (),
     'motion_planner': (),
+    'payload_estimator': (),
     'flight_control': ('-p', f'drone_file:={resource("config", "drone.yaml")}'),
     'recorder': ('-p', 'bag:={folder}/bag'),
     'tool_path': (),

@@ -76,6 +76,12 @@ def test_arm_is_damped_when_commands_stop_and_held_when_enabled_again(
     client.wait_for(lambda: abs(client.states[-1].velocity[0]) < 0.02)
     assert client.call('enable').success
     client.wait_for_mode('ready')
+    # What it is given to carry weighs on its joints from then on.
+    before = client.states[-1].effort[1]
+    assert client.set_parameters(payload=[0.5, 0.1, 0.2, 0.0]) == []
+    client.wait_for(lambda: abs(client.states[-1].effort[1] - before) > 0.5)
+    (reason,) = client.set_parameters(payload=[0.5])
+    assert 'give a mass' in reason
 
 
 @pytest.mark.parametrize(

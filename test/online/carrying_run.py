@@ -44,15 +44,18 @@ class CarryingRun:
         put_down: float = 5.0,
         end: float = 5.6,
     ) -> Self:
-        """Play a motion of excitation; `load` is mass [kg] and centre [m]."""
+        """Play a motion of excitation; `load` is mass [kg] and centre [m].
+
+        The arm deviates from its drawing by `seed`, unless that is negative.
+        """
         config, robot = load_arm_config(), load_robot()
         setup = ExcitationSetup.of_arm(robot, config, load_excitation_config())
         trajectory, _ = setup.random_trajectory(0.35, 0.1, 5).draw_feasible(
-            seed, setup.checker, setup.config.ramp_time
+            abs(seed), setup.checker, setup.config.ramp_time
         )
-        truth = PlantParameters.nominal(config, robot).perturbed(seed, SPREAD)
+        truth = true_arm(seed)
         loaded = truth.carrying(load[0], load[1:], RADIUS)
-        arm = EmulatedArm(config, robot, truth, np.array(config.rest_position), seed)
+        arm = EmulatedArm(config, robot, truth, np.array(config.rest_position), abs(seed))
         motion = setup.planner.plan(trajectory, 2, arm.posture, go_back=False)
         rows: list[np.ndarray] = []
         for state in arm.play(motion):
@@ -70,10 +73,8 @@ class CarryingRun:
     @classmethod
     def load(cls, path: Path, seed: int, pick_up: float = 2.6, put_down: float = 5.0) -> Self:
         """Read the rows that `record` has made."""
-        config, robot = load_arm_config(), load_robot()
-        truth = PlantParameters.nominal(config, robot).perturbed(seed, SPREAD)
         table = np.load(path)
-        return cls(table[:-1], truth, table[-1, :10], pick_up, put_down)
+        return cls(table[:-1], true_arm(seed), table[-1, :10], pick_up, put_down)
 
     def save(self, path: Path) -> None:
         """Write the rows, and below them the payload."""
@@ -93,3 +94,9 @@ class CarryingRun:
         dynamics = MovingBaseDynamics(self.robot(), truth.rotor_inertia)
         coulomb = COLD * truth.coulomb
         return PayloadEstimator(dynamics, truth.viscous, coulomb, truth.load_friction, settings)
+
+
+def true_arm(seed: int) -> PlantParameters:
+    """Return what the arm of a seed is made of."""
+    drawn = PlantParameters.nominal(load_arm_config(), load_robot())
+    return drawn if seed < 0 else drawn.perturbed(seed, SPREAD)

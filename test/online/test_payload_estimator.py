@@ -1,5 +1,4 @@
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -13,16 +12,6 @@ from aerarm_ros.online.estimator_settings import EstimatorSettings
 from aerarm_ros.online.nearest_body import SPECK
 from aerarm_ros.online.online_estimate import OnlineEstimate
 from aerarm_ros.online.payload_estimator import PayloadEstimator
-
-SEED = 2
-
-
-@pytest.fixture(scope='module')
-def run(made_once: Callable[[str, Callable[[Path], None]], Path]) -> CarryingRun:
-    def fill(folder: Path) -> None:
-        CarryingRun.record(SEED).save(folder / 'run.npy')
-
-    return CarryingRun.load(made_once('carrying_run', fill) / 'run.npy', SEED)
 
 
 def feed(

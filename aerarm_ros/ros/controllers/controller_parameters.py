@@ -203,6 +203,11 @@ class ControlledArm:
         """Return the estimator for what tells a drone of the arm: it must not be fed back."""
         return self._moved_base(values, HOVER)
 
+    def measured_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
+        """Return the estimator for what moves nothing: what is measured cannot come back."""
+        mode = FULL if values.base_motion == FREE else values.base_motion
+        return self._moved_base(values, mode)
+
     def feedback_gain(self, values: SimpleNamespace) -> float:
         """Return how much lighter than on a fixed base joints may be, less one; 0 if unknown."""
         if self.drone is None:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import AccelStamped, InertiaStamped, PointStamped, WrenchStamped
+from geometry_msgs.msg import AccelStamped, PointStamped, WrenchStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
 from std_msgs.msg import Header
@@ -22,6 +22,7 @@ from aerarm_ros.flight.arm_load import ArmLoad, at_drone_centre
 from aerarm_ros.flight.arm_load_model import ArmLoadModel
 from aerarm_ros.motion.joint_reference import JointReference
 from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
+from aerarm_ros.ros.controllers.inertia_message import inertia_message
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.states.base_header import base_header
 
@@ -132,7 +133,7 @@ class LoadTopics:
         self._sent = stamp_ns, load
         header = base_header(stamp_ns, self._base)
         self._com.publish(_point_message(header, load.com))
-        self._inertia.publish(_inertia_message(header, load))
+        self._inertia.publish(inertia_message(header, load.mass, load.com, load.inertia))
         self._weight.publish(wrench_message(header, load.weight))
         self._send_motion(stamp_ns, load)
 
@@ -162,16 +163,6 @@ def wrench_message(header: Header, wrench: NDArray[np.float64]) -> WrenchStamped
 def _point_message(header: Header, point: NDArray[np.float64]) -> PointStamped:
     message = PointStamped(header=header)
     _fill(message.point, point)
-    return message
-
-
-def _inertia_message(header: Header, load: ArmLoad) -> InertiaStamped:
-    message = InertiaStamped(header=header)
-    inertia, tensor = message.inertia, load.inertia.tolist()
-    inertia.m = load.mass
-    _fill(inertia.com, load.com)
-    inertia.ixx, inertia.ixy, inertia.ixz = tensor[0]
-    inertia.iyy, inertia.iyz, inertia.izz = tensor[1][1], tensor[1][2], tensor[2][2]
     return message
 
 

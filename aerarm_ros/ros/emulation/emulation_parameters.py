@@ -38,6 +38,7 @@ EMULATION_PARAMETERS = (
         -10.0,
         10.0,
         element=float,
+        live=True,
     ),
     Parameter(
         'base_motion_profile',

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,7 @@ from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
 from aerarm_ros.ros.parameters.drone_file import load_drone
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
+from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 PARAMETERS = ParameterTable(
     *BRIDGE_PARAMETERS, *PACE_PARAMETERS, *EMULATION_PARAMETERS, *DRONE_PARAMETERS
@@ -63,6 +65,7 @@ class FakeHardware(HardwareBridge):
 
     def __init__(self) -> None:
         self._boards: EmulatedTransport | None = None
+        self._made: Callable[[Sequence[float]], PlantParameters] | None = None
         self._drone: EmulatedDrone | None = None
         self._world: EmulatedWorld | None = None
         self._now = 0.0
@@ -80,12 +83,13 @@ class FakeHardware(HardwareBridge):
                 f'{", ".join(config.joint_names)}'
             )
         seed = None if values.seed < 0 else values.seed
+        self._made = partial(plant_parameters, config, robot, seed)
         self._boards = transport = make_emulated_transport(
             config,
             robot,
             seed,
             position=values.initial_position or None,
-            parameters=plant_parameters(config, robot, seed, values.payload),
+            parameters=self._made(values.payload),
             profile=profile,
         )
         self._destroy_drone()
@@ -193,6 +197,11 @@ class FakeHardware(HardwareBridge):
                 FaultRequest.parse(changes['fault'], len(self._boards.boards))
             except ValueError as error:
                 return f'parameter fault: {error}'
+        if self._made is not None and 'payload' in changes:
+            try:
+                self._made(changes['payload'])
+            except ValueError as error:
+                return f'parameter payload: {error}'
         return super().check_parameters(changes)
 
     def on_parameter(self, name: str, value: Any) -> None:
@@ -200,6 +209,8 @@ class FakeHardware(HardwareBridge):
         super().on_parameter(name, value)
         if name == 'fault' and value:
             self.requests.post(self._inject_fault)
+        elif name == 'payload':
+            self.requests.post(self._grasp)
 
     def _is_still(self, mode: str, since: float) -> bool:
         cycle, boards = self._cycle, self._boards
@@ -246,6 +257,14 @@ class FakeHardware(HardwareBridge):
         cycle.update(self._now)  # see where it is now, and that it rests
         accepted, message = cycle.enable()
         return Answer(accepted, what + message)
+
+    def _grasp(self, cycle: BridgeCycle) -> Answer:
+        """Let the arm carry what the parameter says, from now on."""
+        if self._boards is None or self._made is None:
+            return Answer(False, 'the bridge is not configured')
+        self._boards.plant.grasp(self._made(self.values.payload))
+        self._awake_until = self._now + _FAULT_TIME
+        return Answer(True, '')
 
     def _inject_fault(self, cycle: BridgeCycle) -> Answer:
         fault, boards = self.values.fault, self._boards

@@ -1,0 +1,164 @@
+"""Finds what the arm picks up while it moves: mass, centre and inertia, with deviations.
+
+From joint_states at 1 kHz it tells fifty times a second, on `payload`, what the last link carries
+beyond `payload.inertial_parameters`, and on `joint_friction` what friction is by now. It starts
+with an arm that carries nothing else, and needs a second of motion of it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
+
+from aerarm_msgs_py import topics
+from aerarm_ros.control.base.base_motion_estimator import NONE
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.online.estimator_settings import EstimatorSettings
+from aerarm_ros.online.online_estimate import OnlineEstimate
+from aerarm_ros.online.payload_estimator import PayloadEstimator
+from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, one_or_each
+from aerarm_ros.ros.controllers.inertia_message import inertia_message
+from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.states.arm_modes import HELD
+from aerarm_ros.ros.states.base_header import base_header
+
+NAME = 'payload_estimator'
+
+# [s] after the motors hold the arm, in which whoever carried it lets it go.
+_LET_GO = 1.0
+_FRICTION = ('viscous [Nms/rad]', 'Coulomb [Nm]', 'load')
+
+PARAMETERS = state_node_parameters(
+    Parameter('payload_mass', 0.5, 'what may be picked up, as a standard deviation', 'kg', 1e-3,
+              50.0),
+    Parameter('payload_size', 0.15, "distance of its parts from the last joint, as one", 'm', 0.01,
+              2.0),
+    Parameter('tare_mass', 0.01, "by what the arm's model may be wrong at its last link, as a "
+              'standard deviation', 'kg', 1e-4, 10.0),
+    Parameter('friction_spread', 0.3, 'by what friction may be another than the model says, as a '
+              'relative standard deviation', '', 0.01, 2.0),
+    Parameter('torque_noise', 0.02, 'RMS torque that the model leaves unexplained, until it is '
+              'measured', 'Nm', 1e-4, 10.0),
+    Parameter('correlation_time', 0.1, 'for how long an error of the model stays what it is', 's',
+              0.02, 10.0),
+    Parameter('bandwidth', 30.0, 'of the low-passes on the equation of motion', '1/s', 5.0, 100.0),
+    Parameter('memory', 30.0, 'in which the payload is forgotten where motion tells nothing of it',
+              's', 1.0, 3600.0),
+    Parameter('friction_memory', 120.0, 'the same of friction', 's', 1.0, 36000.0),
+    *ENERGY_PARAMETERS,
+)  # fmt: skip
+
+
+class PayloadEstimatorNode(StateNode):
+    """Joint states in, `PayloadEstimator`'s estimates out."""
+
+    answers_every_state = False
+
+    def __init__(self) -> None:
+        super().__init__(NAME, PARAMETERS)
+
+    def build(self) -> None:
+        """Make the estimator."""
+        values = self.values
+        if self.arm.drone is not None and values.base_motion == NONE:
+            raise ValueError(
+                'a drone_file is given and base_motion is none: how the base moves has to be known '
+                "while it flies, give base_motion 'free'"
+            )
+        self.base = self.arm.measured_base(values)
+        settings = EstimatorSettings(
+            **{field.name: getattr(values, field.name) for field in fields(EstimatorSettings)}
+        )
+        self._estimator = PayloadEstimator(
+            self.arm.dynamics(values),
+            self.arm.robot.viscous,
+            self.arm.robot.coulomb,
+            one_or_each(values.load_friction),
+            settings,
+        )
+        self._mode = ''
+        self._held_since: float | None = None
+
+    def connect(self) -> None:
+        """Advertise what is found, and follow the bridge's mode."""
+        self._payload = self.advertise(topics.PAYLOAD)
+        self._friction = self.advertise(topics.JOINT_FRICTION)
+        n, names = self.arm.robot.n, self.arm.config.joint_names
+        self._layout = MultiArrayLayout(
+            dim=[
+                MultiArrayDimension(label=', '.join(_FRICTION), size=3, stride=3 * n),
+                MultiArrayDimension(label='joint: ' + ' '.join(names), size=n, stride=n),
+            ]
+        )
+        self.listen(topics.ARM_MODE, self._on_mode)
+
+    def answer(self, stamp_ns: int, state: ArmState) -> None:
+        """Take a state, and publish an estimate if there is a new one."""
+        now = stamp_ns * 1e-9
+        if self._pause(now):
+            self._estimator.pause()
+            return
+        estimate = self._estimator.update(state, now, self.base.motion(now))
+        if estimate is not None:
+            self._send(stamp_ns, estimate)
+            self.count_answer()
+
+    def warning(self) -> str:
+        """Return what keeps the payload from being found."""
+        return super().warning() or self._estimator.problem
+
+    def describe(self) -> dict[str, object]:
+        """Tell the last good estimate."""
+        told = {**super().describe(), 'changes found': self._estimator.changes}
+        estimate = self._estimator.estimate
+        if estimate is None:
+            return {**told, 'carries': 'not known yet'}
+        payload, friction = estimate.payload, zip(_FRICTION, estimate.friction, strict=True)
+        told['carries'] = 'a payload' if estimate.carries else 'nothing'
+        told['standard deviation of the mass [kg]'] = round(float(payload.std[0]), 5)
+        if estimate.carries:
+            told['mass [kg]'] = round(payload.mass, 4)
+            told['centre [m]'] = payload.centre.round(4).tolist()
+            told['standard deviations of the centre [m]'] = payload.centre_std.round(4).tolist()
+            told['inertial parameters'] = payload.inertial.round(6).tolist()
+            told['their standard deviations'] = payload.std.round(6).tolist()
+            told['not excited'] = ' '.join(estimate.unexcited) or 'none'
+        told |= {f'friction: {name}': row.round(4).tolist() for name, row in friction}
+        return {**told, 'unexplained torque [Nm]': estimate.residual.round(4).tolist()}
+
+    def _pause(self, now: float) -> bool:
+        """Whether what the joints feel is not the arm and its payload alone."""
+        if self.base.problem(now):
+            return True
+        if self._mode and self._mode not in HELD:
+            self._held_since = None
+            return True
+        if self._held_since is None or now < self._held_since:
+            self._held_since = now
+        return now - self._held_since < _LET_GO
+
+    def _send(self, stamp_ns: int, estimate: OnlineEstimate) -> None:
+        header = base_header(stamp_ns, estimate.payload.link)
+        payload = estimate.payload
+        inertia = (payload.mass, payload.centre, payload.barycentric_inertia)
+        self._payload.publish(inertia_message(header, *inertia))
+        self._friction.publish(
+            Float64MultiArray(layout=self._layout, data=estimate.friction.ravel().tolist())
+        )
+
+    def _on_mode(self, message: String, _: float) -> None:
+        self._mode = message.data
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, PayloadEstimatorNode, args, PARAMETERS, __doc__)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

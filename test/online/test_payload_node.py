@@ -1,0 +1,94 @@
+"""The node `payload_estimator`, told of a recording state by state."""
+
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+import rclpy
+from carrying_run import CarryingRun
+from geometry_msgs.msg import InertiaStamped
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_ros.description.resources import resource
+from aerarm_ros.nodes.payload_estimator import PayloadEstimatorNode
+
+PATIENCE = 60.0  # [s] of the host, which may be busy
+EPOCH = 1_700_000_000.0
+
+Make = Callable[..., PayloadEstimatorNode]
+
+
+@pytest.fixture
+def make(ros_domain: dict[str, str]) -> Iterator[Make]:
+    """Return a function that makes the node with parameters."""
+    nodes = []
+
+    def make_node(**parameters: object) -> PayloadEstimatorNode:
+        given = [word for item in parameters.items() for word in ('-p', '{}:={}'.format(*item))]
+        rclpy.init(args=['--ros-args', *given])
+        nodes.append(PayloadEstimatorNode())
+        return nodes[0]
+
+    yield make_node
+    for node in nodes:
+        node.close()
+    rclpy.shutdown()
+
+
+def tell(node: PayloadEstimatorNode, run: CarryingRun, first: float, last: float) -> None:
+    """Let the node answer states between two times of a recording [s]."""
+    for now, state in run.states():
+        if first <= now < last:
+            node.stamp_ns = round(1e9 * (EPOCH + now))
+            node.answer(node.stamp_ns, state)
+
+
+def test_what_is_picked_up_is_published(make: Make, run: CarryingRun) -> None:
+    node = make(load_friction=run.truth.load_friction.tolist())
+    heard: list[InertiaStamped] = []
+    topic = topics.PAYLOAD
+    listener = rclpy.create_node('listener')
+    listener.create_subscription(topic.type, topic.name, heard.append, topic.qos)
+    tell(node, run, 0.0, run.pick_up + 2.0)
+    deadline = time.monotonic() + PATIENCE
+    told = node.describe()
+    assert told['carries'] == 'a payload'
+    while not heard or heard[-1].inertia.m < 0.1:
+        assert node._estimator.estimate is not None
+        node._send(node.stamp_ns, node._estimator.estimate)
+        rclpy.spin_once(listener, timeout_sec=0.05)
+        assert time.monotonic() < deadline
+    listener.destroy_node()
+    body = heard[-1].inertia
+    centre = np.array([body.com.x, body.com.y, body.com.z])
+    assert heard[-1].header.frame_id == 'link4'
+    assert body.m == pytest.approx(run.payload[0], rel=0.05)
+    assert np.linalg.norm(centre - run.payload[1:4] / run.payload[0]) < 5e-3
+    assert told['mass [kg]'] == pytest.approx(body.m, abs=1e-4)
+    assert not node.warning()
+
+
+def test_an_arm_that_nothing_holds_is_not_weighed(make: Make, run: CarryingRun) -> None:
+    node = make()
+    node._on_mode(String(data='idle'), 0.0)
+    tell(node, run, 0.0, 2.0)
+    assert node.describe()['carries'] == 'not known yet'
+
+
+def test_a_flying_base_that_is_not_known_is_told(make: Make, run: CarryingRun) -> None:
+    node = make(drone_file=resource('config', 'drone.yaml'), base_motion='free')
+    tell(node, run, 0.0, 2.0)
+    assert 'no IMU yet' in node.warning()
+    assert node.describe()['carries'] == 'not known yet'
+
+
+def test_a_drone_whose_motion_is_ignored_is_refused(ros_domain: dict[str, str]) -> None:
+    path = resource('config', 'drone.yaml')
+    rclpy.init(args=['--ros-args', '-p', f'drone_file:={path}'])
+    try:
+        with pytest.raises(ValueError, match="give base_motion 'free'"):
+            PayloadEstimatorNode()
+    finally:
+        rclpy.shutdown()
