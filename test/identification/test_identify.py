@@ -9,10 +9,12 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.files.friction_torque import friction_deviations
 from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.report.report import ReportExtras, report_html
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.stopwatch import Stopwatch
 
@@ -125,6 +127,7 @@ def test_a_dead_sensor_leaves_the_other_joints_identified(
     entry = summarise(result, {})['solvers']['sdp']['identification'][0]
     assert entry['per_joint_raw'][3] is None
     assert result.recommended.estimate.physically_consistent
+    assert "Plotly.newPlot('friction'" in report_html(result, ReportExtras()).replace('"', "'")
 
 
 def test_same_input_same_bits(arm, robot: Robot, config: ArmConfig) -> None:
@@ -157,6 +160,10 @@ def test_joints_at_rest_are_reported_and_the_rest_identified(
     assert moving.max() < 0.5
     estimate = result.recommended.estimate
     assert estimate.joint_values('fs')[[0, 1, 3]] == pytest.approx(arm.coulomb[[0, 1, 3]], rel=0.05)
+    assert 'Friction' in report_html(result, ReportExtras())
+    deviations = friction_deviations(result).torques
+    assert np.all(deviations[[0, 1, 3]] > 0.0)
+    assert not deviations[2].any()
 
 
 def test_what_is_only_predicted_may_be_short(arm, robot: Robot, config: ArmConfig) -> None:

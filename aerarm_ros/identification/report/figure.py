@@ -93,7 +93,7 @@ class StackedFigure:
         else:
             mode = 'lines+markers' if marked else 'lines'
             look = {'mode': mode, 'line': {**_LINES[role], 'dash': dash}}
-        step = -(-len(x) // self._most)
+        step = max(1, -(-len(x) // self._most))
         suffix = '' if row == 0 else str(row + 1)
         self.traces.append(
             {

@@ -104,7 +104,8 @@ def friction_figure(result: IdentificationResult) -> StackedFigure:
             if j == joint and term.kind not in _NO_FRICTION
         ]
         dq, torque, load = _measured_friction(result, joint, own, inertial)
-        figure.add(joint, dq, torque, 'measured', 'cloud')
+        if len(dq):  # of a joint that stands still, or whose effort is dead, nothing is measured
+            figure.add(joint, dq, torque, 'measured', 'cloud')
         speed = float(np.abs(dq).max(initial=1e-3)) * np.linspace(-1.0, 1.0, _CURVE)
         carried = np.full(_CURVE, float(np.median(load)) if len(load) else 0.0)
         curve = sum((v * t.basis(speed, carried, carried) for t, v in own), np.zeros(_CURVE))
