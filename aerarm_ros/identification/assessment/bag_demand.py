@@ -14,6 +14,7 @@ Array = npt.NDArray[np.float64]
 
 # Share of the identified range by which a motion may leave it: filters alone cause a little.
 _TOLERATED = 0.1
+_HARDLY_MOVED = 10.0  # times that range: a share says nothing then
 # The model is asked beyond its data if its uncertainty grows by this factor and matters.
 _GROWTH = 3.0
 _QUANTITIES = (('q', 'position'), ('dq', 'velocity'), ('ddq', 'acceleration'))
@@ -83,6 +84,8 @@ def extrapolation_warnings(
         for (_, word), beyond in zip(_QUANTITIES, demand.beyond, strict=True):
             joints = [
                 f'{name} by {100.0 * share:.0f} %'
+                if share < _HARDLY_MOVED
+                else f'{name}, which hardly moved there'
                 for name, share in zip(names, beyond, strict=True)
                 if share > _TOLERATED
             ]

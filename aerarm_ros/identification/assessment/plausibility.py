@@ -90,9 +90,8 @@ def joint_warnings(
         )
     if far_off := _shares(joints, predicted, (predicted > _FAR_OFF) & (errors <= _FAR_OFF)):
         warnings.append(
-            f'of the torque of some joints much is not predicted in validation ({far_off} of it), '
-            'though it was explained in identification: see what that motion asks for that the '
-            'one of identification has not shown'
+            f'of the torque of some joints much is not predicted in validation ({far_off} of it): '
+            'see what that motion asks for that the one of identification has not shown'
         )
     for joint, (driver, share) in _followed(recommended, bags).items():
         if driver is not None and share > _FOLLOWS and errors[joint] > _LARGE:

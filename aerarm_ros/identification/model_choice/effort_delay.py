@@ -26,7 +26,7 @@ _LEAST = 1e-3  # [s]: less is within what stamps and filters do
 # looks like 20 to 100 ms in joints whose torque is mostly friction.
 _MOST = 0.015  # [s]
 _HOPELESS = 0.2  # [s]
-_CLEAR = 2.0  # standard errors by which held-out parts have to be predicted better
+_CLEAR = 2.0  # standard errors of a delay, and of how much better held-out parts are predicted
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +89,9 @@ def find_effort_delay(
         moved = [_advanced(bag, found) for bag in judged]
     gain = _squares(bags, plain.residuals()) - _squares(judged, fit.residuals())
     clear = np.array([standard_errors(of_joint) for of_joint in gain.T]) > _CLEAR
-    believed = clear & (np.abs(found) >= _LEAST) & (np.abs(found) <= _MOST)
     deviation = fit.deviations()[10 * n : 11 * n]
+    size = np.abs(found)
+    believed = clear & (size >= _LEAST) & (size <= _MOST) & (size > _CLEAR * deviation)
     if in_time is None:
         return EffortDelay(found, np.where(believed, found, 0.0), deviation)
     together = bool(believed.any()) and standard_errors(gain.sum(axis=1)) > _CLEAR

@@ -79,6 +79,18 @@ def test_it_is_saved_as_the_identifier_does(arm: IdentifiedArm, tmp_path: Path) 
     assert arm.save(folder) == folder
 
 
+def test_noise_is_taken_for_no_delay(arrays: tuple[np.ndarray, ...]) -> None:
+    """With one effort dead, noise looks like a delay of -1 ms of another, by chance."""
+    stamp, q, dq, tau = arrays
+    bag = aerarm_ros.from_arrays(stamp, q, np.where(np.arange(4) == 2, 1.0, tau), dq)
+    found = aerarm_ros.identify(bag, options=OPTIONS)
+    delay = found.result.delay
+    assert delay.found[1] < -1e-3
+    assert abs(delay.found[1]) < 2.0 * delay.deviation[1]
+    assert not delay.used.any()
+    assert found.parameters['fv_joint2'] == pytest.approx(0.01, abs=0.005)
+
+
 def test_shapes_are_checked_with_a_sentence() -> None:
     time, q = np.arange(5.0), np.zeros((5, 4))
     for given, words in (
