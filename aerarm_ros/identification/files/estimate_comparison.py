@@ -105,7 +105,7 @@ def compare_estimates(old: Path, new: Path) -> EstimateComparison:
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise IdentificationError(
             f'{old}, {new}: cannot be compared ({error}): give estimate.yaml as the identifier has '
-            'written it, with standard deviations and base parameters'
+            'written it (this version: identify again from the bags of an older result)'
         ) from None
     return EstimateComparison(friction, inertia, unmatched)
 
