@@ -7,24 +7,28 @@ PYTHON ?= python3
 ifeq ($(ROS_DISTRO),jazzy)
 VENV       ?= .venv-jazzy
 VENV_FLAGS := --system-site-packages
-EXTRAS     := dev
+EXTRAS     := view
 PYTHONS    := 3.12
 WHY        := , that of the sourced ROS 2 Jazzy
+SIZE       := the Python packages that ROS does not bring
 else
 VENV       ?= .venv
 VENV_FLAGS :=
-EXTRAS     := ros,dev
+EXTRAS     := ros,view
 PYTHONS    := 3.11 3.12 3.13 3.14
 WHY        :=
+SIZE       := ROS 2 and Python packages, 0.25 GB to fetch, 1.1 GB on the disk
 endif
+MORE := 0.16 GB to fetch, 0.6 GB on the disk, most of it robots to test with
 BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install
 # Which Python it is; for a virtual environment, of which it was made.
 WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup demo experiment energy view test attacks lint fuzz mutants bench clean
+.PHONY: help setup develop demo experiment energy view test attacks lint fuzz mutants bench clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
@@ -36,18 +40,27 @@ help:
 	@echo 'make fuzz        20,000 damaged and hostile bags'
 	@echo 'make mutants     mutation testing of what stands between a command and a motor'
 	@echo 'make bench       benchmarks beside a baseline or a peer'
-	@echo 'make setup       only install everything into $(VENV)'
+	@echo 'make setup       only install into $(VENV) what all of it needs but tests and benchmarks'
+	@echo 'make develop     that, and what tests and benchmarks need'
 	@echo 'make clean       remove what make and the tests leave'
 
 setup: $(VENV)/.ready
 
+develop: $(VENV)/.developed
+
 $(VENV)/.ready: setup.py pyproject.toml setup.cfg
 	@$(PYTHON) -c 'import sys; v = "%d.%d" % sys.version_info[:2]; sys.exit(0 if v in "$(PYTHONS)".split() else "$(PYTHON) is Python " + v + ", make takes $(PYTHONS)$(WHY): set PYTHON, as in make PYTHON=python3.12 ...")'
+	@echo 'Installing into $(VENV), once: $(SIZE)'
 	@# Made anew for another Python: one laid over the other is neither.
-	@[ "$$($(BIN)/python -c '$(WHICH)' 2>&1)" = "$$($(PYTHON) -c '$(WHICH)')" ] || $(PYTHON) -m venv --clear $(VENV_FLAGS) $(VENV)
-	$(BIN)/python -m pip install --quiet --editable '.[$(EXTRAS)]'
+	@[ "$$($(BIN)/python -c '$(WHICH)' 2>&1)" = "$$($(PYTHON) -c '$(WHICH)')" ] || { rm -f $(VENV)/.developed; $(PYTHON) -m venv --clear $(VENV_FLAGS) $(VENV); }
+	@$(PIP) --editable '.[$(EXTRAS)]'
 	@$(BIN)/python -c 'import pinocchio' || { echo 'Pinocchio is missing: with the ROS of apt it comes from there, sudo apt install ros-jazzy-pinocchio'; exit 1; }
-	@$(BIN)/python -m pip install --quiet 'spidev>=3.5,<4' || echo 'spidev was not built (C compiler, Python headers?): its tests are skipped'
+	@$(PIP) --quiet 'spidev>=3.5,<4' || echo 'spidev was not built (C compiler, Python headers?): its tests are skipped'
+	@touch $@
+
+$(VENV)/.developed: $(VENV)/.ready
+	@echo 'Installing what tests and benchmarks need, once: $(MORE)'
+	@$(PIP) --editable '.[$(EXTRAS),dev]'
 	@touch $@
 
 demo: setup
@@ -62,7 +75,7 @@ energy: setup
 view: setup
 	$(BIN)/view
 
-lint: setup
+lint: develop
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -70,19 +83,19 @@ lint: setup
 test: lint
 	$(BIN)/python -m pytest --numprocesses 3 --dist worksteal
 
-attacks: setup
+attacks: develop
 	$(BIN)/python test/hardware/attack_campaign.py
 	$(BIN)/python test/hardware/held_up_host.py
 
-fuzz: setup
+fuzz: develop
 	$(BIN)/python test/aerarm_msgs_py/bag_mutants/campaign.py
 
-mutants: setup
-	$(BIN)/python -m pip install --quiet --editable '.[$(EXTRAS),mutants]'
+mutants: develop
+	$(PIP) --quiet --editable '.[$(EXTRAS),dev,mutants]'
 	$(BIN)/mutmut run
 	$(BIN)/mutmut results
 
-bench: setup
+bench: develop
 	$(BIN)/python benchmarks/run.py
 
 clean:

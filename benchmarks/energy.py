@@ -112,12 +112,12 @@ def main() -> int:
         f'{len(found.by_shape["planned"])} random moves of {options.durations[0]:g} to '
         f'{options.durations[1]:g} s, the arm {options.model}; a pack of {PACK:g} Wh.'
     )
-    text = found.text(standby, PACK)
-    print(f'{note}\n{text}')
+    print(f'{note}\n{found.text(standby, PACK)}')
     for reason in refused:
         print(f'refused: {reason}')
     if options.out:
-        (options.out / 'energy.html').write_text(energy_page(found, text, note))
+        written = energy_page(found, standby, PACK, note, refused)
+        (options.out / 'energy.html').write_text(written, encoding='utf-8')
         rows = [asdict(one) for one in results]
         (options.out / 'energy.json').write_text(json.dumps({'moves': rows, 'refused': refused}))
         print(f'Page      {options.out / "energy.html"}')

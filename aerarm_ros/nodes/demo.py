@@ -74,7 +74,7 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
         default=Path('output') / datetime.now().strftime('demo_%Y%m%d_%H%M%S'),
         help='folder for bags, logs and the result (default: %(default)s)',
     )
-    parser.add_argument('--seed', type=int, default=1, help='seed of the trajectories')
+    parser.add_argument('--seed', type=int, default=2, help='seed of the validation trajectory')
     parser.add_argument('--arm-seed', type=int, default=7, help="seed of the arm's true parameters")
     parser.add_argument(
         '--periods',

@@ -29,6 +29,7 @@ const theme = () => {
     paper_bgcolor: none, plot_bgcolor: none, xaxis: axis, yaxis: axis,
     font: {color: ink, family: 'system-ui, sans-serif'}, legend: {bgcolor: none},
     hoverlabel: {bgcolor: paper, font: {color: ink}},
+    modebar: {bgcolor: none, color: line, activecolor: ink},
     colorway: ['#d9722e', '#3b82c4', '#3aa655', '#a45cc4', '#d04a4a', '#1a9aa8', '#c99a1f'],
     scene: {xaxis: side, yaxis: side, zaxis: side},
   }};

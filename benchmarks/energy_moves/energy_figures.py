@@ -1,6 +1,7 @@
 """What planned motions save, and how well it is predicted."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from energy_moves.energy_bench import Taken
@@ -9,6 +10,19 @@ from energy_moves.move import PLANNED, TRAPEZOID
 from aerarm_ros.planner.plan_settings import QUINTIC
 
 SAVING, PREDICTED, WITHIN = 0.45, 0.9, 0.1
+GOALS = (
+    f'Goals: median saving of {100 * SAVING:.0f} % against the quintic, no move worse; '
+    f'prediction within 10 % for {100 * PREDICTED:.0f} %; tracking no worse than the '
+    "quintic's."
+)
+COLUMNS = (
+    'median of a move [J]',
+    'predicted within 10 % [%]',
+    'RMS error [mrad]',
+    'largest error [mrad]',
+    'battery [min]',
+)
+SAVINGS = ('median [%]', 'least [%]', 'tenth [%]', 'nine tenths [%]', 'moves that take more')
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,34 +49,49 @@ class EnergyFigures:
         power = self.column(shape, 'measured').sum() / self.column(shape, 'duration').sum()
         return float(60.0 * watt_hours / (power + standby))
 
+    def rows(self, standby: float, watt_hours: float) -> list[tuple[Any, ...]]:
+        """Return a row a shape: its name, and a number for each of `COLUMNS`."""
+        return [
+            (
+                shape,
+                float(np.median(self.column(shape, 'measured'))),
+                100.0 * self.well_predicted(shape),
+                float(np.sqrt((self.column(shape, 'rms') ** 2).mean())),
+                float(self.column(shape, 'largest').max()),
+                self.battery_minutes(shape, standby, watt_hours),
+            )
+            for shape in self.by_shape
+        ]
+
+    def savings(self) -> list[tuple[Any, ...]]:
+        """Return a row for each other shape: its name, and a number for each of `SAVINGS`."""
+        rows = []
+        for other in (QUINTIC, TRAPEZOID):
+            saving = 100.0 * self.saving(other)
+            low, middle, high = np.percentile(saving, (10, 50, 90)).tolist()
+            worse = int((saving < 0.0).sum())
+            rows.append((other, middle, float(saving.min()), low, high, worse))
+        return rows
+
     def text(self, standby: float, watt_hours: float) -> str:
         """Return the figures and the goals."""
         lines = [
             f'{"":10} {"J a move":>9} {"predicted":>10} {"RMS":>6} {"largest":>8} {"battery":>8}'
         ]
         lines.append(f'{"":10} {"median":>9} {"within 10%":>10} {"mrad":>6} {"mrad":>8} {"min":>8}')
-        for shape in self.by_shape:
+        for shape, joules, predicted, rms, largest, minutes in self.rows(standby, watt_hours):
             lines.append(
-                f'{shape:10} {np.median(self.column(shape, "measured")):9.2f} '
-                f'{100 * self.well_predicted(shape):9.0f}% '
-                f'{np.sqrt((self.column(shape, "rms") ** 2).mean()):6.2f} '
-                f'{self.column(shape, "largest").max():8.2f} '
-                f'{self.battery_minutes(shape, standby, watt_hours):8.0f}'
+                f'{shape:10} {joules:9.2f} {predicted:9.0f}% {rms:6.2f} {largest:8.2f} '
+                f'{minutes:8.0f}'
             )
-        for other in (QUINTIC, TRAPEZOID):
-            saving = 100.0 * self.saving(other)
-            low, middle, high = np.percentile(saving, (10, 50, 90))
+        count = len(self.by_shape[PLANNED])
+        for other, middle, least, low, high, worse in self.savings():
             lines.append(
                 f'less than the {other} of the same duration: median {middle:.1f} %, least '
-                f'{saving.min():.1f} %, tenth {low:.1f} %, nine tenths {high:.1f} %; worse: '
-                f'{(saving < 0.0).sum()} of {len(saving)}'
+                f'{least:.1f} %, tenth {low:.1f} %, nine tenths {high:.1f} %; worse: '
+                f'{worse} of {count}'
             )
-        lines.append(
-            f'Goals: median saving of {100 * SAVING:.0f} % against the quintic, no move worse; '
-            f'prediction within 10 % for {100 * PREDICTED:.0f} %; tracking no worse than the '
-            "quintic's."
-        )
-        return '\n'.join(lines)
+        return '\n'.join([*lines, GOALS])
 
 
 def figures(results: list[Taken]) -> EnergyFigures:

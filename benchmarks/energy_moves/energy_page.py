@@ -1,72 +1,99 @@
 """The campaign as a page with plots."""
 
+from typing import Any
+
 import numpy as np
-import plotly.graph_objects as go
-from energy_moves.energy_figures import EnergyFigures
+from energy_moves.energy_figures import COLUMNS, GOALS, SAVINGS, EnergyFigures
 from energy_moves.move import PLANNED, TRAPEZOID
 
-from aerarm_ros.pages.html_text import Html, page, paragraph, section
-from aerarm_ros.pages.plots import plotting_script
+from aerarm_ros.pages.html_text import Html, bullets, page, paragraph, section, table
+from aerarm_ros.pages.page_origin import origin
+from aerarm_ros.pages.plots import figure_html, plotting_script
 from aerarm_ros.planner.plan_settings import QUINTIC
 
-
-def energy_page(found: EnergyFigures, text: str, note: str) -> str:
-    """Return the page as HTML."""
-    figures = {
-        'Energy of a move': _against(found),
-        'Saving and duration': _saving(found),
-        'Predicted and measured': _predicted(found),
-        'Tracking error': _tracking(found),
-    }
-    sections = [section(name, _html(figure)) for name, figure in figures.items()]
-    return page(
-        'Energy of motions',
-        plotting_script(),
-        [paragraph(note, 'lead'), Html(f'<pre>{text}</pre>'), *sections],
-    )
+OTHERS = (QUINTIC, TRAPEZOID)
 
 
-def _against(found: EnergyFigures) -> go.Figure:
+def energy_page(
+    found: EnergyFigures, standby: float, watt_hours: float, note: str, refused: list[str]
+) -> str:
+    """Return the page as HTML.
+
+    Parameters
+    ----------
+    found
+        What was measured.
+    standby
+        Power of the boards with no current in a motor [W].
+    watt_hours
+        The battery [Wh].
+    note
+        What was played.
+    refused
+        Moves that were not played to their end, and why.
+    """
+    names = list(found.by_shape)
+    rows = found.rows(standby, watt_hours)
+    body = [
+        paragraph(note, 'lead'),
+        paragraph(GOALS, 'note'),
+        section('What a move takes', table(['shape', *COLUMNS], rows, [names.index(PLANNED)])),
+        section('What planning saves', table(['than the', *SAVINGS], found.savings())),
+        section('Energy of a move', _against(found)),
+        section('Saving and duration', _saving(found)),
+        section('Predicted and measured', _predicted(found)),
+        section('Tracking error', _tracking(found)),
+    ]
+    if refused:
+        body.append(section('Not played', bullets(refused)))
+    return page('Energy of motions', plotting_script(), body, origin())
+
+
+def _against(found: EnergyFigures) -> Html:
     planned = found.column(PLANNED, 'measured')
-    figure = go.Figure()
-    for other in (QUINTIC, TRAPEZOID):
-        figure.add_scatter(x=found.column(other, 'measured'), y=planned, mode='markers', name=other)
     top = float(found.column(QUINTIC, 'measured').max())
-    figure.add_scatter(x=[0, top], y=[0, top], mode='lines', name='as much')
-    figure.add_scatter(x=[0, top], y=[0, top / 2], mode='lines', name='half')
-    return _titled(figure, 'other shape, same duration [J]', 'planned [J]')
+    traces = [_points(other, found.column(other, 'measured'), planned) for other in OTHERS]
+    for name, share in (('as much', 1.0), ('half', 0.5)):
+        line = {'dash': 'dash', 'width': 1}
+        ends: dict[str, Any] = {'x': [0.0, top], 'y': [0.0, share * top], 'line': line}
+        traces.append({'type': 'scatter', 'mode': 'lines', 'name': name, **ends})
+    return _figure('against', traces, 'other shape, same duration [J]', 'planned [J]')
 
 
-def _saving(found: EnergyFigures) -> go.Figure:
-    figure = go.Figure()
-    for other in (QUINTIC, TRAPEZOID):
-        saving = np.round(100.0 * found.saving(other), 2)
-        figure.add_scatter(
-            x=found.column(PLANNED, 'duration'), y=saving, mode='markers', name=f'than {other}'
-        )
-    return _titled(figure, 'duration [s]', 'less [%]')
+def _saving(found: EnergyFigures) -> Html:
+    duration = found.column(PLANNED, 'duration')
+    traces = [_points(f'than {x}', duration, 100.0 * found.saving(x)) for x in OTHERS]
+    return _figure('saving', traces, 'duration [s]', 'less [%]')
 
 
-def _predicted(found: EnergyFigures) -> go.Figure:
-    figure = go.Figure()
+def _predicted(found: EnergyFigures) -> Html:
+    traces = []
     for shape in found.by_shape:
         measured = found.column(shape, 'measured')
         off = 100.0 * (found.column(shape, 'predicted') / measured - 1.0)
-        figure.add_scatter(x=measured, y=np.round(off, 2), mode='markers', name=shape)
-    return _titled(figure, 'measured [J]', 'predicted beyond measured [%]')
+        traces.append(_points(shape, measured, off))
+    return _figure('predicted', traces, 'measured [J]', 'predicted beyond measured [%]')
 
 
-def _tracking(found: EnergyFigures) -> go.Figure:
-    figure = go.Figure()
-    for shape in found.by_shape:
-        figure.add_box(y=np.round(found.column(shape, 'rms'), 3), name=shape)
-    return _titled(figure, '', 'RMS error of a move [mrad]')
+def _tracking(found: EnergyFigures) -> Html:
+    traces = [
+        {'type': 'box', 'y': np.round(found.column(shape, 'rms'), 3).tolist(), 'name': shape}
+        for shape in found.by_shape
+    ]
+    return _figure('tracking', traces, '', 'RMS error of a move [mrad]')
 
 
-def _titled(figure: go.Figure, x: str, y: str) -> go.Figure:
-    figure.update_layout(height=450, xaxis_title=x, yaxis_title=y)
-    return figure
+def _points(name: str, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+    places = {'x': np.round(x, 3).tolist(), 'y': np.round(y, 3).tolist()}
+    return {'type': 'scatter', 'mode': 'markers', 'name': name, **places}
 
 
-def _html(figure: go.Figure) -> Html:
-    return Html(figure.to_html(full_html=False, include_plotlyjs=False))
+def _figure(identifier: str, traces: list[dict[str, Any]], x: str, y: str) -> Html:
+    layout = {
+        'height': 420,
+        'margin': {'l': 60, 'r': 10, 't': 10, 'b': 90},
+        'xaxis': {'title': {'text': x}},
+        'yaxis': {'title': {'text': y}},
+        'legend': {'orientation': 'h', 'y': -0.18, 'yanchor': 'top'},  # as wide as the plot
+    }
+    return figure_html(identifier, traces, layout)

@@ -47,6 +47,16 @@ def test_identified_model_beats_the_drawing_and_is_physical(demo: tuple[str, Pat
     assert solvers['sdp']['min_pseudo_inertia_eigenvalue'] > 0
 
 
+def test_its_validation_asks_for_nothing_that_the_designed_motion_did_not_show(
+    demo: tuple[str, Path],
+) -> None:
+    summary = json.loads((demo[1] / 'result' / 'summary.json').read_text())
+    told = ' '.join(summary['warnings'])
+    for words in ('extrapolation', 'hardly excites'):
+        assert words not in told
+        assert words not in demo[0]
+
+
 def test_results_are_whole(demo: tuple[str, Path]) -> None:
     result = demo[1] / 'result'
     robot = load_robot(result / 'identified.urdf')

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +14,7 @@ from subprocess import TimeoutExpired
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
+from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
 from aerarm_ros.ros.process.log_directory import find_log_directory
 from aerarm_ros.ros.process.node_process import NodeProcess
@@ -31,10 +32,11 @@ class DemoError(RuntimeError):
 
 @dataclass(frozen=True)
 class Motion:
-    """One recorded run of the arm."""
+    """One recorded run of the arm: what it is, in words and as parameters of `excitation`."""
 
     name: str
-    seed: int
+    what: str
+    trajectory: Mapping[str, object]
     bag: Path
 
 
@@ -54,8 +56,18 @@ class DemoRun:
         self._logs = out / 'logs'
         self._options = options
         self._motions = (
-            Motion('identification', options.seed, out / 'identification_bag'),
-            Motion('validation', options.seed + 1, out / 'validation_bag'),
+            Motion(
+                'identification',
+                'designed',
+                {'trajectory': resource('config', 'designed_motion.yaml')},
+                out / 'identification_bag',
+            ),
+            Motion(
+                'validation',
+                f'random, seed {options.seed}',
+                {'seed': options.seed},
+                out / 'validation_bag',
+            ),
         )
 
     def move_and_record(self) -> DemoAccount:
@@ -118,7 +130,7 @@ class DemoRun:
                     log=self._recorder_log(motion),
                 )
             )
-            print(f'Motion    {motion.name} (seed {motion.seed})', flush=True)
+            print(f'Motion    {motion.name} ({motion.what})', flush=True)
             # Two nodes that start at once can hold each other up for some seconds, in which a
             # recorder takes nothing.
             _wait_for_recorder(recorder)
@@ -126,7 +138,7 @@ class DemoRun:
                 NodeProcess(
                     'excitation',
                     parameters={
-                        'seed': motion.seed,
+                        **motion.trajectory,
                         'periods': options.periods,
                         'subscribers': 2,
                         'wait_for_recorder': True,
