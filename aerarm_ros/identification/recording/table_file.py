@@ -66,6 +66,11 @@ class TableStates:
     velocity: Array
     effort: Array
 
+    def __repr__(self) -> str:
+        """Return what they are of, without the numbers."""
+        seconds = float(np.ptp(self.stamp)) if len(self.stamp) else 0.0
+        return f'<{len(self.stamp)} states over {seconds:.3g} s of {", ".join(self.names)}>'
+
 
 def read_table(
     path: Path, joint_names: Sequence[str], options: TableOptions | None = None

@@ -142,6 +142,7 @@ def test_tables_are_read_too(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> 
     np.savez(tmp_path / 'a.npz', time=stamp, q=q, dq=dq, tau=tau, joint_names=list('abcd'))
     states = aerarm_ros.read_bag(tmp_path / 'a.npz')
     assert states.names == ('a', 'b', 'c', 'd')
+    assert repr(states) == '<4000 states over 20 s of a, b, c, d>'
     header = ','.join(f'{word}{joint}' for word in ('q', 'tau') for joint in range(1, 5))
     np.savetxt(tmp_path / 'a.csv', np.hstack([q, tau]), header=header, delimiter=',', comments='')
     numbered = aerarm_ros.read_bag(tmp_path / 'a.csv', rate=200.0)
