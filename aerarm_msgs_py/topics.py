@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray, String
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 from aerarm_msgs_py.live_topics.topic import Topic
 
@@ -61,6 +61,8 @@ IMU = Topic('imu', Imu, SENSOR)
 ODOMETRY = Topic('odometry', Odometry, SENSOR)
 # Thrust of each rotor [N] as effort, by the rotors' names; stamped as the odometry that it answers.
 ROTOR_COMMAND = Topic('rotor_command', JointState, NEWEST)
+# Where the drone shall hover, or go in time.
+FLIGHT_TRAJECTORY = Topic('flight_trajectory', MultiDOFJointTrajectory, RELIABLE)
 FLIGHT_SET_POINT = Topic('flight_set_point', PoseStamped, RELIABLE)
 BASE_WRENCH = Topic('base_wrench', WrenchStamped, NEWEST)
 ARM_INERTIA = Topic('arm_inertia', InertiaStamped, NEWEST)
@@ -106,6 +108,7 @@ TOPICS = MappingProxyType(
             ODOMETRY,
             ROTOR_COMMAND,
             FLIGHT_SET_POINT,
+            FLIGHT_TRAJECTORY,
             BASE_WRENCH,
             ARM_INERTIA,
             ARM_COM,

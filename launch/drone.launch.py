@@ -62,7 +62,8 @@ def generate_launch_description() -> LaunchDescription:
     """Return what `ros2 launch` starts."""
     reaction = node(
         'base_reaction',
-        {**arm_parameters('base_motion'), **drone_parameter()},
+        # Who feeds the arm forward picks from what it is told ahead of time.
+        {'lead': 0.06, **arm_parameters('base_motion'), **drone_parameter()},
         remappings=[IMU_REMAPPING],
     )
     px4_imu = node('px4_imu', remappings=[IMU_REMAPPING], condition=IfCondition(ON_PX4))

@@ -22,10 +22,15 @@ class Allocation:
     ----------
     drone : DroneConfig
         A drone whose rotors cannot push sideways gets no force sideways.
+
+    Attributes
+    ----------
+    matrix : (6, n) ndarray
+        Wrench per thrust on the body at its frame's origin.
     """
 
     def __init__(self, drone: DroneConfig) -> None:
-        matrix = drone.allocation
+        self.matrix = matrix = drone.allocation
         rows = np.ones(6, dtype=bool)
         if not drone.is_fully_actuated:
             rows[:2] = False

@@ -1,49 +1,70 @@
-"""Position and attitude of a drone held by a plain PID."""
+"""Position and attitude of a drone with its arm, on SE(3)."""
 
 import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.allocation import Allocation
+from aerarm_ros.flight.disturbance import Disturbance
+from aerarm_ros.flight.feed_forward import FeedForward
 from aerarm_ros.flight.flight_gains import FlightGains
 from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
 from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.flight.rotor_estimate import RotorEstimate
 
 Array = npt.NDArray[np.float64]
 
 _UP = np.array([0.0, 0.0, 1.0])
-# Most that the integrals may add: an acceleration [m/s^2], and a moment over the weight [m], which
-# is how far the arm may move the centre of mass aside.
-_INTEGRAL_ACCELERATION = 4.0
-_INTEGRAL_LEVER = 0.2
+_SIDEWAYS = np.array([1.0, 1.0, 0.0])
+# Most that integrals and estimates may add: an acceleration [m/s^2], and a moment over the weight
+# [m], which is how far the arm may move the centre of mass aside.
+_CORRECTION = 4.0
+_CORRECTION_LEVER = 0.2
+# Rotors turn a drone about the vertical by little more than their drag: what they cannot do must
+# neither tilt it [rad] nor be remembered [m].
+_YAW_STEP, _YAW_LEVER = 0.2, 0.01
+_YAW_MISSED = 0.01  # [rad/s^2]
 _LIFT_MIN = 0.2  # share of the weight
 _SINK = 0.97  # share of the weight that is lifted where the height is not known
 
 
 class FlightControl:
-    """A drone with its arm, held at a place by PID with gravity feed-forward.
+    """A drone with its arm, held at a place or led along a path.
 
-    The centre of mass in the posture of `body` is held; the arm's motion is a disturbance. A force
-    `m (g + Kp e + Kd de + Ki int e)` is asked for, and a moment
-    `J (Kp e_R + Kd e_w + Ki int e_R)` about that centre, `e_R` being the attitude's error on
-    SO(3) (Lee, Leok and McClamroch, CDC 2010). A drone with rotors in one plane turns its z axis
-    along the force; a fully actuated one stays level.
+    What is led is the centre of mass of the whole, to where it belongs if the body is level at its
+    target: the body itself moves aside as it leans. With the wrench f, m of the joints' motion::
+
+        F = m (g + a_d + Kp e + Kd de + Ki int e) - f - d
+        M = J (a_R + Kp e_R + Kd e_w + Ki int e_R) - m - d_R      about the centre of mass
+
+    `e_R` is the attitude's error on SO(3) (Lee, Leok and McClamroch, CDC 2010). A drone with rotors
+    in one plane turns its z axis along the force, and `e_w` and `a_R` follow from the rate at which
+    a planned force turns; a fully actuated one stays level. `d` is what a `Disturbance` estimates.
+    Where rotors cannot give the moment about the vertical, the heading gives way, and nothing else.
 
     Parameters
     ----------
     drone : DroneConfig
     body : MassProperties
-        Of drone and arm.
+        Of drone and arm, where nothing else is told.
     gains : FlightGains, optional
+    disturbance : Disturbance, optional
+        Its estimate is compensated.
     """
 
     def __init__(
-        self, drone: DroneConfig, body: MassProperties, gains: FlightGains | None = None
+        self,
+        drone: DroneConfig,
+        body: MassProperties,
+        gains: FlightGains | None = None,
+        disturbance: Disturbance | None = None,
     ) -> None:
-        self._body = body
+        self._at_rest = FeedForward.at_rest(body)
         self._gains = gains = FlightGains() if gains is None else gains
         self._allocation = Allocation(drone)
+        self._rotors = RotorEstimate(drone)
+        self._disturbance = disturbance
         self._is_full = drone.is_fully_actuated
         self._position_gains = _pid(
             gains.position_frequency, gains.position_damping, gains.position_integral
@@ -51,52 +72,124 @@ class FlightControl:
         self._attitude_gains = _pid(
             gains.attitude_frequency, gains.attitude_damping, gains.attitude_integral
         )
-        self._moment_max = _INTEGRAL_LEVER * body.mass * GRAVITY
+        self._moment_max = _CORRECTION_LEVER * body.mass * GRAVITY
+        self._yaw_max = _YAW_LEVER * body.mass * GRAVITY
         self.reset()
 
     def reset(self) -> None:
-        """Forget the integrals."""
+        """Forget integrals and estimates."""
         self._push = np.zeros(3)
         self._moment = np.zeros(3)
+        self._felt = np.zeros(6)
+        self._rotors.reset()
+        if self._disturbance is not None:
+            self._disturbance.reset()
 
-    def update(self, state: FlightState, target: FlightTarget, dt: float) -> Array:
-        """Return the thrusts (n,) [N] that hold the target, after a step of `dt` [s]."""
-        acceleration = self._wanted_acceleration(state, target, dt)
-        force = self._body.mass * (acceleration + GRAVITY * _UP)
-        wanted = _attitude(_UP if self._is_full else force, target.yaw)
-        return self._allocation.thrusts(self._wrench(state, force, wanted, dt))
+    def update(
+        self,
+        state: FlightState,
+        target: FlightTarget,
+        dt: float,
+        arm: FeedForward | None = None,
+    ) -> Array:
+        """Return the thrusts (n,) [N] that lead to the target, after a step of `dt` [s]."""
+        arm = self._at_rest if arm is None else arm
+        body, heading = arm.body, yaw_of(state.rotation)
+        # What hangs at the body turns with it, wherever it was told to look.
+        level = _attitude(_UP, heading)
+        yaw = heading + min(max(_turned(target.yaw - heading), -_YAW_STEP), _YAW_STEP)
+        self._estimate(state, arm, dt)
+        feedback = self._wanted_acceleration(state, target, body, level, dt)
+        now = self._bounded(body.mass * feedback - level @ arm.wrench_now[:3], body.mass)
+        ahead = self._bounded(body.mass * feedback - level @ arm.wrench[:3], body.mass)
+        if self._is_full:
+            return self._thrusts(state, arm, ahead, _attitude(_UP, yaw), np.zeros((2, 3)), dt)
+        turning = _turning(now, -level @ arm.force_rate, -level @ arm.force_curvature)
+        return self._thrusts(state, arm, ahead, _attitude(now, yaw), turning, dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
         """Return the thrusts (n,) [N] of a drone that knows its attitude only: level, sinking."""
-        force = _SINK * self._body.mass * GRAVITY * _UP
+        force = _SINK * self._at_rest.body.mass * GRAVITY * _UP
         wanted = _attitude(_UP, yaw_of(state.rotation))
-        return self._allocation.thrusts(self._wrench(state, force, wanted, dt))
+        self._felt = np.zeros(6)
+        return self._thrusts(state, self._at_rest, force, wanted, np.zeros((2, 3)), dt)
 
-    def _wanted_acceleration(self, state: FlightState, target: FlightTarget, dt: float) -> Array:
+    def _estimate(self, state: FlightState, arm: FeedForward, dt: float) -> None:
+        """Compare what is known of the last step with how the drone moved in it."""
+        wrench = self._rotors.advance(dt)
+        if self._disturbance is None:
+            return
+        felt = self._disturbance.update(state, arm.body, wrench + arm.wrench_now, dt)
+        force = _limited(felt[:3], _CORRECTION * arm.body.mass)
+        self._felt = np.concatenate([force, _limited(felt[3:], self._moment_max)])
+
+    def _wanted_acceleration(
+        self,
+        state: FlightState,
+        target: FlightTarget,
+        body: MassProperties,
+        level: Array,
+        dt: float,
+    ) -> Array:
         kp, kd, ki = self._position_gains
-        lever = state.rotation @ self._body.centre
-        velocity = state.velocity + state.rotation @ np.cross(state.rate, self._body.centre)
-        level = _attitude(_UP, target.yaw) @ self._body.centre
-        error = target.position + level - (state.position + lever)
+        lever = state.rotation @ body.centre
+        velocity = state.velocity + state.rotation @ np.cross(state.rate, body.centre)
+        # With its heading turns where the centre belongs.
+        turn = float(state.rotation[2] @ state.rate) * _UP
+        moving = np.cross(turn, level @ body.centre)
+        error = target.position + level @ body.centre - (state.position + lever)
         error = _limited(error, self._gains.speed_max * kd / kp)
-        self._push = _limited(self._push + ki * dt * error, _INTEGRAL_ACCELERATION)
-        wanted = kp * error - kd * velocity + self._push
-        sideways = _limited(wanted * (1.0, 1.0, 0.0), GRAVITY * np.tan(self._gains.tilt_max))
-        rise = max(wanted[2], (_LIFT_MIN - 1.0) * GRAVITY)
-        return np.array([sideways[0], sideways[1], rise])
+        self._push = _limited(self._push + ki * dt * error, _CORRECTION)
+        feedback = kp * error + kd * (target.velocity + moving - velocity) + self._push
+        swung = np.cross(turn, moving)
+        return target.acceleration + swung + feedback - self._felt[:3] / body.mass
 
-    def _wrench(self, state: FlightState, force: Array, wanted: Array, dt: float) -> Array:
-        """Return the wrench on the body at its origin, in its axes."""
+    def _bounded(self, force: Array, mass: float) -> Array:
+        """Return a force with the weight added, its tilt and its lift within bounds [N]."""
+        sideways = _limited(force * _SIDEWAYS, mass * GRAVITY * np.tan(self._gains.tilt_max))
+        lift = max(force[2] + mass * GRAVITY, _LIFT_MIN * mass * GRAVITY)
+        return np.array([sideways[0], sideways[1], lift])
+
+    def _integrate(self, step: Array) -> None:
+        moment, most = _limited(self._moment + step, self._moment_max), self._yaw_max
+        self._moment = np.append(moment[:2], min(max(moment[2], -most), most))
+
+    def _thrusts(
+        self,
+        state: FlightState,
+        arm: FeedForward,
+        force: Array,
+        wanted: Array,
+        turning: Array,
+        dt: float,
+    ) -> Array:
+        """Return the thrusts for a force in the world and a turn to an attitude."""
         kp, kd, ki = self._attitude_gains
-        rotation, inertia = state.rotation, self._body.inertia
+        rotation, body = state.rotation, arm.body
         turn = rotation.T @ wanted - wanted.T @ rotation
         error = 0.5 * np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
-        self._moment = _limited(self._moment + ki * dt * (inertia @ error), self._moment_max)
-        moment = inertia @ (kp * error - kd * state.rate) + self._moment
+        rate, spin = turning @ rotation  # in body axes
+        self._integrate(ki * dt * (body.inertia @ error))
+        moment = body.inertia @ (spin + kp * error + kd * (rate - state.rate))
+        about_centre = arm.wrench[3:] - np.cross(body.centre, arm.wrench[:3])
+        moment = moment + self._moment - about_centre - self._felt[3:]
         in_body = rotation.T @ force
         if not self._is_full:
             in_body = in_body * _UP
-        return np.concatenate([in_body, moment + np.cross(self._body.centre, in_body)])
+        wrench = np.concatenate([in_body, moment + np.cross(body.centre, in_body)])
+        thrusts = self._allocation.thrusts(wrench)
+        missing = (self._allocation.matrix[5] @ thrusts - wrench[5]) / body.inertia[2, 2]
+        if abs(missing) > _YAW_MISSED:
+            # It turns about the vertical otherwise than wanted, and shall not lean for that.
+            wrench[3:5] += missing * body.inertia[:2, 2]
+            thrusts = self._allocation.thrusts(wrench)
+        self._rotors.command(thrusts)
+        return thrusts
+
+
+def _turned(angle: float) -> float:
+    """Return an angle within half a turn [rad]."""
+    return float(np.arctan2(np.sin(angle), np.cos(angle)))
 
 
 def _pid(frequency: float, damping: float, integral: float) -> tuple[float, float, float]:
@@ -111,6 +204,17 @@ def _attitude(up: Array, yaw: float) -> Array:
     y = np.cross(z, [np.cos(yaw), np.sin(yaw), 0.0])
     y /= np.linalg.norm(y)
     return np.column_stack([np.cross(y, z), y, z])
+
+
+def _turning(force: Array, rate: Array, curvature: Array) -> Array:
+    """Return angular velocity and acceleration (2, 3) in the world of what points along a force.
+
+    To first order in the rate: it does not turn about the force.
+    """
+    length = np.linalg.norm(force)
+    along = force / length
+    turning: Array = np.array([np.cross(along, rate), np.cross(along, curvature)]) / length
+    return turning
 
 
 def _limited(vector: Array, length: float) -> Array:

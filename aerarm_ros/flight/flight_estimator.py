@@ -109,7 +109,10 @@ class FlightEstimator:
         rate = self._rate(now)
         velocity = rotation @ odometry.velocity
         turned = rotation @ rotation_matrix(_quaternion(age * rate))
-        return FlightState(odometry.position + age * velocity, velocity, turned, rate)
+        force = None
+        if self._imu is not None and not _is_old(self._imu, now):
+            force = self._to_body @ self._imu.specific_force
+        return FlightState(odometry.position + age * velocity, velocity, turned, rate, force)
 
     def attitude_alone(self) -> FlightState | None:
         """Return what the IMU knows, place and velocity as zeros; None without its attitude."""

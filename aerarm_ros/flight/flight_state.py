@@ -19,9 +19,12 @@ class FlightState(NamedTuple):
         Body to world.
     rate : (3,) ndarray
         Angular velocity in body axes [rad/s].
+    specific_force : (3,) ndarray, optional
+        What the IMU feels where it is, in body axes [m/s^2].
     """
 
     position: Array
     velocity: Array
     rotation: Array
     rate: Array
+    specific_force: Array | None = None

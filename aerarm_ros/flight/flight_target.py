@@ -1,4 +1,4 @@
-"""Where the drone shall hover."""
+"""Where the drone shall be."""
 
 from typing import NamedTuple
 
@@ -9,9 +9,11 @@ from aerarm_ros.flight.flight_state import FlightState
 
 Array = npt.NDArray[np.float64]
 
+_ZERO = np.zeros(3)
+
 
 class FlightTarget(NamedTuple):
-    """A place to hover at, level.
+    """A place to hover at or to pass.
 
     Attributes
     ----------
@@ -19,10 +21,14 @@ class FlightTarget(NamedTuple):
         Of the body frame's origin in the world [m].
     yaw : float
         Turn of the body about the vertical [rad].
+    velocity, acceleration : (3,) ndarray
+        Of that origin in the world [m/s], [m/s^2].
     """
 
     position: Array
     yaw: float
+    velocity: Array = _ZERO
+    acceleration: Array = _ZERO
 
     @classmethod
     def here(cls, state: FlightState) -> 'FlightTarget':

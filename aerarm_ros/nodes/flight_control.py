@@ -1,7 +1,8 @@
-"""Hovers the drone that carries the arm: a plain PID on odometry and IMU.
+"""Flies the drone that carries the arm, on odometry and IMU, with the arm fed forward.
 
-Stands in for an autopilot in emulation and on test benches. Set points: topic flight_set_point;
-without one the drone stays where the first odometry finds it.
+Stands in for an autopilot in emulation and on test benches. Set points: flight_set_point, or
+flight_trajectory; without one the drone stays where the first odometry finds it. What
+base_reaction tells of the arm, on arm_inertia and base_wrench_motion, is fed forward.
 """
 
 import sys
@@ -9,27 +10,32 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.control.base.frame_conversion import rotation_matrix
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.flight.flight_control import FlightControl
 from aerarm_ros.flight.flight_estimator import FlightEstimator
-from aerarm_ros.flight.flight_gains import FlightGains
-from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
+from aerarm_ros.flight.flight_path import FlightPath
+from aerarm_ros.flight.flight_target import FlightTarget
 from aerarm_ros.flight.mass_properties import MassProperties
 from aerarm_ros.flight.odometry_sample import OdometrySample
 from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.flight.flight_inputs import ArmTopics, to_path, to_target
+from aerarm_ros.ros.flight.flight_parameters import (
+    FLIGHT_PARAMETERS,
+    arm_feed_forward,
+    flight_control,
+)
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
 from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
-from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
 from aerarm_ros.ros.process.exit_status import print_account
@@ -40,30 +46,13 @@ from aerarm_ros.ros.states.flight_stream import FlightStream
 NAME = 'flight_control'
 _WAIT = 0.1  # [s]
 _STEP_MAX = 0.05  # [s] longest time over which an integral grows at once
+_LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, for a trajectory's start
 _REMEMBERED = 5.0  # [s] for which a rejection is a warning
 
-_GAINS = FlightGains()
 PARAMETERS = ParameterTable(
     *ARM_FILES,
     DRONE_FILE,
-    Parameter(
-        'position_frequency', _GAINS.position_frequency, 'of the position loop', 'rad/s', 0.1, 20
-    ),
-    Parameter(
-        'attitude_frequency', _GAINS.attitude_frequency, 'of the attitude loop', 'rad/s', 1.0, 60
-    ),
-    Parameter('position_damping', _GAINS.position_damping, 'damping ratio', '', 0.1, 3.0),
-    Parameter('attitude_damping', _GAINS.attitude_damping, 'damping ratio', '', 0.1, 3.0),
-    Parameter(
-        'position_integral', _GAINS.position_integral, 'share of the frequency', '', 0.0, 1.0
-    ),
-    Parameter(
-        'attitude_integral', _GAINS.attitude_integral, 'share of the frequency', '', 0.0, 1.0
-    ),
-    Parameter(
-        'speed_max', _GAINS.speed_max, 'with which a set point is approached', 'm/s', 0.01, 20
-    ),
-    Parameter('tilt_max', _GAINS.tilt_max, 'largest tilt that is asked for', 'rad', 0.05, 1.2),
+    *FLIGHT_PARAMETERS,
     *REAL_TIME_PARAMETERS,
 )
 
@@ -79,19 +68,21 @@ class FlightControlNode:
     def __init__(self) -> None:
         self.status = 0
         self.node = rclpy.create_node(NAME)
-        self.values = values = PARAMETERS.declare(self.node)
+        self.values = values = PARAMETERS.declare(self.node, self._on_parameter)
         if not values.drone_file:
             raise ValueError('parameter drone_file is empty: name the drone, as config/drone.yaml')
         config, robot = load_arm(values)
         drone = load_drone(values, config, robot)
         assert drone is not None
         arm = MovingBaseDynamics(robot).composite_inertia(np.array(config.rest_position))
-        gains = FlightGains(**{name: getattr(values, name) for name in vars(_GAINS)})
-        self._law = FlightControl(drone, MassProperties.of(drone, *arm), gains)
+        body = MassProperties.of(drone, *arm)
+        self._law = flight_control(values, drone, body)
+        self._arm = arm_feed_forward(values, drone, body)
         self._estimator = FlightEstimator(drone)
         self._thrust_max = drone.column('thrust_max')
         self._cdr = JointStateCdr(drone.rotor_names)
         self._target: FlightTarget | None = None
+        self._path: tuple[float, FlightPath] | None = None
         self._jumps = 0
         self._answered_ns = 0
         self._answer = b''
@@ -108,6 +99,9 @@ class FlightControlNode:
         self._publisher = self.node.create_publisher(topic.type, topic.name, topic.offered)
         topic = topics.FLIGHT_SET_POINT
         self.node.create_subscription(topic.type, topic.name, self._on_set_point, topic.qos)
+        topic = topics.FLIGHT_TRAJECTORY
+        self.node.create_subscription(topic.type, topic.name, self._on_trajectory, topic.qos)
+        ArmTopics(self.node, self._arm, self._requests.append)
         self._diagnostics = DiagnosticsPublisher(self.node, config.name)
         self.node.create_timer(PERIOD, self._report)
 
@@ -156,9 +150,11 @@ class FlightControlNode:
         if state is not None:
             if self._target is None or self._estimator.jumps != self._jumps:
                 self._jumps = self._estimator.jumps
-                self._target = FlightTarget.here(state)
+                self._target, self._path = FlightTarget.here(state), None
+            if self._path is not None:
+                self._target = self._path[1].at(now - self._path[0])
             self._error = self._target.position - state.position
-            self._thrust = self._law.update(state, self._target, dt)
+            self._thrust = self._law.update(state, self._target, dt, self._arm.at(now))
             self._doing = ''
         elif self._target is not None and (attitude := self._estimator.attitude_alone()):
             self._thrust = self._law.level(attitude, dt)
@@ -180,16 +176,27 @@ class FlightControlNode:
     def _on_set_point(self, message: PoseStamped) -> None:
         self._requests.append(lambda: self._go_to(message))
 
+    def _on_trajectory(self, message: MultiDOFJointTrajectory) -> None:
+        self._requests.append(lambda: self._go_along(message))
+
     def _go_to(self, message: PoseStamped) -> None:
-        frame, p, q = message.header.frame_id, message.pose.position, message.pose.orientation
-        place, turn = np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w])
-        if frame not in ('', self._stream.frame):
+        self._target, self._path = to_target(message, self._stream.frame), None
+
+    def _go_along(self, message: MultiDOFJointTrajectory) -> None:
+        if self._target is None:
+            raise RejectedInputError('flight_trajectory: the drone does not know where it is yet')
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        begin = stamp or self._time
+        if not -_LATEST < begin - self._time < _EARLIEST:
             raise RejectedInputError(
-                f'flight_set_point is in frame {frame!r}, the odometry in {self._stream.frame!r}'
+                f'flight_trajectory: it is stamped {begin - self._time:+.1f} s from now: use a '
+                'zero stamp for now, and check the clocks'
             )
-        if not np.all(np.isfinite([*place, *turn])) or not 0.9 < np.linalg.norm(turn) < 1.1:
-            raise RejectedInputError('flight_set_point: NaN, infinite, or no unit quaternion')
-        self._target = FlightTarget(place, yaw_of(rotation_matrix(turn)))
+        self._path = begin, to_path(message, self._stream.frame, self._target)
+
+    def _on_parameter(self, name: str, value: Any) -> None:
+        attribute = {'feed_posture': 'use_posture', 'feed_motion': 'use_motion'}.get(name, 'lead')
+        self._requests.append(lambda: setattr(self._arm, attribute, value))
 
     def _report(self) -> None:
         missing = self._estimator.missing()

@@ -37,6 +37,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'emulation',
         'requests',
         'controllers',
+        'flight',
         'playback',
         'recording',
         'page',

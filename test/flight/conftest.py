@@ -10,6 +10,7 @@ from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
 from aerarm_ros.flight.flight_control import FlightControl
 from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.flight.flight_target import FlightTarget
@@ -37,8 +38,10 @@ class Flight:
     def __init__(self, drone: DroneConfig, believed: DroneConfig | None = None) -> None:
         self.plant = FlyingPlant(ROBOT, PLANT, HANGING, drone)
         believed = drone if believed is None else believed
-        self.control = FlightControl(believed, body(believed))
+        self.body = body(believed)
+        self.control = FlightControl(believed, self.body)
         self.target = FlightTarget(np.zeros(3), 0.0)
+        self.arm: ArmFeedForward | None = None
         self.time = 0.0
         self.thrust = np.zeros(drone.n)
 
@@ -54,7 +57,8 @@ class Flight:
 
     def step(self, reference: Reference | None = None) -> None:
         """Fly for 4 ms, the arm held or on q(t), dq(t) by stiff springs."""
-        self.thrust = self.control.update(self.state, self.target, 0.004)
+        arm = None if self.arm is None else self.arm.at(self.time)
+        self.thrust = self.control.update(self.state, self.target, 0.004, arm)
         self.plant.rotors.command(self.thrust)
         self.hold_arm(reference)
 

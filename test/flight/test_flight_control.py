@@ -7,7 +7,11 @@ import pytest
 
 from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
+from aerarm_ros.flight.arm_load_model import ArmLoadModel
 from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
+from aerarm_ros.motion.joint_reference import JointReference
 
 HANGING = np.array([0.0, np.pi / 2, 0.0, 0.0])
 ARM = 1.487  # [kg]
@@ -57,6 +61,29 @@ def test_it_stays_up_while_the_arm_swings_fast(fly, name: str) -> None:
     assert not flight.plant.is_held
     assert 0.01 < farthest < 0.4  # it is moved by the arm, and not carried away
     assert steepest < 0.7
+
+
+def test_what_is_fed_forward_of_the_arm_keeps_the_drone_in_place(fly) -> None:
+    """The arm's load is told 60 ms ahead, as its motion is planned."""
+    drone, farthest = DRONES['3 kg tilted'], []
+    model = ArmLoadModel(load_robot(gravity_in_base=drone.gravity_in_base))
+    for is_fed in (False, True):
+        flight = fly(drone)
+        flight.arm = ArmFeedForward(drone, flight.body, is_fed, is_fed, lead=0.03)
+        errors = [0.0]
+        while flight.time < 2.5:
+            ahead = flight.time + 0.06
+            q, dq = fast_motion(ahead)
+            ddq = (fast_motion(ahead + 1e-4)[1] - fast_motion(ahead - 1e-4)[1]) / 2e-4
+            load = model.evaluate(JointReference(q, dq, ddq))
+            flight.arm.offer_inertia(ahead, load.mass, load.com, load.inertia)
+            flight.arm.offer_motion(ahead, load.motion)
+            flight.step(fast_motion)
+            errors.append(float(np.linalg.norm(flight.state.position)))
+        farthest.append(max(errors))
+    assert farthest[0] > 0.03
+    # The arm hangs on springs here, so it does not quite do what was planned.
+    assert farthest[1] < 0.4 * farthest[0]
 
 
 def test_a_wrong_mass_is_found_out_by_the_integral(fly) -> None:

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import InertiaStamped, PoseStamped, Transform, WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
+from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.drone_config import load_drone_config
@@ -141,6 +142,59 @@ def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: Drone
     for _ in range(400):
         drone.hover(1)
         if drone.thrust() > 1.05 * WEIGHT:
+            break
+    else:
+        raise AssertionError('it does not rise')
+
+
+def test_what_is_told_of_the_arm_is_fed_forward(drone: DroneSensors) -> None:
+    drone.hover_until('in order')
+    topic = topics.MOTION_WRENCH
+    wrenches = drone.node.create_publisher(topic.type, topic.name, topic.qos)
+    topic = topics.ARM_INERTIA
+    inertias = drone.node.create_publisher(topic.type, topic.name, topic.qos)
+    matched = (wrenches, inertias)
+    assert spin_until(
+        drone.node, lambda: all(p.get_subscription_count() for p in matched), PATIENCE
+    )
+    stamp = drone.odometry_message().header
+    inertia = InertiaStamped(header=stamp)
+    inertia.inertia.m = np.nan
+    inertias.publish(inertia)
+    drone.refuse('arm_inertia', lambda: (drone.odometry_message(), drone.imu_message()))
+    # The arm is 0.5 kg heavier than it was, and thrown upward besides: its base hangs upside down.
+    for told in range(2000):
+        inertia.header = drone.odometry_message().header
+        inertia.inertia.m, inertia.inertia.com.z = 1.987, 0.2
+        inertia.inertia.ixx = inertia.inertia.iyy = inertia.inertia.izz = 0.1
+        inertias.publish(inertia)
+        if told > 100:
+            wrench = WrenchStamped(header=inertia.header)
+            wrench.wrench.force.z = -5.0
+            wrenches.publish(wrench)
+        drone.hover(1)
+        if told > 100 and drone.thrust() == pytest.approx(WEIGHT + 0.5 * 9.81 - 5.0, rel=0.01):
+            break
+    else:
+        raise AssertionError(f'{drone.thrust()} N')
+
+
+def test_it_goes_along_a_trajectory_and_refuses_what_is_none(drone: DroneSensors) -> None:
+    drone.hover_until('in order')
+    topic = topics.FLIGHT_TRAJECTORY
+    ways = drone.node.create_publisher(topic.type, topic.name, topic.qos)
+    assert spin_until(drone.node, ways.get_subscription_count, PATIENCE)
+    point = MultiDOFJointTrajectoryPoint(transforms=[Transform()])
+    point.transforms[0].rotation.w, point.time_from_start.sec = 1.0, 2
+    point.transforms[0].translation.z = np.nan
+    way = MultiDOFJointTrajectory(points=[point])
+    ways.publish(way)
+    drone.refuse('flight path', lambda: (drone.odometry_message(), drone.imu_message()))
+    point.transforms[0].translation.z = 2.0
+    ways.publish(way)
+    for _ in range(1000):
+        drone.hover(1)
+        if drone.thrust() > 1.1 * WEIGHT:
             break
     else:
         raise AssertionError('it does not rise')

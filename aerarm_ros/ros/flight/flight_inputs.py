@@ -1,0 +1,114 @@
+"""Messages for a flight controller: places, ways, and what its arm does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import InertiaStamped, PoseStamped, WrenchStamped
+from numpy.typing import NDArray
+from rclpy.node import Node
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+from aerarm_msgs_py import topics
+from aerarm_ros.control.base.frame_conversion import rotation_matrix
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
+from aerarm_ros.flight.flight_path import FlightPath
+from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
+
+Array = NDArray[np.float64]
+
+
+class ArmTopics:
+    """Hands what `base_reaction` tells of the arm to what feeds it forward.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscriptions.
+    arm
+        What is fed.
+    act
+        Runs an action in the loop's thread; it may reject its input.
+    """
+
+    def __init__(
+        self, node: Node, arm: ArmFeedForward, act: Callable[[Callable[[], None]], None]
+    ) -> None:
+        self._arm = arm
+        self._act = act
+        for topic, take in (
+            (topics.ARM_INERTIA, self._on_inertia),
+            (topics.MOTION_WRENCH, self._on_motion),
+        ):
+            node.create_subscription(topic.type, topic.name, take, topic.qos)
+
+    def _on_inertia(self, message: InertiaStamped) -> None:
+        i = message.inertia
+        rows = [[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]]
+        stamp, com, inertia = _stamp(message), _vector(i.com), np.array(rows)
+        self._act(lambda: self._arm.offer_inertia(stamp, i.m, com, inertia))
+
+    def _on_motion(self, message: WrenchStamped) -> None:
+        wrench = np.concatenate([_vector(message.wrench.force), _vector(message.wrench.torque)])
+        stamp = _stamp(message)
+        self._act(lambda: self._arm.offer_motion(stamp, wrench))
+
+
+def to_target(message: PoseStamped, frame: str) -> FlightTarget:
+    """Return the place of a set point in the odometry's frame; raises RejectedInputError."""
+    _require_frame('flight_set_point', message.header.frame_id, frame)
+    place, turn = _vector(message.pose.position), _quaternion(message.pose.orientation)
+    if not np.all(np.isfinite(place)):
+        raise RejectedInputError('flight_set_point: NaN or infinite')
+    return FlightTarget(place, _yaw('flight_set_point', turn))
+
+
+def to_path(message: MultiDOFJointTrajectory, frame: str, start: FlightTarget) -> FlightPath:
+    """Return the way of a trajectory of one body; raises RejectedInputError."""
+    what, points = 'flight_trajectory', message.points
+    _require_frame(what, message.header.frame_id, frame)
+    if not points or any(len(point.transforms) != 1 for point in points):
+        raise RejectedInputError(f'{what}: each point needs the pose of one body, the drone')
+    poses = [point.transforms[0] for point in points]
+    durations = [point.time_from_start for point in points]
+    return FlightPath(
+        [duration.sec + 1e-9 * duration.nanosec for duration in durations],
+        [_vector(pose.translation) for pose in poses],
+        [_yaw(what, _quaternion(pose.rotation)) for pose in poses],
+        _linear([point.velocities for point in points]),
+        _linear([point.accelerations for point in points]),
+        start,
+    )
+
+
+def _linear(rows: list[Any]) -> list[Array] | None:
+    """Return the linear parts of twists, one a point; None where no point has any."""
+    if not any(len(row) for row in rows):
+        return None
+    return [_vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]
+
+
+def _require_frame(what: str, given: str, frame: str) -> None:
+    if given not in ('', frame):
+        raise RejectedInputError(f'{what} is in frame {given!r}, the odometry in {frame!r}')
+
+
+def _yaw(what: str, turn: Array) -> float:
+    if not np.all(np.isfinite(turn)) or not 0.9 < np.linalg.norm(turn) < 1.1:
+        raise RejectedInputError(f'{what}: NaN, infinite, or no unit quaternion')
+    return yaw_of(rotation_matrix(turn / np.linalg.norm(turn)))
+
+
+def _stamp(message: Any) -> float:
+    return float(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
+
+
+def _vector(part: Any) -> Array:
+    return np.array([part.x, part.y, part.z])
+
+
+def _quaternion(part: Any) -> Array:
+    return np.array([part.x, part.y, part.z, part.w])

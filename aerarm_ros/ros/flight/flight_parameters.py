@@ -1,0 +1,84 @@
+"""Parameters of the flight controller, and the parts made from them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
+from aerarm_ros.flight.disturbance import Disturbance
+from aerarm_ros.flight.disturbance_observer import DisturbanceObserver
+from aerarm_ros.flight.flight_control import FlightControl
+from aerarm_ros.flight.flight_gains import FlightGains
+from aerarm_ros.flight.incremental_estimate import IncrementalEstimate
+from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
+
+INTEGRAL, OBSERVER, INDI = 'integral', 'observer', 'indi'
+
+_GAINS = FlightGains()
+FLIGHT_PARAMETERS = (
+    *grouped(
+        'How stiffly the drone is held',
+        Parameter(
+            'position_frequency', _GAINS.position_frequency, 'of the position loop', 'rad/s', 0.1,
+            20,
+        ),
+        Parameter(
+            'attitude_frequency', _GAINS.attitude_frequency, 'of the attitude loop', 'rad/s', 1.0,
+            60,
+        ),
+        Parameter('position_damping', _GAINS.position_damping, 'damping ratio', '', 0.1, 3.0),
+        Parameter('attitude_damping', _GAINS.attitude_damping, 'damping ratio', '', 0.1, 3.0),
+        Parameter(
+            'position_integral', _GAINS.position_integral, 'share of the frequency', '', 0.0, 1.0
+        ),
+        Parameter(
+            'attitude_integral', _GAINS.attitude_integral, 'share of the frequency', '', 0.0, 1.0
+        ),
+        Parameter(
+            'speed_max', _GAINS.speed_max, 'with which a set point is approached', 'm/s', 0.01, 20
+        ),
+        Parameter('tilt_max', _GAINS.tilt_max, 'largest tilt that is asked for', 'rad', 0.05, 1.2),
+        Parameter(
+            'rejection', INTEGRAL, 'what finds out forces that nobody told of: the integrals; in '
+            "their place an observer of the drone's momentum, or the IMU's accelerations (INDI)",
+            choices=(INTEGRAL, OBSERVER, INDI),
+        ),
+        Parameter(
+            'observer_frequency', 8.0, "of 'observer', or of the filter of 'indi'", 'rad/s', 0.1,
+            200.0,
+        ),
+    ),
+    *grouped(
+        'What is fed forward of the arm',
+        Parameter('feed_posture', True, 'its mass, centre and inertia: arm_inertia', live=True),
+        Parameter('feed_motion', True, "its joints' motion: base_wrench_motion", live=True),
+        Parameter(
+            'feed_lead', 0.028, 'from a command until it acts: where the arm is told of ahead of '
+            "time (base_reaction's lead), that much of it is used", 's', 0.0, 0.06, live=True,
+        ),
+    ),
+)  # fmt: skip
+
+
+def flight_control(
+    values: SimpleNamespace, drone: DroneConfig, body: MassProperties
+) -> FlightControl:
+    """Return the controller of a drone with its arm, of the values of `FLIGHT_PARAMETERS`."""
+    gains = {name: getattr(values, name) for name in vars(_GAINS)}
+    estimate: Disturbance | None = None
+    if values.rejection != INTEGRAL:
+        gains.update(position_integral=0.0, attitude_integral=0.0)
+    if values.rejection == OBSERVER:
+        estimate = DisturbanceObserver(values.observer_frequency)
+    elif values.rejection == INDI:
+        estimate = IncrementalEstimate(drone, values.observer_frequency)
+    return FlightControl(drone, body, FlightGains(**gains), estimate)
+
+
+def arm_feed_forward(
+    values: SimpleNamespace, drone: DroneConfig, body: MassProperties
+) -> ArmFeedForward:
+    """Return what is fed forward of the arm, of the values of `FLIGHT_PARAMETERS`."""
+    return ArmFeedForward(drone, body, values.feed_posture, values.feed_motion, values.feed_lead)

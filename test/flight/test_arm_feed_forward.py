@@ -1,0 +1,111 @@
+"""What a drone is told of its arm, taken by the time that it is about."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.description.drone_config import load_drone_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
+from aerarm_ros.flight.mass_properties import MassProperties
+
+DRONE = load_drone_config()
+LEAD, AHEAD = 0.03, 0.06
+COM, INERTIA = np.array([0.1, -0.02, 0.2]), 0.05 * np.eye(3)
+W = 2.0 * np.pi
+
+
+def hanging() -> MassProperties:
+    arm = MovingBaseDynamics(load_robot())
+    return MassProperties.of(DRONE, *arm.composite_inertia(np.array([0.0, np.pi / 2, 0.0, 0.0])))
+
+
+def wrench(time: float) -> np.ndarray:
+    """Return a motion's wrench in the arm's base frame, which hangs upside down."""
+    return np.array([np.sin(W * time), 0.5, 2.0, 0.1, 0.2 * np.cos(W * time), 0.0])
+
+
+@pytest.fixture
+def arm() -> ArmFeedForward:
+    return ArmFeedForward(DRONE, hanging(), lead=LEAD)
+
+
+def tell(arm: ArmFeedForward, begin: float, end: float) -> None:
+    for time in np.arange(begin, end, 4e-3).tolist():
+        arm.offer_motion(time, wrench(time))
+        arm.offer_inertia(time, 1.5, COM, INERTIA)
+
+
+def run(arm: ArmFeedForward, begin: float, end: float):
+    for now in np.arange(begin, end, 4e-3).tolist():
+        told = arm.at(now)
+    return now, told
+
+
+def test_it_is_of_when_a_command_acts(arm: ArmFeedForward) -> None:
+    tell(arm, 0.0, 1.0 + AHEAD)
+    now, told = run(arm, 0.0, 1.0)
+    rotation, mount = DRONE.mount.rotation, np.array(DRONE.mount.position)
+    for felt, time in ((told.wrench, now + LEAD), (told.wrench_now, now)):
+        force = rotation @ wrench(time)[:3]
+        np.testing.assert_allclose(felt[:3], force, atol=1e-3)
+        moment = rotation @ wrench(time)[3:] + np.cross(mount, force)
+        np.testing.assert_allclose(felt[3:], moment, atol=1e-3)
+    np.testing.assert_allclose(told.force_rate[0], W * np.cos(W * now), rtol=0.01)
+    np.testing.assert_allclose(
+        told.force_curvature[0], -(W**2) * np.sin(W * (now + LEAD)), rtol=0.05
+    )
+    wanted = MassProperties.of(DRONE, 1.5, COM, INERTIA)
+    np.testing.assert_allclose(told.body.centre, wanted.centre)
+    np.testing.assert_allclose(told.body.inertia, wanted.inertia)
+    assert told.body.mass == pytest.approx(4.5)
+
+
+def test_each_part_is_switched_by_itself(arm: ArmFeedForward) -> None:
+    tell(arm, 0.0, 1.0 + AHEAD)
+    arm.use_motion = False
+    _, told = run(arm, 0.0, 0.5)
+    assert not np.any(told.wrench)
+    assert told.body.centre[0] > 0.01
+    arm.use_motion, arm.use_posture = True, False
+    _, told = run(arm, 0.5, 1.0)
+    assert np.any(told.wrench)
+    np.testing.assert_array_equal(told.body.centre, hanging().centre)
+    arm.lead = 0.0
+    told = arm.at(1.0)
+    np.testing.assert_allclose(told.wrench, told.wrench_now)
+
+
+def test_silence_lets_the_motion_fade_and_keeps_the_posture(arm: ArmFeedForward) -> None:
+    tell(arm, 0.0, 0.5 + AHEAD)
+    run(arm, 0.0, 0.5)
+    sizes = [np.linalg.norm(arm.at(now).wrench) for now in np.arange(0.5, 1.0, 4e-3).tolist()]
+    assert sizes[0] > 1.0
+    assert sizes[-1] == 0.0
+    assert np.abs(np.diff(sizes)).max() < 0.2  # no step
+    assert arm.at(1.0).body.mass == pytest.approx(4.5)
+    # A clock that is set back begins anew.
+    tell(arm, -9.0, -8.0 + AHEAD)
+    _, told = run(arm, -9.0, -8.0)
+    assert np.linalg.norm(told.wrench) > 1.0
+
+
+def test_told_too_late_for_a_lead_the_last_serves(arm: ArmFeedForward) -> None:
+    tell(arm, 0.0, 1.0)
+    now, told = run(arm, 0.0, 1.0)
+    np.testing.assert_allclose(told.wrench, told.wrench_now, atol=0.05)
+    assert np.linalg.norm(told.wrench) > 1.0
+    # What turns a drone must be known beyond doubt.
+    np.testing.assert_array_equal(told.force_rate, 0.0)
+    np.testing.assert_array_equal(told.force_curvature, 0.0)
+
+
+def test_nonsense_is_refused(arm: ArmFeedForward) -> None:
+    for mass in (np.nan, 0.0, 50.0):
+        with pytest.raises(RejectedInputError, match='arm_inertia'):
+            arm.offer_inertia(0.0, mass, COM, INERTIA)
+    for force in (np.nan, 1e4):
+        with pytest.raises(RejectedInputError, match='base_wrench_motion'):
+            arm.offer_motion(0.0, np.full(6, force))
+    assert not np.any(arm.at(0.0).wrench)
