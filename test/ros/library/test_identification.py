@@ -125,12 +125,14 @@ def test_signatures_are_short_and_errors_have_names() -> None:
 
 
 def test_bags_are_told_apart(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:
-    stamp, q, dq, tau = arrays
+    stamp, q, dq, tau = (values[::4] for values in arrays)
+    known = aerarm_ros.ConditioningOptions(cutoff=3.0, filter='butterworth', exact_stamps=True)
+    options = aerarm_ros.IdentificationOptions(known, friction='coulomb', tilt=False)
     files = [tmp_path / folder / 'a.npz' for folder in ('one', 'two')]
     for file in files:
         file.parent.mkdir()
         np.savez(file, time=stamp, q=q, dq=dq, tau=tau)
-    found = aerarm_ros.identify([*files, files[0]], validation=files[1], options=OPTIONS)
+    found = aerarm_ros.identify([*files, files[0]], validation=files[1], options=options)
     names = [bag.samples.name for bag in found.result.identification]
     assert names == [str(files[0]), str(files[1]), str(files[0])]
     assert 'one/a.npz is given 2 times to identify from' in found.warnings[0]
