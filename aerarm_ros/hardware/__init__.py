@@ -14,6 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'bridge_cycle': ['BridgeCycle'],
         'bridge_modes': ['MODES'],
         'bridge_report': ['BridgeReport'],
+        'fault_watch': ['FaultWatch'],
         'stopped_arm': ['StoppedArm', 'way_out'],
     },
 )

@@ -9,10 +9,12 @@ from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
 from aerarm_ros.hardware.boards.board_link import make_links
 from aerarm_ros.hardware.boards.board_mode import BoardMode
 from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
-from aerarm_ros.hardware.boards.homing import Homing
+from aerarm_ros.hardware.boards.encoder_zeros import EncoderZeros
 from aerarm_ros.hardware.boards.motor_power import MotorPower
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
+from aerarm_ros.hardware.boards.zero_search import ZeroSearch
 from aerarm_ros.hardware.bridge_report import BridgeReport
+from aerarm_ros.hardware.fault_watch import FaultWatch
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
@@ -21,7 +23,7 @@ from aerarm_ros.hardware.gate.command_intake import CommandIntake
 from aerarm_ros.hardware.gate.joint_loads import JointLoads
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
-from aerarm_ros.hardware.stopped_arm import StoppedArm, way_out
+from aerarm_ros.hardware.stopped_arm import way_out
 from aerarm_ros.hardware.transports.transport import Transport
 from aerarm_ros.model.gravity_load import largest_gravity_load
 
@@ -79,8 +81,8 @@ class BridgeCycle:
         The same with more detail: `ArmMeasurements`, and `MotorPower` with energy and source.
     intake, gate
         Checks on commands, with their counts.
-    links
-        The boards, with their monitors.
+    links, zeros
+        The boards, with their monitors; what is known of the encoders' zeros.
     mode
         See above.
     cycles
@@ -125,10 +127,18 @@ class BridgeCycle:
         if load_max is None:
             load_max = largest_gravity_load(robot)
         self._encoders = EncoderMonitor(config, settings.stall_time, load_max)
-        self._report = BridgeReport(self.intake, self.gate, self.links)
+        self.zeros = EncoderZeros(config)
+        self._watch = FaultWatch(
+            config,
+            self.gate,
+            self.links,
+            self._encoders,
+            self.zeros,
+            profile.errors_until_power_cycle,
+        )
+        self._report = BridgeReport(self.intake, self.gate, self.links, self.zeros)
         self._standstill = CommandBuffer.standstill(config.n)
-        self._homing: Homing | None = None
-        self._until_power_cycle = profile.errors_until_power_cycle
+        self._search = ZeroSearch(config, self.state)
         self._enabled = False
         self._aligned = False  # every motor in use, when its board last answered
         self._followed = False  # a command was followed since the arm became ready
@@ -151,26 +161,10 @@ class BridgeCycle:
         return self._report.faults(self.mode, self._now)
 
     def way_out(self, emulated: bool) -> str:
-        """Return what ends the latched stop as things are now, '' without one; see `way_out`."""
-        if not self.gate.stop:
+        """Return what brings an arm back as things are now, '' if nothing has to; see `way_out`."""
+        if not self.gate.stop and (self._enabled or not self.zeros.are_lost):
             return ''
-        doubted = {
-            joint.board
-            for joint, trusted in zip(self._config.joints, self._encoders.trusted, strict=True)
-            if not trusted
-        }
-        boards = [
-            (number, link.monitor.name)
-            for number, link in enumerate(self.links)
-            if link.monitor.mode is BoardMode.FAULT or number in doubted
-        ]
-        stopped = StoppedArm(
-            boards,
-            bool(self.gate.state_violation(self.q, self.dq)),
-            self._enabled and self._aligned,
-            self._until_power_cycle,
-        )
-        return way_out(stopped, emulated)
+        return way_out(self._watch.stopped(self.state, self._enabled and self._aligned), emulated)
 
     def command(self, offered: OfferedCommand, now: float) -> bool:
         """Offer a joint command, received at `now` [s, monotonic], the clock of `update`.
@@ -196,27 +190,20 @@ class BridgeCycle:
 
     def enable(self) -> Answer:
         """Ask the boards to align and drive the motors. The arm moves: have it supported."""
-        if self.gate.stop:
-            return Answer(False, f'clear the fault first: {self.gate.stop}')
-        silent = [
-            f'{link.monitor.name} does not answer: {link.monitor.problem}'
-            for link in self.links
-            if link.monitor.mode is BoardMode.DISCONNECTED
-        ]
-        if silent:
-            return Answer(False, '; '.join(silent))
-        if self._enabled:
+        refusal = self._watch.refusal(self._enabled)
+        if self._enabled and not refusal:
             return self._hold()
-        if any(link.state.system_enabled for link in self.links):
-            return Answer(False, 'the boards are still switching off: try again')
-        refusal = self.gate.alignment_refusal(self.q, self.dq)
+        refusal = refusal or self.zeros.problem or self.gate.alignment_refusal(self.q, self.dq)
         if refusal:
             return Answer(False, refusal)
+        self._align()
+        return Answer(True, 'the motors align now: the arm moves, keep it supported until ready')
+
+    def _align(self) -> None:
         self._enabled = True
         self._followed = False
         self.intake.forget()
         self._encoders.clear()
-        return Answer(True, 'the motors align now: the arm moves, keep it supported until ready')
 
     def _hold(self) -> Answer:
         """Hold a damped arm where it is; leave one that follows a command alone."""
@@ -235,7 +222,7 @@ class BridgeCycle:
     def disable(self) -> Answer:
         """Ask the boards to switch the motors off. The arm falls: have it supported."""
         self._enabled = False
-        self._homing = None
+        self._search.end()
         self.intake.forget()
         return Answer(True, 'the motors are off')
 
@@ -245,6 +232,10 @@ class BridgeCycle:
         if silent and self._enabled:
             # Going on without it would switch off the boards that damp the arm.
             return Answer(False, f'{", ".join(silent)} does not answer: disable first, or mend it')
+        # Motors that lost their alignment align only when somebody says so.
+        stays = self._enabled and all(link.may_be_damped for link in self.links)
+        if stays and self.zeros.are_lost:
+            return Answer(False, f'disable first, the arm supported: {self.zeros.problem}')
         violation = self.gate.state_violation(self.q, self.dq) if self._enabled else ''
         if violation:
             return Answer(False, f'the arm would stop again at once, {violation}')
@@ -255,19 +246,37 @@ class BridgeCycle:
         self._encoders.clear()
         self.intake.forget()
         self._followed = False
-        # Motors that lost their alignment align only when somebody says so.
-        self._enabled = self._enabled and all(link.may_be_damped for link in self.links)
+        self._enabled = stays
         return Answer(True, 'the arm is held' if self._enabled else 'the motors are off')
 
     def home(self) -> Answer:
-        """Search the encoders' index pulses: every joint turns by up to 8 degrees each way."""
-        if self.mode not in ('ready', 'running', 'damping'):
-            return Answer(False, f'the arm is {self.mode}, homing starts from ready')
-        state = self.state
-        self._homing = Homing(self._config, state.reported_position, state.index_toggle)
-        self.intake.forget()
-        self._followed = False
-        return Answer(True, 'the joints turn slowly until their index pulses are met')
+        """Search the encoders' index pulses: every joint turns by up to 8 degrees each way.
+
+        The arm has to be in its rest posture. With motors that are off they are aligned before.
+        """
+        state, zeros = self.state, self.zeros
+        is_held = self.mode in ('ready', 'running', 'damping')
+        if not is_held and self._enabled:
+            return Answer(False, f'the arm is {self.mode}, homing starts from ready or idle')
+        refusal = '' if is_held else self._watch.refusal(driven=False)
+        refusal = refusal or zeros.refusal(state.motor_position)
+        if not is_held and not refusal:
+            refusal = self.gate.alignment_refusal(np.array(self._config.rest_position), self.dq)
+        if refusal:
+            return Answer(False, refusal)
+        if is_held:
+            self._search.begin()
+            self.intake.forget()
+            self._followed = False
+        else:
+            # Until a pulse is met nobody but who homes the arm says where it is.
+            zeros.lose(range(self._config.n), 'homing did not end')
+            self._set_zero(state.reported_position - zeros.rest)
+            self._align()
+            self._search.wait()
+        align = '' if is_held else 'the motors align, then '
+        turn = 'the joints turn slowly until their index pulses are met'
+        return Answer(True, f'{align}{turn}; {zeros.vouched()}')
 
     def e_stop(self, reason: str) -> Answer:
         """Stop, damped and latched."""
@@ -291,7 +300,7 @@ class BridgeCycle:
         self.state.read(self.links, self._references.zero, gains, self._current_lag)
         dt = min(elapsed, _STEP_MAX)
         self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
-        self._watch(now, feed_forward, noise)
+        self._look_for_faults(now, feed_forward, noise)
         self.mode = self._current_mode(now)
 
     def shutdown(self) -> None:
@@ -335,8 +344,8 @@ class BridgeCycle:
         """Return what to follow, None if the arm is to be damped."""
         if not self._aligned:
             return None
-        if self._homing is not None:
-            return self._home_on(self._homing)
+        if self._search.is_on:
+            return self._search_on()
         if self.intake.is_fresh(now):
             self._followed = True
             return self.intake.command
@@ -344,45 +353,31 @@ class BridgeCycle:
             self._followed = False
         return None if self._followed else self._standstill
 
-    def _home_on(self, homing: Homing) -> CommandBuffer:
-        homing.update(self.state.reported_position, self.state.index_toggle, self.state.interval)
+    def _search_on(self) -> CommandBuffer:
+        homing = self._search.update()
         if homing.is_done:
-            self._homing = None
+            self._search.end()
             if homing.fault:
                 self.gate.trip(homing.fault)
             else:
-                self._references.set_zero(homing.zero)
+                self._set_zero(homing.zero)
                 self._encoders.clear()
-                self.state.read(self.links, homing.zero, self._references.gains)
+                self.zeros.found()
         return homing.command
 
-    def _watch(self, now: float, feed_forward: Array, noise: Array) -> None:
-        """Look for faults of boards, encoders and joints."""
-        for link in self.links:
-            if link.monitor.mode is BoardMode.FAULT:
-                self.gate.trip(link.monitor.fault)
+    def _set_zero(self, zero: Array) -> None:
+        """Let the motors' angles be zero where the boards report (n,) angles [rad]."""
+        self._references.set_zero(zero)
+        self.state.read(self.links, zero, self._references.gains)
+
+    def _look_for_faults(self, now: float, feed_forward: Array, noise: Array) -> None:
+        self._watch.boards()
         if self._enabled and self._aligned:
-            state = self.state
-            text = self._encoders.check(
-                state.motor_position,
-                state.motor_current,
-                state.fresh,
-                now,
-                feed_forward,
-                noise,
-                state.interval_max,
-                self.gate.inertias,
-                self.gate.loads,
-            )
-            if text:
-                self.gate.trip(text)
-            violation = self.gate.state_violation(self.q, self.dq)
-            if violation:
-                self.gate.trip(violation)
+            self._watch.joints(self.state, now, feed_forward, noise)
         elif self._enabled:
             self.gate.watch_alignment(self.dq)
         if self.gate.stop:
-            self._homing = None
+            self._search.end()
 
     def _current_mode(self, now: float) -> str:
         if self.gate.stop:
@@ -393,7 +388,7 @@ class BridgeCycle:
             return 'idle'
         if not self._aligned:
             return 'aligning'
-        if self._homing is not None:
+        if self._search.is_on:
             return 'homing'
         if not self._followed:
             return 'ready'

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from aerarm_ros.hardware.boards.board_link import BoardLink
 from aerarm_ros.hardware.boards.board_mode import BoardMode
+from aerarm_ros.hardware.boards.encoder_zeros import EncoderZeros
 from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake
 from aerarm_ros.hardware.gate.joint_limiter import LIMITED
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
@@ -16,11 +17,18 @@ class BridgeReport:
 
     Parameters
     ----------
-    intake, gate, links
+    intake, gate, links, zeros
         The parts.
     """
 
-    def __init__(self, intake: CommandIntake, gate: SafetyGate, links: Sequence[BoardLink]) -> None:
+    def __init__(
+        self,
+        intake: CommandIntake,
+        gate: SafetyGate,
+        links: Sequence[BoardLink],
+        zeros: EncoderZeros,
+    ) -> None:
+        self._zeros = zeros
         self._intake = intake
         self._gate = gate
         self._links = tuple(links)
@@ -39,6 +47,8 @@ class BridgeReport:
                 )
             elif monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
                 texts.append(f'{monitor.name} does not answer: {monitor.problem}')
+        if mode in ('idle', 'fault'):
+            texts.append(self._zeros.problem)
         if mode == 'damping':
             texts.append(
                 f'no good command for {intake.age(now):.2f} s, the arm is damped: is the '

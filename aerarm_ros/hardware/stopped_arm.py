@@ -20,12 +20,18 @@ class StoppedArm:
         Whether all its motors are still driven and aligned.
     until_power_cycle
         Whether its boards keep an error until their supply was off.
+    zero_unknown
+        Whether an encoder counts from nobody knows where.
+    latched
+        Whether the stop is still latched; without it the arm is off, and its zero unknown.
     """
 
     boards: Sequence[tuple[int, str]] = ()
     violation: bool = False
     driven: bool = True
     until_power_cycle: bool = True
+    zero_unknown: bool = False
+    latched: bool = True
 
 
 def way_out(arm: StoppedArm, emulated: bool) -> str:
@@ -33,11 +39,16 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
 
     Without a fault of a board or an encoder, and inside its limits, a driven arm is held where it
     is. All else goes through idle: a board that restarted has to align, and clearing a fault would
-    not be accepted, or last. Emulated boards are mended by a command; on real ones it is said what
+    not be accepted, or last. What has lost an encoder's zero, or will by a power cycle, is homed
+    from its rest posture. Emulated boards are mended by a command; on real ones it is said what
     hands have to do.
     """
+    if not arm.latched:
+        return "'arm home'" if emulated else "bring the arm to its rest posture, 'arm home'"
     steps = []
-    through_idle = bool(arm.boards) or arm.violation
+    through_idle = bool(arm.boards) or arm.violation or arm.zero_unknown
+    restarts = bool(arm.boards) and (emulated or arm.until_power_cycle)
+    homes = arm.zero_unknown or restarts
     if through_idle:
         steps += ["'arm disable'"] if emulated else ['support the arm', "'arm disable'"]
     if emulated:
@@ -46,9 +57,13 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
         steps.append('mend the cause')
         if arm.until_power_cycle:
             steps += [f'switch the supply of {name} off and on' for _, name in arm.boards]
-    if arm.violation and not emulated:  # where enable puts a fallen arm back
+    if not emulated and homes:  # where home and enable do it
+        steps.append('bring the arm to its rest posture')
+    elif not emulated and arm.violation:
         steps.append('move the arm inside its limits by hand')
     steps.append("'arm clear_fault'")
-    if through_idle or not arm.driven:
+    if homes:
+        steps.append("'arm home'")
+    elif through_idle or not arm.driven:
         steps.append("'arm enable'")
     return ', '.join(steps)

@@ -206,11 +206,12 @@ def test_a_fault_that_would_come_back_at_once_is_not_cleared(rig):
     rig.bridge.e_stop('test')
     rig.run(0.05)
     # A damped arm sinks: let it have sunk below a limit, without hurry.
-    below = rig.plant.position
-    below[1] = rig.config.joints[1].position_min - 0.08
     rig.plant.support = 1.0
-    rig.plant.reset(below)
-    rig.run(0.05)
+    posture = rig.plant.position
+    for angle in np.linspace(posture[1], rig.config.joints[1].position_min - 0.08, 250):
+        posture[1] = angle
+        rig.plant.reset(posture)
+        rig.cycle()
     answer = rig.bridge.clear_fault()
     assert not answer.accepted
     assert 'would stop again at once, joint2 is at' in answer.message

@@ -37,7 +37,7 @@ def stopped_and_sunk(rig) -> None:
     """The arm sank while nobody looked: it would stop again at once."""
     rig.bridge.e_stop('test')
     rig.run(0.02)
-    beyond = rig.config.joints[1].position_max + 0.3
+    beyond = rig.config.joints[1].position_max + 0.08
     start = rig.plant.position.copy()
     for share in np.linspace(0.0, 1.0, 1000):
         rig.plant.reset([start[0], start[1] + share * (beyond - start[1]), *start[2:]])
@@ -98,7 +98,15 @@ def command(rig, words: str, emulated: bool) -> Answer:
         elif emulated:
             boards.put_back()
         bridge.update(rig.now)  # see where it is now, and that it rests
+    if words == 'home' and emulated:
+        put_near_rest(rig)
+        bridge.update(rig.now)
     return getattr(bridge, words)()
+
+
+def put_near_rest(rig) -> None:
+    """Bring the arm to its rest posture as well as a person does; index pulses are near."""
+    rig.boards._put(np.array(rig.config.rest_position) - 0.02)
 
 
 def by_hand(rig, step: str) -> None:
@@ -112,9 +120,12 @@ def by_hand(rig, step: str) -> None:
             if dead:
                 board.power_cycle()
             for motor in board.motors:
-                motor.encoder.stuck = False
+                if motor.encoder.stuck:
+                    motor.encoder.restart()  # what it turned meanwhile was not counted
     elif switched := re.fullmatch(r'switch the supply of board(\d) off and on', step):
         rig.inject('power_cycle', int(switched[1]))
+    elif step == 'bring the arm to its rest posture':
+        put_near_rest(rig)
     else:
         assert step == 'move the arm inside its limits by hand'
         rig.boards.put_back()
@@ -122,6 +133,9 @@ def by_hand(rig, step: str) -> None:
 
 def follow(rig, steps: str, emulated: bool) -> None:
     for step in steps.split(', '):
+        # What is left to do is named at each step.
+        left = rig.bridge.way_out(emulated)
+        assert left.endswith("'arm home'") or not steps.endswith("'arm home'"), (step, left)
         quoted = re.match("'arm ([^']*)'", step)
         if quoted is None:
             assert not emulated
@@ -131,7 +145,7 @@ def follow(rig, steps: str, emulated: bool) -> None:
         answer = command(rig, quoted[1], emulated)
         assert answer.accepted, (steps, step, answer.message)
         rig.run(0.05)
-    rig.run(1.2)
+    rig.run(1.3)
 
 
 @KINDS
@@ -145,7 +159,8 @@ def test_the_way_out_that_is_named_works(make_rig, fault: str, emulated: bool) -
     follow(rig, steps, emulated)
     assert rig.bridge.mode == 'ready', (steps, rig.bridge.faults)
     assert rig.bridge.way_out(emulated) == ''
-    # The arm can be commanded.
+    # Its angles are the true ones, and it can be commanded.
+    assert rig.bridge.q == pytest.approx(rig.plant.position, abs=1e-3)
     rig.run(0.3, lambda now: (None, [0.2, 0.0, 0.0, 0.0], None))
     assert rig.bridge.mode == 'running', (steps, rig.bridge.faults)
 
@@ -163,3 +178,11 @@ def test_boards_that_forget_an_error_by_themselves_need_no_switch() -> None:
 
 def test_motors_that_are_off_are_enabled() -> None:
     assert way_out(StoppedArm(driven=False), emulated=False) == "'arm clear_fault', 'arm enable'"
+
+
+def test_what_lost_its_zero_or_will_is_homed() -> None:
+    lost = way_out(StoppedArm(zero_unknown=True), emulated=False)
+    assert lost.endswith("bring the arm to its rest posture, 'arm clear_fault', 'arm home'")
+    assert way_out(StoppedArm([(1, 'board1')]), emulated=True).endswith("'arm home'")
+    kept = StoppedArm([(1, 'board1')], until_power_cycle=False)
+    assert way_out(kept, emulated=False).endswith("'arm clear_fault', 'arm enable'")

@@ -74,7 +74,7 @@ def test_an_injected_fault_and_the_way_back(bridge: NodeProcess, tmp_path: Path)
     assert ask(log, 'clear_fault', '--wait', 'idle')[0] == 0
     status, text = ask(log, 'put_back')
     assert (status, 'back where it started' in text) == (0, True)
-    assert ask(log, 'enable', '--timeout', '100', '--wait', 'ready')[0] == 0
+    assert ask(log, 'home', '--timeout', '100', '--wait', 'ready')[0] == 0
 
 
 def test_goes_to_a_posture_and_says_when_it_does_not(bridge: NodeProcess, tmp_path: Path) -> None:

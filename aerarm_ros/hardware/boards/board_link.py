@@ -6,6 +6,7 @@ from math import inf
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.boards.board_monitor import BoardMonitor
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
+from aerarm_ros.hardware.boards.restart_watch import RestartWatch
 from aerarm_ros.hardware.frames.board_command import BoardCommand
 from aerarm_ros.hardware.frames.board_state import TIMESTAMP_PERIOD, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec, FrameError
@@ -44,6 +45,8 @@ class BoardLink:
         The last good state.
     fresh
         Whether `state` is of the last exchange.
+    restarted
+        Whether that answer shows that the board was off since the one before.
     interval
         Time from the last good answer but one to the last [s]; inf before the second.
     interval_max
@@ -64,7 +67,8 @@ class BoardLink:
         self.joints = tuple(joints)
         self.monitor = BoardMonitor(name, profile, [channel for _, channel in joints], settings)
         self.state = BoardState()
-        self.fresh = False
+        self.fresh = self.restarted = False
+        self._restart_watch = RestartWatch(profile.errors_until_power_cycle)
         self.interval = self.interval_max = inf
         self._earliest = self._latest = -inf  # between which the last good answer was made [s]
         self._sent = -inf  # when a frame last left for the board [s]
@@ -155,6 +159,7 @@ class BoardLink:
         self.monitor.slow(duration)
         timestamp = self.state.timestamp
         self.fresh = self._codec.decode(answer, self.state) is not None
+        self.restarted = self.fresh and self._restart_watch.saw(self.state, ended - self._earliest)
         alone = ended - self._sent
         if not problem:
             self._sent = ended

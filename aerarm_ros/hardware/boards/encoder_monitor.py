@@ -98,6 +98,11 @@ class EncoderMonitor:
         for encoder in self._encoders:
             encoder.clear()
 
+    @property
+    def lost(self) -> list[int]:
+        """Joints whose count is known to be wrong: it stays where it jumped to, or stood still."""
+        return [number for number, encoder in enumerate(self._encoders) if encoder.is_lost]
+
     def check(
         self,
         position: Array,
@@ -182,6 +187,7 @@ class _Encoder:
         'expected',  # motion
         'fastest',  # [rad/s]
         'held',  # [A] that dry friction may hold
+        'has_jumped',  # and did not come back
         'is_confirmed',
         'is_pause',
         'is_settling',  # the last look saw it move
@@ -224,13 +230,18 @@ class _Encoder:
         self.position = self.anchor = nan  # compares as no change, so no jump
         self.stood_at = nan
         self.jumps = 0
-        self.is_confirmed = False
+        self.has_jumped = self.is_confirmed = False
         self.expected.restart()
 
     @property
     def tells_position(self) -> bool:
         """Whether it is believed where the joint is."""
         return not self.jumps and self.stood_at != self.stood_at
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether its count is known to be wrong."""
+        return self.has_jumped or self.is_confirmed
 
     @property
     def damping_speed(self) -> float:
@@ -257,6 +268,8 @@ class _Encoder:
         change = abs(position - before)
         self.anchor = nan
         if not change > self.fastest * time + _JUMP_ALLOWANCE:
+            if doubted and change > self._slowly(time):
+                self.has_jumped = True
             is_known = change == change and time > 0.0  # not the first look
             self.speed = change / time if is_known else 0.0
             return ''
@@ -270,6 +283,10 @@ class _Encoder:
             f'the encoder of {self.name} jumped by {change:.2f} rad (motor side): '
             'check its cable and mounting, then home the arm'
         )
+
+    def _slowly(self, time: float) -> float:
+        """Return how far the speed before a jump may bring it in a time [s]."""
+        return (_SPEED_FACTOR * self.speed + _SPEED_ALLOWANCE) * time + _JUMP_ALLOWANCE
 
     def feel(self, current: float, commanded: float, noise: float, stall_time: float) -> str:
         """Take the currents [A] at the last look; return why it may not stand still, or ''."""

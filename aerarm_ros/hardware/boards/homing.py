@@ -36,6 +36,9 @@ class Homing:
         (n,) motor angles as reported at the start [rad].
     toggles
         (n,) the index bits at the start, which flip at each pulse.
+    expected
+        (n,) what the motors' angles are at the start, to within a third of a turn [rad]; those of
+        the rest position if not given.
 
     Attributes
     ----------
@@ -45,12 +48,16 @@ class Homing:
         What went wrong, or ''.
     """
 
-    def __init__(self, config: ArmConfig, position: Array, toggles: Mask) -> None:
+    def __init__(
+        self, config: ArmConfig, position: Array, toggles: Mask, expected: Array | None = None
+    ) -> None:
         self.command = CommandBuffer.standstill(config.n)
         self.fault = ''
         self._names = config.joint_names
-        drive = DriveTrain(config)
-        self._expected = drive.joint_to_motor_position(np.array(config.rest_position))
+        if expected is None:
+            rest = np.array(config.rest_position)
+            expected = DriveTrain(config).joint_to_motor_position(rest)
+        self._expected = expected.copy()
         self._sign = config.column('sign')
         self._start = position.copy()
         self._toggles = toggles.copy()

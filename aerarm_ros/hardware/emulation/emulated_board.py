@@ -122,7 +122,7 @@ class EmulatedBoard:
             motor.forget_alignment()
 
     def power_cycle(self) -> None:
-        """Switch the supply off and on: errors, faults, alignment and last command are gone."""
+        """Switch the supply off and on: errors, faults, alignment, counts, commands are gone."""
         self.faults = BoardFaults()
         self.error = 0
         self._prepared = None
@@ -130,7 +130,7 @@ class EmulatedBoard:
         self._state.index = 0
         self._clock = self._silence = 0.0
         for motor in self.motors:
-            motor.encoder.stuck = False
+            motor.encoder.restart()
             motor.forget_alignment()
 
     def cut_power(self) -> None:

@@ -66,6 +66,12 @@ class EmulatedEncoder:
         self.position = self._quantised(angle)
         self.velocity = 0.0
 
+    def restart(self) -> None:
+        """Count from zero where it is, with no pulse met: the supply was off and on."""
+        self._shift = -(self._angle or 0.0)
+        self.position = self.velocity = 0.0
+        self.index_detected = self.index_toggle = self.stuck = False
+
     def jump(self, angle: float) -> None:
         """Fault: add an angle [rad] to the count at once, as lost or doubled pulses would."""
         self._shift += angle

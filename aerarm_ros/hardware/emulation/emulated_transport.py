@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
-from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant
+from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, Array
 
 _CATCH_UP = 0.010  # [s] most that one call simulates
 _RELEASE_TIME = 0.5  # [s] in which whoever carries the arm lets it go
@@ -21,7 +23,7 @@ class EmulatedTransport:
     A real arm is carried by hand until its motors hold it, because the alignment of
     unpowered motors cannot lift it. So is this one: its weight is carried at first, and let
     go within 0.5 s once every motor is ready. `carry` takes it up again where it is,
-    `put_back` where it started.
+    `put_back` where it started, `put_at_rest` in its rest posture.
 
     Parameters
     ----------
@@ -49,6 +51,7 @@ class EmulatedTransport:
         torque_constant = plant.parameters.motor_torque_constant
         self._effort_per_current = (torque_constant * efficiency * ratios).tolist()
         self._start = plant.position
+        self._rest: Array = np.array(config.rest_position)
         self._now: float | None = None
         self.carry()
 
@@ -91,8 +94,15 @@ class EmulatedTransport:
 
     def put_back(self) -> None:
         """Take the arm back to where it started, and carry it: what to do before enabling again."""
-        self.plant.restart(self._start)
-        positions = self._start.tolist()
+        self._put(self._start)
+
+    def put_at_rest(self) -> None:
+        """Take the arm to its rest posture, and carry it: what to do before homing."""
+        self._put(self._rest)
+
+    def _put(self, target: Array) -> None:
+        self.plant.restart(target)
+        positions = target.tolist()
         for (_, _, motor, ratio, offset), q in zip(self._drives, positions, strict=True):
             motor.encoder.place((q - offset) * ratio)
         self.carry()

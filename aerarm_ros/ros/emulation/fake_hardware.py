@@ -165,6 +165,7 @@ class FakeHardware(HardwareBridge):
         return {
             **super().actions(),
             'enable': self._enable,
+            'home': self._home,
             'inject_fault': self._inject_fault,
             'put_back': self._put_back,
         }
@@ -246,7 +247,7 @@ class FakeHardware(HardwareBridge):
         boards = self._boards
         if self._world is not None and self._world.is_waiting:
             cycle.intake.forget()  # its publisher is silent: the arm may be held
-        if boards is None or cycle.mode != 'idle':
+        if boards is None or cycle.mode != 'idle' or cycle.zeros.are_lost:
             return cycle.enable()
         if cycle.gate.is_inside(cycle.q):
             boards.carry()
@@ -265,6 +266,15 @@ class FakeHardware(HardwareBridge):
         self._boards.plant.grasp(self._made(self.values.payload))
         self._awake_until = self._now + _FAULT_TIME
         return Answer(True, '')
+
+    def _home(self, cycle: BridgeCycle) -> Answer:
+        boards = self._boards
+        if boards is None or cycle.mode != 'idle':
+            return cycle.home()
+        boards.put_at_rest()
+        cycle.update(self._now)  # see where it is now, and that it rests
+        accepted, message = cycle.home()
+        return Answer(accepted, f'the arm was put into its rest posture; {message}')
 
     def _inject_fault(self, cycle: BridgeCycle) -> Answer:
         fault, boards = self.values.fault, self._boards

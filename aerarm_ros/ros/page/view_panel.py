@@ -25,7 +25,7 @@ _MODE_COLORS = {
 _BUTTONS = {
     'enable': ('Enable: the motors align, the arm moves', ('idle',)),
     'hold': ('Hold the arm', ('damping',)),
-    'home': ('Home: the joints turn slowly', ('ready', 'running', 'damping')),
+    'home': ('Home, from the rest posture', ('idle', 'ready', 'running', 'damping')),
     'clear_fault': ('Clear fault', ('fault',)),
     'disable': (
         'Disable: the arm sinks',

@@ -155,6 +155,7 @@ def test_a_reading_that_was_wrong_once_goes_on_being_damped(monitor):
     assert look(monitor, 3.0, 1e-3)[1] == 5.0  # it stood before
     assert look(monitor, 0.0, 2e-3) == ('', np.inf)
     assert monitor.trusted.tolist() == [True, False, True, True]
+    assert monitor.lost == []  # its count is right again
     # It is another jump that comes later.
     assert look(monitor, 3.0, 3e-3)[1] == 5.0
 
@@ -166,7 +167,9 @@ def test_a_jump_that_stays_is_confirmed_by_the_second_look(monitor):
     assert speed == 0.0
     # A confirmed one stays so until somebody clears it.
     assert look(monitor, 3.0, 3e-3)[1] == 0.0
+    assert monitor.lost == [1]
     monitor.clear()
+    assert monitor.lost == []
     assert monitor.damping_speed.tolist() == [np.inf] * 4
     assert look(monitor, 0.0, 4e-3) == ('', np.inf)
 
@@ -177,6 +180,8 @@ def test_the_second_look_asks_what_motion_could_have_done_since_before_the_jump(
     angle = 3.9e-3 * fastest
     assert look(monitor, angle, 1e-3, 1e-3)[0] != ''
     assert look(monitor, angle, 2e-3, 3e-3) == ('', np.inf)
+    # But it stood: its count is not where it was.
+    assert monitor.lost == [1]
 
 
 def test_two_looks_at_a_jump_are_not_one_long_one(monitor, config):
@@ -204,6 +209,7 @@ def test_standing_on_is_confirmed_after_as_long_again(monitor):
         doubted.append(text != '')
         confirmed.append(monitor.damping_speed[1] == 0.0)
         assert confirmed[-1] or monitor.damping_speed[1] == np.inf
+    assert monitor.lost == [1]
     assert doubted.index(True) == pytest.approx(50, abs=1)
     assert confirmed.index(True) == pytest.approx(101, abs=1)
     assert all(confirmed[105:])
@@ -231,6 +237,7 @@ def test_what_moves_on_after_a_doubt_is_not_confirmed(monitor):
     for cycle in range(80, 200):
         assert monitor.check(moved, current, FRESH, cycle * 1e-3) == ''
     assert monitor.damping_speed[1] == np.inf
+    assert monitor.lost == []
 
 
 def test_who_moves_on_after_a_doubt_tells_where_it_is_but_is_doubted_until_cleared(monitor):

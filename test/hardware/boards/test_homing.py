@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from aerarm_ros.hardware.boards.homing import Homing
-from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 
 
 def switched_on_at(config, q):
@@ -91,12 +90,89 @@ def test_without_an_index_pulse_it_ends_in_a_fault(make_rig, config):
     assert np.abs(rig.plant.velocity[[0, 2]]).max() < 0.01
 
 
-def test_it_starts_only_from_an_arm_that_is_held(make_rig):
-    rig = make_rig(settings=BridgeSettings())
-    rig.run(0.02)
+def test_it_starts_from_no_arm_that_is_stopped_aligning_or_unheard(make_rig):
+    rig = make_rig()
+    assert 'board0 does not answer' in rig.bridge.home().message
+    rig.enable()
+    rig.run(0.05)
     answer = rig.bridge.home()
     assert not answer.accepted
-    assert 'idle' in answer.message
+    assert 'the arm is aligning' in answer.message
+    rig.bridge.e_stop('test')
+    rig.run(0.01)
+    assert not rig.bridge.home().accepted
+    rig.bridge.disable()
+    assert 'clear the fault first' in rig.bridge.home().message
+
+
+def test_from_idle_the_arm_aligns_first_and_is_taken_to_be_at_rest(make_rig, config):
+    q = np.array(config.rest_position) - 0.02
+    rig = make_rig(seed=3, position=q, encoder_zeros=switched_on_at(config, q))
+    rig.run(0.02)
+    answer = rig.bridge.home()
+    assert answer.accepted
+    assert 'taken for the rest posture, joint1 0, joint2 1.571, joint3 0, joint4' in answer.message
+    assert rig.bridge.q == pytest.approx(config.rest_position, abs=1e-3)
+    rig.run(0.05)
+    assert rig.bridge.mode == 'aligning'
+    while rig.bridge.mode == 'aligning':
+        rig.cycle()
+    assert rig.bridge.mode == 'homing'
+    until_homed(rig)
+    rig.run(0.5)
+    assert rig.bridge.mode == 'ready', rig.bridge.faults
+    assert rig.bridge.q == pytest.approx(rig.plant.position, abs=5e-4)
+
+
+def test_a_homed_arm_is_homed_again_only_where_it_rests(make_rig):
+    rig = make_rig().bring_up()
+    rig.bridge.home()
+    until_homed(rig)
+    rig.run(0.3, lambda now: (None, [0.0, 0.0, 0.6, 0.0], None))
+    answer = rig.bridge.home()
+    assert not answer.accepted
+    assert answer.message.startswith('joint3 is not at the rest posture, joint1 0, joint2 1.571')
+    rig.bridge.disable()
+    rig.boards.carry()
+    rig.run(0.02)
+    assert 'joint3 is not at the rest posture' in rig.bridge.home().message
+    rig.boards.put_at_rest()
+    rig.run(0.02)
+    assert rig.bridge.home().accepted
+
+
+def test_homing_that_was_broken_off_leaves_no_angle_to_be_believed(make_rig):
+    rig = make_rig()
+    rig.run(0.02)
+    assert rig.bridge.home().accepted
+    rig.run(0.05)
+    rig.bridge.disable()
+    rig.run(0.05)
+    assert 'homing did not end' in rig.bridge.enable().message
+    assert 'homing did not end' in rig.bridge.faults[0]
+    assert rig.bridge.home().accepted
+
+
+def test_after_a_restart_that_nobody_saw_an_arm_is_not_enabled_but_homed(make_rig, config):
+    q = np.array(config.rest_position) + [0.0, 0.0, 1.0, 0.0]
+    rig = make_rig(position=q)
+    rig.run(0.2)
+    rig.inject('power_cycle', 1)
+    rig.run(0.02)
+    assert rig.bridge.mode == 'idle'
+    assert rig.bridge.q[2] == pytest.approx(0.0, abs=0.01)
+    answer = rig.bridge.enable()
+    assert not answer.accepted
+    assert answer.message.startswith(
+        'the zero of joint3, joint4 is unknown (board1 was switched off and on): bring the arm to '
+        'its rest posture, joint1 0, joint2 1.571, joint3 0, joint4 0 rad, and home it'
+    )
+    rig.boards.put_at_rest()
+    rig.run(0.02)
+    assert rig.bridge.home().accepted
+    rig.run(1.5)
+    assert rig.bridge.mode == 'ready', rig.bridge.faults
+    assert rig.bridge.q == pytest.approx(rig.plant.position, abs=5e-4)
 
 
 def test_disabling_and_faults_end_it(rig):

@@ -1,0 +1,120 @@
+"""Looks for whatever has to stop the arm, and says what the way out of it depends on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
+from aerarm_ros.hardware.boards.board_link import BoardLink
+from aerarm_ros.hardware.boards.board_mode import BoardMode
+from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
+from aerarm_ros.hardware.boards.encoder_zeros import EncoderZeros
+from aerarm_ros.hardware.gate.command_buffer import Array
+from aerarm_ros.hardware.gate.safety_gate import SafetyGate
+from aerarm_ros.hardware.stopped_arm import StoppedArm
+
+
+class FaultWatch:
+    """Watches boards, encoders and joints, and trips the gate's stop.
+
+    Parameters
+    ----------
+    config
+        The arm.
+    gate, links, encoders, zeros
+        What is watched, and what is told.
+    until_power_cycle
+        Whether the boards keep an error until their supply was off.
+    """
+
+    def __init__(
+        self,
+        config: ArmConfig,
+        gate: SafetyGate,
+        links: Sequence[BoardLink],
+        encoders: EncoderMonitor,
+        zeros: EncoderZeros,
+        until_power_cycle: bool,
+    ) -> None:
+        self._joints = config.joints
+        self._gate = gate
+        self._links = tuple(links)
+        self._encoders = encoders
+        self._zeros = zeros
+        self._until_power_cycle = until_power_cycle
+
+    def refusal(self, driven: bool) -> str:
+        """Return why the motors cannot be switched on, or are not well if `driven`; ''."""
+        if self._gate.stop:
+            return f'clear the fault first: {self._gate.stop}'
+        silent = [
+            f'{link.monitor.name} does not answer: {link.monitor.problem}'
+            for link in self._links
+            if link.monitor.mode is BoardMode.DISCONNECTED
+        ]
+        if silent:
+            return '; '.join(silent)
+        if not driven and any(link.state.system_enabled for link in self._links):
+            return 'the boards are still switching off: try again'
+        return ''
+
+    def boards(self) -> None:
+        """Look for faults of boards, and for those that were switched off and on."""
+        for link in self._links:
+            if link.monitor.mode is BoardMode.FAULT:
+                self._gate.trip(link.monitor.fault)
+            if link.restarted:
+                joints = [joint for joint, _ in link.joints]
+                self._zeros.lose(joints, f'{link.monitor.name} was switched off and on')
+
+    def joints(self, state: ArmMeasurements, now: float, feed_forward: Array, noise: Array) -> None:
+        """Look at encoders and joints whose motors are driven.
+
+        Parameters
+        ----------
+        state
+            What the boards report.
+        now
+            Time [s].
+        feed_forward, noise
+            (n,) as of `EncoderMonitor.check` [A].
+        """
+        gate, encoders = self._gate, self._encoders
+        text = encoders.check(
+            state.motor_position,
+            state.motor_current,
+            state.fresh,
+            now,
+            feed_forward,
+            noise,
+            state.interval_max,
+            gate.inertias,
+            gate.loads,
+        )
+        if text:
+            gate.trip(text)
+            self._zeros.lose(encoders.lost, 'its encoder jumped or stood still')
+        violation = gate.state_violation(state.q, state.dq)
+        if violation:
+            gate.trip(violation)
+
+    def stopped(self, state: ArmMeasurements, driven: bool) -> StoppedArm:
+        """Return what decides how the arm is brought back; `driven` if all its motors are."""
+        trusted = self._encoders.trusted.tolist()
+        doubted = {
+            joint.board for joint, known in zip(self._joints, trusted, strict=True) if not known
+        }
+        boards = [
+            (number, link.monitor.name)
+            for number, link in enumerate(self._links)
+            if link.monitor.mode is BoardMode.FAULT or number in doubted
+        ]
+        return StoppedArm(
+            boards,
+            bool(self._gate.state_violation(state.q, state.dq)),
+            driven,
+            self._until_power_cycle,
+            self._zeros.are_lost,
+            bool(self._gate.stop),
+        )
