@@ -37,6 +37,8 @@ class EnergyModel:
     ----------
     drives, dynamics, friction
         `DrivePower`, `Dynamics` and `FrictionCompensation` behind it.
+    load_friction
+        As given.
 
     Raises
     ------
@@ -57,7 +59,8 @@ class EnergyModel:
         self.drives = DrivePower(config)
         inertia = config.column('reflected_inertia') if rotor_inertia is None else rotor_inertia
         self.dynamics = Dynamics(robot, inertia)
-        self._friction_settings = (robot.viscous, robot.coulomb, load_friction)
+        self.load_friction = load_friction
+        self._dry_and_viscous = robot.viscous, robot.coulomb
         self.friction = self.friction_of_width(friction_width)
 
     def carry(self, payload: npt.ArrayLike) -> None:
@@ -66,8 +69,7 @@ class EnergyModel:
 
     def friction_of_width(self, width: float) -> FrictionCompensation:
         """Return the same friction, spread over other velocities about rest [rad/s]."""
-        viscous, coulomb, load = self._friction_settings
-        return FrictionCompensation(viscous, coulomb, width, load_share=load)
+        return FrictionCompensation(*self._dry_and_viscous, width, load_share=self.load_friction)
 
     def power(self, motion: JointMotion, times: FloatArray) -> FloatArray:
         """Return the electrical power of each motor (M, n) [W] at times (M,) [s]."""

@@ -15,7 +15,7 @@ def viscous_coulomb(dq: Array, fv: Array, fs: Array) -> Array:
     ----------
     dq : (..., n) ndarray
         Joint velocities [rad/s].
-    fv, fs : (n,) ndarray
+    fv, fs : (n,) ndarray, or (..., n) where they vary
         Viscous [Nms/rad] and Coulomb [Nm] friction.
 
     Returns

@@ -7,15 +7,13 @@ from aerarm_ros.motion.float_array import FloatArray
 from aerarm_ros.motion.joint_reference import JointReference
 from aerarm_ros.planner.cost_term import TermValue
 
-_POWER = 3  # of the square: the higher, the more the peak counts and not the rest
-
 
 class DisturbanceTerm:
     """Moment of a motion's reaction on the base, its peak above all.
 
     The reaction is what links and rotors take to be moved, `M_bj ddq + c_b` of the free-base
     model: weight is left out, since where the arm is, is not the motion's to choose. The integral
-    of ``scale^2 (|m| / scale)^6``.
+    of ``scale^2 (|m| / scale)^(2 power)``.
 
     Parameters
     ----------
@@ -24,12 +22,15 @@ class DisturbanceTerm:
         [J/(Nm)^2/s], at a moment of `scale`.
     scale : float
         Moment beyond which the price rises steeply [Nm].
+    power : int
+        The higher, the more the peak counts and the less the rest.
     """
 
-    def __init__(self, body: WholeBodyDynamics, price: float, scale: float) -> None:
+    def __init__(self, body: WholeBodyDynamics, price: float, scale: float, power: int = 3) -> None:
         self._body = body
         self._price = price
         self._scale = scale
+        self._power = power
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
         """Return the term, see `CostTerm`."""
@@ -40,8 +41,8 @@ class DisturbanceTerm:
             moment[k] = wrench[3:]
             slopes[:, k] = [slope[3:] for slope in by]
         square = (moment**2).sum(axis=1) / self._scale**2
-        value = dt * self._price * self._scale**2 * float((square**_POWER).sum())
-        factor = 2.0 * dt * self._price * _POWER * square ** (_POWER - 1)
+        value = dt * self._price * self._scale**2 * float((square**self._power).sum())
+        factor = 2.0 * dt * self._price * self._power * square ** (self._power - 1)
         by_moment = factor[:, np.newaxis] * moment
         return TermValue(value, *np.einsum('mi,dmij->dmj', by_moment, slopes))
 

@@ -1,8 +1,9 @@
-"""Plans motions of least energy, or the quickest."""
+"""Plans motions of least energy, of least reaction on the base, or the quickest."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
 from aerarm_ros.energy.energy_model import EnergyModel
+from aerarm_ros.excitation.feasibility.effort_model import EffortModel
 from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
 from aerarm_ros.excitation.feasibility.feasibility_report import FeasibilityReport
 from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
@@ -28,7 +30,7 @@ from aerarm_ros.planner.limit_term import LimitTerm
 from aerarm_ros.planner.motion_cost import MotionCost
 from aerarm_ros.planner.motion_plan import MotionPlan
 from aerarm_ros.planner.plan_error import PlanError
-from aerarm_ros.planner.plan_settings import ENERGY, QUINTIC, TIME, PlanSettings
+from aerarm_ros.planner.plan_settings import DISTURBANCE, ENERGY, QUINTIC, TIME, PlanSettings
 from aerarm_ros.planner.smoothness_term import SmoothnessTerm, prices_by_lightness
 from aerarm_ros.planner.spline_basis import SplineBasis
 from aerarm_ros.planner.tool_postures import ToolPostures
@@ -37,12 +39,16 @@ _SHORTEST, _LONGEST = 0.05, 60.0  # [s]
 # Penalties of broken limits [1/s], tried one after the other.
 _PENALTIES = (1e3, 3e4, 1e6)
 _ITERATIONS = 60
-_ITERATIONS_TO_A_PEAK = 150  # where peaks of a moment are priced, which are sharp
 _CHANGE = 1e-6  # relative, at which the search ends
 _QUICK = 1e3  # price of a second where nothing else counts
 _STRETCH = 1.02  # by which a motion of free duration gives way, step by step
 _STRETCHES = 40
 _LEAST_MOMENT = 1e-3  # [Nm]
+_NOTHING_ELSE = 1e3  # [J/(Nm)^2/s] price of moments beside which energy counts for nothing
+# Share of a peak from which on moments cost, and the power to which: first wherever they are large,
+# so that the search finds its way, then at the peak.
+_BLUNT, _SHARP = (0.5, 3), (0.9, 20)
+_LEAST_FREEDOM = (12, 48)  # points and instants of a motion whose peak is to be low
 _GLANCES = 5  # postures of the straight way whose inertia tells which joints are light
 # How far a motion that breaks a limit by a little gives way to the straight one.
 _TOWARD_QUINTIC = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
@@ -71,21 +77,29 @@ class MotionPlanner:
     ) -> None:
         self._model = model
         self._setup = setup
-        self.settings = settings or PlanSettings()
-        share = self.settings
-        self._limits = setup.limits.scaled(1.0, share.velocity_share, share.effort_share)
+        rotors = model.dynamics.rotor_inertia
+        self._body = WholeBodyDynamics(setup.robot, rotors)
+        # What was identified counts for the check, too.
+        self._efforts = EffortModel(
+            setup.robot, rotors, setup.torque_per_ampere, model.load_friction
+        )
+        self._set(settings or PlanSettings())
+
+    def _set(self, settings: PlanSettings) -> None:
+        self.settings, setup = settings, self._setup
+        velocity, effort = settings.velocity_share, settings.effort_share
+        self._limits = setup.limits.scaled(1.0, velocity, effort)
         self._effort_max = np.minimum(
             self._limits.effort, self._limits.current * setup.torque_per_ampere
         )
-        self._checker = FeasibilityChecker(self._limits, setup.clearance, setup.effort_model)
-        self._body = WholeBodyDynamics(setup.robot, model.dynamics.rotor_inertia)
-        self._basis = SplineBasis.of(self.settings.knots, self.settings.samples)
+        self._checker = FeasibilityChecker(self._limits, setup.clearance, self._efforts)
+        least = _LEAST_FREEDOM if settings.objective == DISTURBANCE else (0, 0)
+        self._basis = SplineBasis.of(*map(max, (settings.knots, settings.samples), least))
 
     def with_settings(self, **changes: object) -> MotionPlanner:
-        """Return a planner of the same arm with other settings."""
-        settings = replace(self.settings, **changes)  # type: ignore[arg-type]
-        other = MotionPlanner(self._model, self._setup, settings)
-        other._body = self._body  # with what it carries
+        """Return a planner of the same arm, with what it carries, and other settings."""
+        other = copy(self)
+        other._set(replace(self.settings, **changes))  # type: ignore[arg-type]
         return other
 
     @property
@@ -96,7 +110,7 @@ class MotionPlanner:
     def carry(self, payload: ArrayLike) -> None:
         """Add a body (10,) to the last link, see `Dynamics.carry`; ValueError if none has it."""
         self._model.carry(payload)
-        self._setup.effort_model.carry(payload)
+        self._efforts.carry(payload)
         self._body.carry(payload)
 
     def plan_tool(
@@ -155,7 +169,9 @@ class MotionPlanner:
         settings = self.settings
         if settings.objective == QUINTIC:
             return self._quintic(q0, q1)
-        if settings.duration > 0.0 and settings.objective == ENERGY:
+        if settings.objective == DISTURBANCE and not settings.duration:
+            raise PlanError('least disturbance needs a duration: the longer a motion, the less')
+        if settings.duration and settings.objective in (ENERGY, DISTURBANCE):
             return self._of_duration(q0, q1, settings.duration)
         price = _QUICK if settings.objective == TIME else settings.time_price + self._standby
         return self._of_free_duration(q0, q1, price)
@@ -193,7 +209,12 @@ class MotionPlanner:
         points = first = self._basis.points_near(near)
         beside = self._terms_beside_energy(near)
         looks_around = False
-        heavier = 1.0 + self.settings.disturbance_price
+        heavier = 1.0 + self._disturbance_price
+        if self.settings.objective == DISTURBANCE:
+            points, _ = self._searched(MotionCost(self._basis, q0, q1, beside), points, duration)
+            beside = self._terms_beside_energy(
+                self._basis.path(points, q0, q1, duration), sharp=True
+            )
         for penalty in _PENALTIES:
             terms = [*self._terms(1.0, heavier * penalty, looks_around), *beside]
             cost = MotionCost(self._basis, q0, q1, terms)
@@ -251,18 +272,29 @@ class MotionPlanner:
             terms.append(ClearanceTerm(self._setup.clearance, penalty))
         return terms
 
-    def _terms_beside_energy(self, near: PolynomialPath) -> list[CostTerm]:
-        """Return prices of acceleration and of moments on the base, where `near` may lead."""
-        settings, terms = self.settings, list[CostTerm]()
-        if settings.smoothness:
+    @property
+    def _disturbance_price(self) -> float:
+        settings = self.settings
+        is_all = settings.objective == DISTURBANCE
+        return _NOTHING_ELSE if is_all else settings.disturbance_price
+
+    def _terms_beside_energy(self, near: PolynomialPath, sharp: bool = False) -> list[CostTerm]:
+        """Return prices of acceleration and of moments on the base, where `near` may lead.
+
+        Sharp ones count moments near its peak alone.
+        """
+        smoothness, price = self.settings.smoothness, self._disturbance_price
+        terms: list[CostTerm] = []
+        if smoothness:
             postures = near.evaluate(np.linspace(0.0, near.duration, _GLANCES)).q
             matrices = [self._model.dynamics.inertia_matrix(q) for q in postures]
             inertia = np.mean([np.diag(matrix) for matrix in matrices], axis=0)
-            terms.append(SmoothnessTerm(prices_by_lightness(settings.smoothness, inertia)))
-        if settings.disturbance_price:
-            times = np.linspace(0.0, near.duration, settings.samples)
-            scale = max(0.5 * peak_moment(self._body, near.evaluate(times)), _LEAST_MOMENT)
-            terms.append(DisturbanceTerm(self._body, settings.disturbance_price, scale))
+            terms.append(SmoothnessTerm(prices_by_lightness(smoothness, inertia)))
+        if price:
+            times = np.linspace(0.0, near.duration, self._basis.samples)
+            share, power = _SHARP if sharp else _BLUNT
+            scale = max(share * peak_moment(self._body, near.evaluate(times)), _LEAST_MOMENT)
+            terms.append(DisturbanceTerm(self._body, price, scale, power))
         return terms
 
     def _searched(
@@ -282,8 +314,6 @@ class MotionPlanner:
             x = np.append(x, np.log(duration))
             bounds.append((np.log(_SHORTEST), np.log(_LONGEST)))
 
-        peaks = self.settings.disturbance_price > 0.0
-
         def value(x: FloatArray) -> tuple[float, FloatArray]:
             length = float(np.exp(x[size])) if is_free else duration
             total, by_points, by_log = cost.of(x[:size].reshape(shape), length)
@@ -296,11 +326,7 @@ class MotionPlanner:
             jac=True,
             method='L-BFGS-B',
             bounds=bounds,
-            options={
-                'maxiter': _ITERATIONS_TO_A_PEAK if peaks else _ITERATIONS,
-                'ftol': _CHANGE,
-                'maxcor': 20,
-            },
+            options={'maxiter': _ITERATIONS, 'ftol': _CHANGE, 'maxcor': 20},
         ).x
         return found[:size].reshape(shape), float(np.exp(found[size])) if is_free else duration
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from aerarm_ros.description.config_error import check_choice, check_range
 
-ENERGY, TIME, QUINTIC = OBJECTIVES = ('energy', 'time', 'quintic')
+ENERGY, TIME, QUINTIC, DISTURBANCE = OBJECTIVES = ('energy', 'time', 'quintic', 'disturbance')
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +15,7 @@ class PlanSettings:
     ----------
     objective : str
         'energy': least energy; 'time': the quickest; 'quintic': straight in joint space, for
-        comparison.
+        comparison; 'disturbance': least peak of the reaction's moment on the base.
     duration : float
         [s]; 0 for as long as is best: where energy is priced, that at which a second more saves
         less than it costs, and for a quintic the shortest.
@@ -25,7 +25,8 @@ class PlanSettings:
         Price of acceleration squared, of the joint that moves most inertia [J s^3/rad^2], where
         energy is saved; lighter ones pay more, see `prices_by_lightness`.
     disturbance_price : float
-        Price of the reaction's moment on the base, see `DisturbanceTerm` [J/(Nm)^2/s]; 0 for none.
+        Price of the reaction's moment on the base, see `DisturbanceTerm` [J/(Nm)^2/s], where energy
+        is saved; 0 for none.
     velocity_share, effort_share : float
         Usable share of velocity and acceleration limits, and of torque and current limits.
     knots : int

@@ -59,6 +59,10 @@ WRONG = {
         r'joints\[1\]: unknown key limit',
     ),
     'missing key': (removing('joints', 2, 'offset'), r'joints\[2\]: key offset is missing'),
+    'no resistance': (
+        removing('motors', 'MN4006', 'resistance'),
+        r'motors\.MN4006: key resistance is missing',
+    ),
     'missing section': (removing('boards'), 'key boards is missing'),
     'empty section': (setting('joints', value=[]), 'joints must be a list'),
     'section of wrong kind': (setting('motors', value=[1]), 'motors must be a mapping'),

@@ -1,3 +1,6 @@
+import sys
+from pathlib import Path
+
 import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
@@ -7,6 +10,11 @@ from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.planner.motion_planner import MotionPlanner
 from aerarm_ros.planner.plan_settings import PlanSettings
+
+# For dense_check.py and what it needs.
+sys.path += [str(Path(__file__).parents[1] / 'excitation'), str(Path(__file__).parent)]
+
+from dense_check import DenseCheck  # noqa: E402
 
 
 @pytest.fixture(scope='session')
@@ -23,3 +31,10 @@ def model(robot: Robot) -> EnergyModel:
 def planner(model: EnergyModel, setup: ExcitationSetup) -> MotionPlanner:
     """Return a planner of motions of two seconds."""
     return MotionPlanner(model, setup, PlanSettings(duration=2.0))
+
+
+@pytest.fixture(scope='session')
+def dense_check(robot: Robot, model: EnergyModel) -> DenseCheck:
+    """Return a check of motions by another engine."""
+    rotors, friction = model.dynamics.rotor_inertia, model.load_friction
+    return DenseCheck(robot, load_arm_config(), load_excitation_config(), rotors, friction)

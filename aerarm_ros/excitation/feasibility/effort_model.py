@@ -19,6 +19,7 @@ class EffortModel:
     robot : arm with its prior inertial parameters and friction.
     rotor_inertia : (n,) reflected to the joint [kg m^2], None for none.
     torque_per_ampere : (n,) joint torque per motor current [Nm/A]; None: current is unknown.
+    load_friction : dry friction per torque that a gear passes on [-], one or (n,).
     """
 
     def __init__(
@@ -26,12 +27,14 @@ class EffortModel:
         robot: Robot,
         rotor_inertia: FloatArray | None = None,
         torque_per_ampere: FloatArray | None = None,
+        load_friction: ArrayLike = 0.0,
     ) -> None:
         self._n = robot.n
         self._dynamics = Dynamics(
             robot, np.zeros(robot.n) if rotor_inertia is None else rotor_inertia
         )
         self._viscous, self._coulomb = robot.viscous, robot.coulomb
+        self._load_friction = np.asarray(load_friction)
         self._torque_per_ampere = (
             np.full(robot.n, np.inf) if torque_per_ampere is None else torque_per_ampere
         )
@@ -48,7 +51,8 @@ class EffortModel:
         rigid = np.array(
             [inverse(*sample) for sample in zip(position, velocity, acceleration, strict=True)]
         ).reshape(-1, self._n)
-        return rigid + viscous_coulomb(velocity, self._viscous, self._coulomb)
+        dry = self._coulomb + self._load_friction * np.abs(rigid)
+        return rigid + viscous_coulomb(velocity, self._viscous, dry)
 
     def current(self, effort: FloatArray) -> FloatArray:
         """Return motor currents [A] for joint torques [Nm], thesis (4.2) and (4.7)."""

@@ -20,8 +20,9 @@ from aerarm_ros.ros.parameters.arm_files import ARM_FILES
 from aerarm_ros.ros.parameters.parameter import Parameter
 
 _SETTINGS = (
-    Parameter('objective', ENERGY, 'what a motion is planned for: energy, time (the quickest), or '
-              'quintic: straight in joint space, for comparison', choices=OBJECTIVES, live=True),
+    Parameter('objective', ENERGY, 'what a motion is planned for: energy, time (the quickest), '
+              'disturbance (least peak of the moment on the base), or quintic: straight in joint '
+              'space, for comparison', choices=OBJECTIVES, live=True),
     Parameter('duration', 2.0, 'of a motion; 0 for as long as is best', 's', 0.0, 60.0, live=True),
     Parameter('time_price', 10.0, 'what a second costs besides the arm where the duration is free, '
               'as the power at which the drone hovers', 'W', 0.0, 1e5, live=True),
@@ -29,8 +30,7 @@ _SETTINGS = (
               'inertia more: joints whose way costs nothing move evenly instead of creeping',
               'J s^3/rad^2', 0.0, 100.0, live=True),
     Parameter('disturbance_price', 0.0, "price of the moment that a motion's reaction puts on the "
-              'base: 3 trades it against energy, 1000 counts nothing else', 'J/(Nm)^2/s', 0.0, 1e6,
-              live=True),
+              'base, beside energy: 3 trades one for the other', 'J/(Nm)^2/s', 0.0, 1e6, live=True),
     Parameter('velocity_share', 0.9, 'usable share of velocity and acceleration limits', '', 0.01,
               1.0, live=True),
     Parameter('effort_share', 0.8, 'usable share of torque and current limits', '', 0.01, 1.0,

@@ -32,6 +32,15 @@ def test_a_period_only_dissipates(
     assert work == pytest.approx(friction, rel=1e-3)
 
 
+def test_a_loaded_gear_takes_a_share_of_its_load_more(robot: Robot) -> None:
+    q, slow = np.zeros((2, 4)), np.array([1e-3, -1e-3])[:, np.newaxis] * np.ones(4)
+    plain = EffortModel(robot).effort(q, slow, q)
+    more = EffortModel(robot, load_friction=[0.0, 0.04, 0.0, 0.0]).effort(q, slow, q) - plain
+    weight = EffortModel(robot).effort(q, q, q)[0, 1]
+    np.testing.assert_allclose(more[:, 1], [0.04 * weight, -0.04 * weight], rtol=1e-3)
+    assert (more[:, [0, 2, 3]] == 0.0).all()
+
+
 def test_current_follows_the_drive_train(
     robot: Robot, arm: ArmConfig, setup: ExcitationSetup
 ) -> None:
