@@ -20,6 +20,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     OBSERVER_PARAMETERS,
     one_or_each,
 )
+from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
 from aerarm_ros.ros.controllers.trajectory_action import serve_trajectories
 from aerarm_ros.ros.controllers.trajectory_input import follow_trajectory, go_to_set_point
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -31,6 +32,7 @@ HOST, BOARDS = 'host', 'boards'
 PARAMETERS = controller_parameters(
     *FRICTION_PARAMETERS,
     *OBSERVER_PARAMETERS,
+    *HAND_OVER_PARAMETERS,
     *FOLLOWER_PARAMETERS,
     Parameter(
         'feedback',
@@ -82,6 +84,7 @@ class ComputedTorqueNode(ControllerNode):
         )
         serve_trajectories(self, self.follower)
         self.tell_plan(self.follower.ahead)
+        self.take_payload()
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Change gains."""

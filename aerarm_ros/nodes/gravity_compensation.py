@@ -21,6 +21,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     OBSERVER_PARAMETERS,
     one_or_each,
 )
+from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
 from aerarm_ros.ros.controllers.trajectory_action import serve_trajectories
 from aerarm_ros.ros.controllers.trajectory_input import follow_trajectory, go_to_set_point
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -32,6 +33,7 @@ KP, KD = [60.0, 60.0, 40.0, 40.0], [5.0, 5.0, 1.0, 1.0]
 PARAMETERS = controller_parameters(
     *FRICTION_PARAMETERS,
     *OBSERVER_PARAMETERS,
+    *HAND_OVER_PARAMETERS,
     *FOLLOWER_PARAMETERS,
     Parameter('kp', KP, 'proportional gains, one or one a joint', 'Nm/rad', 0.0, 1e4, live=True),
     Parameter('kd', KD, 'derivative gains, one or one a joint', 'Nms/rad', 0.0, 1e3, live=True),
@@ -67,6 +69,7 @@ class GravityCompensationNode(ControllerNode):
         self.take_references(topics.JOINT_TRAJECTORY, self._unless_guided(follow_trajectory))
         serve_trajectories(self, self.follower, self._guidance_problem)
         self.tell_plan(lambda times: None if self._was_guided else self.follower.ahead(times))
+        self.take_payload()
 
     def before_update(self, state: ArmState, now: float) -> None:
         """Let the reference follow the arm while a person moves it."""

@@ -14,6 +14,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     OBSERVER_PARAMETERS,
     one_or_each,
 )
+from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
 from aerarm_ros.ros.controllers.target_parameters import TARGET_PARAMETERS, make_target_follower
 from aerarm_ros.ros.controllers.tool_topics import ToolTopics
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -27,6 +28,7 @@ PARAMETERS = controller_parameters(
     # By measured velocity: below one, so that the arm stays passive.
     Parameter('friction_fraction', 0.7, 'share of friction compensated', '', 0.0, 0.95),
     *OBSERVER_PARAMETERS,
+    *HAND_OVER_PARAMETERS,
     Parameter('stiffness', [300.0], 'one or along x, y, z', 'N/m', 0.0, 1e5, live=True),
     Parameter('damping', [40.0], 'one or along x, y, z', 'Ns/m', 0.0, 1e4, live=True),
     Parameter('rest_stiffness', 2.0, 'pull of the rest posture', 'Nm/rad', 0.0, 100.0),
@@ -62,6 +64,7 @@ class ImpedanceControlNode(ControllerNode):
     def subscribe(self) -> None:
         """Listen to tool targets."""
         self.tool = ToolTopics(self, self.follower, self.values.frame)
+        self.take_payload()
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Change stiffness or damping."""

@@ -17,5 +17,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'information_filter': ['InformationFilter'],
         'online_estimate': ['OnlineEstimate'],
         'payload_estimator': ['PayloadEstimator'],
+        'payload_hand_over': ['PayloadHandOver'],
     },
 )

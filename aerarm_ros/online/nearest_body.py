@@ -10,7 +10,7 @@ Array = npt.NDArray[np.float64]
 SPECK = 1e-6
 """Mass [kg] of what stands for nothing: it is a body, too."""
 _ITERATIONS = 6
-_FLAT = 0.2  # radius of gyration of the prior's ball over the size
+_DENSITY = 1000.0  # [kg/m^3] of the prior's ball: what is handled is about as dense as water
 _ENTROPY = 0.5  # weight of the prior against a squared standard deviation
 _FARTHEST = 4.0  # of a body's centre from the last joint, over the size
 _BASIS = pseudo_inertia(np.eye(10)).reshape(10, 16)
@@ -27,7 +27,7 @@ def nearest_body(mean: Array, information: Array, size: float) -> Array:
     """Return the inertial parameters (10,) of a body that has some, near an estimate.
 
     It minimises the squared deviation from `mean` by `information`, plus the entropic divergence
-    from a ball of the estimate's mass and centre (`solve_entropic`), which keeps the 4x4
+    from a ball of water of the estimate's mass and centre (`solve_entropic`), which keeps the 4x4
     pseudo-inertia P inside the cone of bodies: its part `-log det P` grows without bound at the
     border. Newton's method from the ball on never leaves the cone, so that P is positive definite
     however few steps it takes.
@@ -47,7 +47,8 @@ def nearest_body(mean: Array, information: Array, size: float) -> Array:
     centre = np.clip(mean[1:4] / mass, -_FARTHEST * size, _FARTHEST * size)
     # In units of the mass and the size, where all entries are of one order.
     scale = mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
-    start = ball(1.0, centre / size, np.sqrt(5.0) * _FLAT)
+    radius = np.cbrt(0.75 * mass / (np.pi * _DENSITY))
+    start = ball(1.0, centre / size, radius / size)
     own = scale[:, np.newaxis] * information * scale
     return scale * _minimised(start, mean / scale, own)
 

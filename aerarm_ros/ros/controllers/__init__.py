@@ -12,6 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'controller_node': ['ControllerNode'],
         'controller_parameters': ['ControlledArm'],
         'load_topics': ['LOAD_PARAMETERS', 'LoadTopics'],
+        'payload_intake': ['HAND_OVER_PARAMETERS', 'PayloadIntake'],
         'plan_topic': ['PlanTopic'],
         'state_node': ['StateNode', 'state_node_parameters'],
         'target_parameters': ['TARGET_PARAMETERS', 'make_target_follower'],

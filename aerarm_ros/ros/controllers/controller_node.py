@@ -16,6 +16,7 @@ from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.ros.controllers.payload_intake import PayloadIntake
 from aerarm_ros.ros.controllers.plan_topic import PlanTopic
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -60,6 +61,7 @@ class ControllerNode(StateNode):
     """
 
     loop: ControlLoop[Any]
+    _payload: PayloadIntake | None
 
     # What a derived controller changes.
 
@@ -88,6 +90,20 @@ class ControllerNode(StateNode):
         names = self.arm.config.joint_names
         self.attend(PlanTopic(self.node, names, lambda: self.stamp_ns, after_state))
 
+    def take_payload(self) -> None:
+        """Listen to what the arm is found to carry, if any of it shall be handed over."""
+        if self.values.hand_over == 0.0:
+            return
+        self._payload = PayloadIntake(
+            self.arm,
+            self.values,
+            lambda: (1e-9 * self.stamp_ns, self.state),
+            lambda: self.loop.disturbance,
+            self.base.motion,
+        )
+        self.listen(topics.PAYLOAD, self._payload.take)
+        self.attend(self._payload)
+
     def commandable_problem(self, what: str) -> str:
         """Return why something cannot move the arm now, '' if it can."""
         if self._mode in COMMANDABLE:
@@ -115,6 +131,7 @@ class ControllerNode(StateNode):
         self._mode = ''
         self._answered = self._told = 0
         self._attendants: list[Attendant] = []
+        self._payload = None
         self._answered_ns: int | None = None
         self._command = b''
 
@@ -170,7 +187,8 @@ class ControllerNode(StateNode):
         """Return what diagnostics should warn of."""
         if self._mode not in COMMANDABLE:
             return f"the arm is '{self._mode}': enable it, or clear its fault"
-        return super().warning()
+        problem = '' if self._payload is None else self._payload.problem
+        return super().warning() or problem
 
     def describe(self) -> dict[str, object]:
         """Tell about the loop."""
@@ -181,6 +199,8 @@ class ControllerNode(StateNode):
             'take-overs': loop.take_overs,
             'states skipped': loop.skipped,
         }
+        if self._payload is not None:
+            values |= self._payload.describe()
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
         return values

@@ -1,0 +1,117 @@
+"""A payload that was found, handed over to a controller's model bit by bit."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.checks.gains import positive
+from aerarm_ros.online.nearest_body import SPECK
+
+Array = npt.NDArray[np.float64]
+
+_WORSE = 0.3  # [s] for which the unexplained torque has to be larger with the payload than without
+_SMALL = 0.1  # [Nm] by which it may be
+
+
+class PayloadHandOver:
+    """What a model shall carry, on its way to an estimate.
+
+    The ten inertial parameters move along a straight line to the estimate, times a share. The
+    bodies are a convex cone, so that what is carried is one at every instant. Mass and first moment
+    change at limited rates, and with them the torque of gravity, so the torque never steps.
+
+    If for 0.3 s a model without the payload would explain the torques better than with it, what was
+    handed over goes back to nothing at the same rates, and nothing is handed over until something
+    else is estimated: the hand-over is undone.
+
+    Parameters
+    ----------
+    share : float
+        Of the estimate, 0 (nothing is handed over) to 1.
+    mass_rate : float
+        Largest rate of the mass [kg/s].
+    centre_rate : float
+        Largest rate of the centre of mass [m/s], of a payload of the mass that it has.
+
+    Attributes
+    ----------
+    carried : (10,) ndarray
+        What the model shall carry now.
+    is_undone : bool
+        Whether the last estimate was found wrong.
+
+    Raises
+    ------
+    ValueError
+        If the share isn't in 0 .. 1 or a rate isn't positive.
+    """
+
+    def __init__(self, share: float, mass_rate: float, centre_rate: float) -> None:
+        if not 0.0 <= share <= 1.0:
+            raise ValueError(f'share = {share} of the payload must lie in 0 .. 1')
+        self.share = share
+        self._mass_rate = positive('mass_rate', mass_rate)
+        self._centre_rate = positive('centre_rate', centre_rate)
+        self.carried = np.zeros(10)
+        self.is_undone = False
+        self._estimate = np.zeros(10)
+        self._refused: Array | None = None
+        self._worse = 0.0
+
+    def offer(self, estimate: Array) -> None:
+        """Take a new estimate (10,), of a body; a speck is nothing."""
+        given = estimate if estimate[0] > 2.0 * SPECK else np.zeros(10)
+        if self._refused is not None:
+            if abs(given[0] - self._refused[0]) < 0.5 * self._refused[0]:
+                return  # still what was found wrong
+            self._refused, self.is_undone = None, False
+        self._estimate = given
+
+    def update(self, dt: float) -> Array:
+        """Move on for `dt` [s], and return what the model shall carry, (10,)."""
+        target = self.share * self._estimate
+        way = target - self.carried
+        if not way.any():
+            return self.carried
+        mass = max(float(target[0]), float(self.carried[0]))
+        # As far along the line as both rates allow; the first moment of a mass that comes or goes
+        # follows that mass.
+        own = np.linalg.norm(way[1:4] - way[0] * _centre(target, self.carried))
+        part = 1.0
+        if way[0]:
+            part = min(part, dt * self._mass_rate / abs(float(way[0])))
+        if own > 0.0 and mass > 0.0:
+            part = min(part, dt * self._centre_rate * mass / float(own))
+        self.carried = target.copy() if part == 1.0 else self.carried + part * way
+        return self.carried
+
+    def judge(self, residual: Array, share: Array, dt: float) -> bool:
+        """See whether the payload in the model makes its errors larger; tell if it is undone now.
+
+        Parameters
+        ----------
+        residual : (n,) ndarray
+            Torque that the model with the payload leaves unexplained [Nm].
+        share : (n,) ndarray
+            Torque that the model asks for the payload [Nm].
+        dt : float
+            Since the last call [s].
+        """
+        if not self._estimate[0]:
+            self._worse = 0.0
+            return False  # it is on its way out
+        # What the model doesn't know of a payload is a negative disturbance.
+        without = np.linalg.norm(residual - share)
+        is_worse = np.linalg.norm(residual) > without + _SMALL
+        self._worse = self._worse + dt if is_worse else 0.0
+        if self._worse < _WORSE or self._refused is not None:
+            return False
+        self._refused, self.is_undone = self._estimate, True
+        self._estimate = np.zeros(10)
+        self._worse = 0.0
+        return True
+
+
+def _centre(first: Array, second: Array) -> Array:
+    """Return the centre (3,) of the heavier of two bodies, zeros if neither has mass."""
+    body = first if first[0] >= second[0] else second
+    return np.asarray(body[1:4] / body[0]) if body[0] > 0.0 else np.zeros(3)

@@ -1,0 +1,141 @@
+"""What a payload estimator finds, taken over into a controller's model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+from geometry_msgs.msg import InertiaStamped
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.model.momentum_regressor import MomentumRegressor
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.online.payload_hand_over import PayloadHandOver
+from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm
+from aerarm_ros.ros.controllers.inertia_message import body_of_message
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
+
+# The model is told in steps of that [s], the estimate judged in others.
+_STEP = 0.005
+_JUDGED = 0.02
+_LONGEST = 0.1  # [s] between two states that are neighbours
+
+HAND_OVER_PARAMETERS = grouped(
+    'What is picked up',
+    Parameter('hand_over', 0.0, 'share of what payload_estimator finds that the model carries; 0: '
+              'it is not listened to', '', 0.0, 1.0),
+    Parameter('hand_over_mass_rate', 0.2, 'how quickly it comes and goes', 'kg/s', 1e-3, 10.0),
+    Parameter('hand_over_centre_rate', 0.1, 'how quickly its centre moves', 'm/s', 1e-3, 10.0),
+)  # fmt: skip
+
+
+class PayloadIntake:
+    """Leads the model's payload to what `payload` says, between two commands.
+
+    It is an `Attendant` of a controller. What is handed over comes on top of
+    `payload.inertial_parameters`. A silent estimator changes nothing: what was handed over stays,
+    until the arm's torques contradict it (`PayloadHandOver`).
+
+    Parameters
+    ----------
+    arm
+        Whose models are told.
+    values
+        Parameters of the node.
+    now
+        Returns the stamp of the newest state [s], and the state.
+    residual
+        Returns the observed disturbance (n,) [Nm], None without an observer.
+    base
+        Returns the base's motion at a time [s].
+    """
+
+    def __init__(
+        self,
+        arm: ControlledArm,
+        values: SimpleNamespace,
+        now: Callable[[], tuple[float, ArmState | None]],
+        residual: Callable[[], np.ndarray | None],
+        base: Callable[[float], BaseMotion],
+    ) -> None:
+        self._arm = arm
+        self._values = values
+        self._now = now
+        self._residual = residual
+        self._base = base
+        self._regressor = MomentumRegressor(arm.robot)
+        self._hand_over = PayloadHandOver(
+            values.hand_over, values.hand_over_mass_rate, values.hand_over_centre_rate
+        )
+        self._link = arm.robot.link_names[-1]
+        self._told = self._judged = -np.inf
+        self._undone = 0
+        self._own = getattr(values, PAYLOAD)
+
+    def take(self, message: InertiaStamped, _: float) -> None:
+        """Take an estimate; raises RejectedInputError if it can't be one."""
+        if message.header.frame_id != self._link:
+            raise RejectedInputError(
+                f"payload: in the frame '{message.header.frame_id}', not that of the last link, "
+                f"'{self._link}': is payload_estimator told of the same arm?"
+            )
+        try:
+            self._hand_over.offer(body_of_message(message))
+        except ValueError as error:
+            raise RejectedInputError(str(error)) from None
+
+    def update(self) -> None:
+        """Lead the model a step on, and look whether that makes it better."""
+        now, state = self._now()
+        if not 0.0 <= now - self._told < _LONGEST or state is None:
+            self._told = self._judged = now
+            return
+        if now - self._judged >= _JUDGED - 1e-4:
+            self._judge(now, state)
+        elapsed = now - self._told
+        if elapsed < _STEP - 1e-4:
+            return
+        self._told = now
+        before = self._hand_over.carried
+        carried = self._hand_over.update(elapsed)
+        own, last = getattr(self._values, PAYLOAD), self._own
+        if carried is not before or own is not last:
+            self._own = own
+            self._arm.carry((carried + own if len(own) else carried).tolist())
+
+    def give_up(self, reason: str) -> None:
+        """Leave the model as it is: what the arm carries it goes on carrying."""
+
+    def destroy(self) -> None:
+        """Nothing to destroy."""
+
+    def describe(self) -> dict[str, object]:
+        """Tell what is handed over."""
+        carried = self._hand_over.carried
+        told: dict[str, object] = {'handed over [kg]': round(float(carried[0]), 4)}
+        if self._undone:
+            told['hand-overs undone'] = self._undone
+        return told
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with what was handed over, '' if nothing."""
+        if not self._hand_over.is_undone:
+            return ''
+        return (
+            'the payload that was handed over explained the torques worse than none, and was taken '
+            'back: check payload_estimator, and whether the arm touches something'
+        )
+
+    def _judge(self, now: float, state: ArmState) -> None:
+        elapsed, self._judged = now - self._judged, now
+        residual, carried = self._residual(), self._hand_over.carried
+        if residual is None or not carried[0]:
+            return
+        base = self._base(now)
+        _, force = self._regressor.evaluate(
+            state.q, state.dq, base.specific_force, base.angular_velocity
+        )
+        self._undone += self._hand_over.judge(residual, force @ carried, elapsed)

@@ -1,0 +1,116 @@
+"""What a controller's model carries of what is published."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.online.nearest_body import ball
+from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm
+from aerarm_ros.ros.controllers.inertia_message import body_of_message, inertia_message
+from aerarm_ros.ros.controllers.payload_intake import PayloadIntake
+from aerarm_ros.ros.states.base_header import base_header
+
+CENTRE, INERTIA = np.array([0.1, 0.0, 0.0]), np.diag([1e-4, 2e-4, 2e-4])
+OWN = ball(0.05, [0.05, 0.0, 0.0], 0.02)
+Q = np.array([0.0, 0.5, 0.0, 0.3])
+
+
+class IntakeRig:
+    """An intake beside a model, in which time passes by hand."""
+
+    def __init__(self, share: float) -> None:
+        self.robot = load_robot()
+        self.model, self.true = Dynamics(self.robot), Dynamics(self.robot)
+        config = load_arm_config()
+        arm = ControlledArm(config, self.robot, JointLimits.from_config(config))
+        values = SimpleNamespace(hand_over=share, hand_over_mass_rate=0.2)
+        values.hand_over_centre_rate = 1.0
+        setattr(values, PAYLOAD, OWN.tolist())
+        arm.load(self.model, values)
+        self.now = 0.0
+        self.true.carry(OWN)
+        state = ArmState(Q, np.zeros(4), np.zeros(4))
+        base = BaseMotion.still(self.robot.gravity_in_base)
+        self.intake = PayloadIntake(
+            arm, values, lambda: (self.now, state), self.residual, lambda _: base
+        )
+
+    def residual(self) -> np.ndarray:
+        """What the observer finds, of an arm at rest."""
+        return self.model.gravity(Q) - self.true.gravity(Q)
+
+    def offer(self, mass: float) -> None:
+        header = base_header(0, 'link4')
+        self.intake.take(inertia_message(header, mass, CENTRE, INERTIA), 0.0)
+
+    def wait(self, seconds: float) -> None:
+        for _ in range(round(1e3 * seconds)):
+            self.now += 1e-3
+            self.intake.update()
+
+
+def grasped(rig: IntakeRig) -> None:
+    header = base_header(0, 'link4')
+    rig.true.carry(OWN + body_of_message(inertia_message(header, 0.2, CENTRE, INERTIA)))
+
+
+def test_the_model_carries_it_on_top_of_its_own_payload() -> None:
+    rig = IntakeRig(1.0)
+    grasped(rig)
+    rig.offer(0.2)
+    rig.wait(1.5)
+    assert rig.residual() == pytest.approx(0.0, abs=1e-9)
+    assert rig.intake.describe() == {'handed over [kg]': 0.2}
+    assert not rig.intake.problem
+
+
+def test_its_torque_never_steps() -> None:
+    rig = IntakeRig(1.0)
+    grasped(rig)
+    rig.offer(0.2)
+    torques = []
+    for _ in range(1500):
+        rig.wait(1e-3)
+        torques.append(rig.model.gravity(Q).copy())
+    steps = np.abs(np.diff(torques, axis=0)).max()
+    assert 0.0 < steps < 0.01
+    assert np.ptp(torques, axis=0).max() > 1.0
+
+
+def test_a_share_of_it_is_a_share() -> None:
+    rig = IntakeRig(0.5)
+    grasped(rig)
+    before = rig.residual()
+    rig.offer(0.2)
+    rig.wait(1.5)
+    assert rig.residual() == pytest.approx(0.5 * before)
+
+
+def test_what_is_not_there_is_taken_back_and_told() -> None:
+    rig = IntakeRig(1.0)
+    rig.offer(0.2)
+    rig.wait(0.2)
+    assert rig.intake.describe()['handed over [kg]'] != 0.0
+    rig.wait(3.0)
+    assert rig.residual() == pytest.approx(0.0, abs=1e-9)
+    assert rig.intake.describe() == {'handed over [kg]': 0.0, 'hand-overs undone': 1}
+    assert 'check payload_estimator' in rig.intake.problem
+
+
+@pytest.mark.parametrize(
+    ('frame', 'mass', 'words'), [('tool0', 0.2, 'last link'), ('link4', -0.2, 'no body')]
+)
+def test_what_cannot_be_its_payload_is_refused(frame: str, mass: float, words: str) -> None:
+    rig = IntakeRig(1.0)
+    with pytest.raises(RejectedInputError, match=words):
+        rig.intake.take(inertia_message(base_header(0, frame), mass, CENTRE, INERTIA), 0.0)
+    rig.wait(0.5)
+    assert rig.intake.describe() == {'handed over [kg]': 0.0}
