@@ -1,11 +1,8 @@
 """Whether a drone is heavy enough for an IMU that is fed back at once."""
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.control.base.drone_in_base import carrier_parameters
 from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 
 _POSTURES = 200
@@ -23,15 +20,21 @@ def largest_feedback_gain(whole: WholeBodyDynamics) -> float:
     return max(whole.feedback_gain(q) for q in postures)
 
 
-def check_feedback(drone: DroneConfig, robot: Robot, rotor_inertia: npt.ArrayLike) -> None:
+def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
     """Require that torques may answer the base's measured acceleration at once.
+
+    Parameters
+    ----------
+    drone : DroneConfig
+    whole : WholeBodyDynamics
+        Of the drone, its arm and what that carries: a load far out counts more than its mass.
 
     Raises
     ------
     ValueError
         If the loop of arm torque, base acceleration, IMU and arm torque has too much gain.
     """
-    gain = largest_feedback_gain(WholeBodyDynamics(robot, rotor_inertia, carrier_parameters(drone)))
+    gain = largest_feedback_gain(whole)
     if gain > LARGEST_GAIN:
         raise ValueError(
             f"base_motion 'full' on {drone.name} ({drone.mass:g} kg) would excite itself: what the "

@@ -98,7 +98,7 @@ class FreeBaseEstimator:
         self._stamp = self._received = -np.inf
         self._gravity = self.configured.gravity
         self._rate = np.zeros(3)
-        self._forces: list[Array] = []  # since the last comparison
+        self._force_sum, self._count = np.zeros(3), 0  # of the samples since the last comparison
         self._compared: tuple[float, Array, Array] | None = None
         self._updated: float | None = None
         self._imu_share = self._rotor_share = 0.0
@@ -139,7 +139,8 @@ class FreeBaseEstimator:
             raise
         rotation = self._mount.rotation_imu_to_base
         self._rate = rotation @ sample.angular_velocity
-        self._forces.append(rotation @ sample.specific_force)
+        self._force_sum = self._force_sum + rotation @ sample.specific_force
+        self._count += 1
         if sample.attitude is not None:
             self._gravity = self._mount.gravity_in_base(sample.attitude)
         self._stamp, self._received = sample.stamp, now
@@ -155,14 +156,14 @@ class FreeBaseEstimator:
     def observe(self, state: ArmState, now: float) -> None:
         """Compare prediction and IMU, if a sample came, at the arm's state of `now` [s]."""
         q, dq, _ = state
-        if not self._forces:
+        if self._count == 0:
             return
         last = self._compared
         step = _LONGEST_STEP if last is None else now - last[0]
         if 0.0 <= step < _PERIOD:
             return
-        force = sum(self._forces) / len(self._forces)
-        self._forces = []
+        force = self._force_sum / self._count
+        self._force_sum, self._count = np.zeros(3), 0
         self._compared = (now, np.array(dq), self._rate)
         if last is None or not 0.0 < step < _LONGEST_STEP:
             return

@@ -29,7 +29,7 @@ class ImuWatch:
 
     def __init__(self) -> None:
         self._previous: ImuSample | None = None  # taken or not
-        self._changed = -np.inf
+        self._changed = {'acceleration': -np.inf, 'angular velocity': -np.inf}
         self._turn_error = np.zeros(3)
         self.forget()
 
@@ -52,7 +52,7 @@ class ImuWatch:
             self._refuse_frozen(previous, sample)
             self._refuse_turn(previous, sample, step)
         else:
-            self._changed = sample.stamp
+            self._changed = dict.fromkeys(self._changed, sample.stamp)
             self._turn_error = np.zeros(3)
         felt = float(np.linalg.norm(sample.specific_force))
         if felt > _FORCE_MAX:
@@ -65,13 +65,17 @@ class ImuWatch:
         self._taken = sample
 
     def _refuse_frozen(self, previous: ImuSample, sample: ImuSample) -> None:
-        force, rate = sample.specific_force, sample.angular_velocity
-        if np.any(force != previous.specific_force) or np.any(rate != previous.angular_velocity):
-            self._changed = sample.stamp
-        elif sample.stamp - self._changed > _FROZEN:
+        for what, before, now in (
+            ('acceleration', previous.specific_force, sample.specific_force),
+            ('angular velocity', previous.angular_velocity, sample.angular_velocity),
+        ):
+            if np.any(now != before):
+                self._changed[what] = sample.stamp
+        what = min(self._changed, key=self._changed.__getitem__)
+        since = sample.stamp - self._changed[what]
+        if since > _FROZEN:
             raise RejectedInputError(
-                f'IMU: frozen, the same numbers for {sample.stamp - self._changed:.1f} s: check '
-                'the driver'
+                f'IMU: its {what} is frozen, the same numbers for {since:.1f} s: check the driver'
             )
 
     def _refuse_turn(self, previous: ImuSample, sample: ImuSample, step: float) -> None:

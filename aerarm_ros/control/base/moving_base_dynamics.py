@@ -131,12 +131,14 @@ class MovingBaseDynamics:
     def inertia_matrix(self, q: Array, base: BaseMotion | None = None) -> Array:
         """Return the inertia (n, n) [kg m^2] that the joints feel: B(q) of thesis (2.5).
 
-        On a base that answers it is smaller by the part with which the base gives way.
+        On a base that answers it is smaller by the part with which the base gives way, believed
+        in whole at most: beyond that it would be no inertia of any body.
         """
         if not isinstance(base, FreeBaseMotion):
             return self.fixed.inertia_matrix(q)
         inverse, coupling = self.whole.response(q)
-        given = coupling.T @ (base.share[:, np.newaxis] * (inverse @ coupling))
+        share = np.minimum(base.share, 1.0)[:, np.newaxis]
+        given = coupling.T @ (share * (inverse @ coupling))
         return self.fixed.inertia_matrix(q) - given
 
     def mobility_matrix(self, q: Array, base: BaseMotion | None = None) -> Array:

@@ -122,14 +122,15 @@ class RotorWrench:
         gap = now - self._received
         self._received = now
         begin = now + self._latency
-        if not -self._hold_time < gap < self._hold_time or not self._pieces:
-            # Nobody knows what the rotors did meanwhile.
+        if not self._pieces or gap <= -self._hold_time:  # the first, or a clock that was set back
             self._pieces.clear()
             self._pieces.append((begin, command, command))
             self._changed = now
             return
-        if np.any(command != self._pieces[-1][2]):
+        if gap >= self._hold_time or np.any(command != self._pieces[-1][2]):
             self._changed = now
+        # After a gap too: nobody knows what the rotors did meanwhile, but a law that has not let
+        # go of them yet would make a step of torque of one of thrust.
         self._pieces.append((begin, self.thrust(begin), command))
 
     def _find(self, names: Sequence[str]) -> list[int]:

@@ -188,7 +188,7 @@ class ControllerNode(StateNode):
         if self._mode not in COMMANDABLE:
             return f"the arm is '{self._mode}': enable it, or clear its fault"
         problem = '' if self._payload is None else self._payload.problem
-        return super().warning() or problem
+        return ('' if self.loop.base is None else super().warning()) or problem
 
     def describe(self) -> dict[str, object]:
         """Tell about the loop."""
@@ -201,6 +201,8 @@ class ControllerNode(StateNode):
         }
         if self._payload is not None:
             values |= self._payload.describe()
+        if loop.base is None:
+            values['base motion'] = 'not used: the boards follow velocities whatever the base does'
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
         return values

@@ -195,9 +195,13 @@ class ControlledArm:
         """Return the estimator of the base's motion; raises ValueError with what to check."""
         if values.base_motion == FREE:
             return self._free_base(values)
-        if values.base_motion == FULL and self.drone is not None:
-            check_feedback(self.drone, self.robot, self._rotor_inertia(values))
+        self.check_base(values, getattr(values, PAYLOAD, []))
         return self._moved_base(values, values.base_motion)
+
+    def check_base(self, values: SimpleNamespace, payload: Sequence[float]) -> None:
+        """Require that the base may be measured so with a payload; ValueError says what else."""
+        if values.base_motion == FULL and self.drone is not None:
+            check_feedback(self.drone, self._whole(values, self.drone, payload))
 
     def hovering_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
         """Return the estimator for what tells a drone of the arm: it must not be fed back."""
@@ -212,10 +216,8 @@ class ControlledArm:
         """Return how much lighter than on a fixed base joints may be, less one; 0 if unknown."""
         if self.drone is None:
             return 0.0
-        carrier = carrier_parameters(self.drone)
-        return largest_feedback_gain(
-            WholeBodyDynamics(self.robot, self._rotor_inertia(values), carrier)
-        )
+        payload = getattr(values, PAYLOAD, [])
+        return largest_feedback_gain(self._whole(values, self.drone, payload))
 
     def _free_base(self, values: SimpleNamespace) -> FreeBaseEstimator:
         drone = self.drone
@@ -224,8 +226,7 @@ class ControlledArm:
                 "base_motion 'free' needs the drone's mass and rotors: give drone_file, as "
                 'config/drone.yaml'
             )
-        inertia = self._rotor_inertia(values)
-        whole = WholeBodyDynamics(self.robot, inertia, carrier_parameters(drone))
+        whole = self._whole(values, drone)
         self.load(whole, values)
         return FreeBaseEstimator(
             self.robot.gravity_in_base,
@@ -237,6 +238,14 @@ class ControlledArm:
             values.imu_fade_time,
             values.imu_latency,
         )
+
+    def _whole(
+        self, values: SimpleNamespace, drone: DroneConfig, payload: Sequence[float] = ()
+    ) -> WholeBodyDynamics:
+        carrier = carrier_parameters(drone)
+        whole = WholeBodyDynamics(self.robot, self._rotor_inertia(values), carrier)
+        whole.carry(_payload(payload))
+        return whole
 
     def _rotor_inertia(self, values: SimpleNamespace) -> npt.ArrayLike:
         given: Sequence[float] = getattr(values, 'rotor_inertia', ())

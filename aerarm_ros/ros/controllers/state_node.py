@@ -230,7 +230,13 @@ class StateNode:
                 self.check_parameter(name, value)
             except ValueError as error:
                 return f'parameter {name}: {error}'
-        return payload_problem(changes)
+        problem = payload_problem(changes)
+        if not problem and PAYLOAD in changes:
+            try:
+                self.arm.check_base(self.values, changes[PAYLOAD])
+            except ValueError as error:
+                problem = f'parameter {PAYLOAD}: {error}'
+        return problem
 
     def _on_parameter(self, name: str, value: Any) -> None:
         def change(_: float) -> None:

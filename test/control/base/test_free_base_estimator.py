@@ -1,5 +1,6 @@
 """The arm under drones that it moves: in the physics engine, and every source that may fail."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -158,6 +159,33 @@ def test_a_source_that_fails_is_named_and_fades_without_a_step(fault: dict, said
     assert hover.status == 'rotor commands + IMU below 0.3 Hz'
     np.testing.assert_allclose(hover.torques[-1], before, atol=0.05)
     assert hover.largest_step() < 0.01 * np.abs(before).max()
+
+
+def test_commands_that_come_back_otherwise_act_through_the_rotors_lag() -> None:
+    """After a gap too short for the law to let go of them."""
+    steps = []
+    for gap in (0.0, 0.2):
+        hover = Hover()
+        hover.run(2.0)
+        hover.run(gap, thrust=nothing)
+        hover.run(0.1, thrust=lambda t, hover=hover: (1.2 + 1e-3 * np.sin(t)) * hover.thrust)
+        assert hover.status == 'rotor commands + IMU below 0.3 Hz'
+        steps.append(hover.largest_step())
+    assert steps[1] < 1.01 * steps[0]
+
+
+def test_what_the_imu_says_while_nobody_controls_takes_no_memory() -> None:
+    hover = Hover()
+    hover.run(2.0)
+    tracemalloc.start()
+    for _ in range(500):
+        hover.now += 0.004
+        hover.estimator.offer(hover.sample(1e-3 * hover.random.normal(size=10)), hover.now)
+    taken, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert taken < 10_000
+    hover.run(1.0)
+    assert hover.status == 'rotor commands + IMU below 0.3 Hz'
 
 
 @pytest.mark.parametrize(

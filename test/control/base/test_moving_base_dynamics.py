@@ -98,6 +98,16 @@ def test_a_base_whose_answer_is_not_believed_is_moved(carried) -> None:
             np.testing.assert_allclose(ours, theirs, atol=1e-12)
 
 
+def test_however_much_an_answer_is_believed_joints_have_inertia(carried) -> None:
+    """Up to 1.3 is believed, where the drone is taken for too heavy."""
+    random = np.random.default_rng(8)
+    still = BaseMotion.still(GRAVITY)
+    for share in [np.full(6, 1.3), *random.uniform(0.0, 1.3, (20, 6))]:
+        base = FreeBaseMotion(still, np.zeros(6), share)
+        matrix = carried.inertia_matrix(random.uniform(-2.0, 2.0, 4), base)
+        assert np.linalg.eigvalsh(matrix + matrix.T)[0] > 0.0
+
+
 def test_what_corrects_an_error_acts_as_on_a_fixed_base(carried) -> None:
     for _, twist, acceleration, (q, dq, ddq) in samples(6):
         base = BaseMotion(np.zeros(3), acceleration[:3], twist[3:], acceleration[3:])

@@ -3,32 +3,42 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import numpy as np
 import pytest
 import rclpy
+import yaml
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator
 from aerarm_ros.description.resources import resource
 from aerarm_ros.nodes.computed_torque import ComputedTorqueNode
+from aerarm_ros.nodes.kinematic_control import KinematicControlNode
+from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD
+from aerarm_ros.ros.states.arm_modes import COMMANDABLE
 
 DRONE = str(resource('config', 'drone.yaml'))
 LIMIT = 20.0  # [s]
+LOAD = [1.0, 0.1, 0.0, 0.0, 1e-3, 0.0, 0.011, 0.0, 0.0, 0.011]  # 1 kg in the gripper
 
 
 @pytest.fixture
-def make(ros_domain: dict[str, str]) -> Iterator[Callable[..., ComputedTorqueNode]]:
+def make(ros_domain: dict[str, str]) -> Iterator[Callable[..., ControllerNode]]:
     """Return a function that makes a controller with parameters."""
     with ExitStack() as stack:
 
-        def make(**parameters: str) -> ComputedTorqueNode:
+        def make(
+            kind: type[ControllerNode] = ComputedTorqueNode, **parameters: object
+        ) -> ControllerNode:
             given = [word for name, x in parameters.items() for word in ('-p', f'{name}:={x}')]
             rclpy.init(args=['--ros-args', *given])
             stack.callback(rclpy.shutdown)
-            node = ComputedTorqueNode()
+            node = kind()
             stack.callback(node.close)
             return node
 
@@ -43,6 +53,39 @@ def test_free_needs_a_drone(make) -> None:
 def test_full_is_refused_on_a_drone_that_would_excite_itself(make) -> None:
     with pytest.raises(ValueError, match=r"hexarotor \(3 kg\) would excite itself.*use 'free'"):
         make(base_motion='full', drone_file=DRONE)
+
+
+@pytest.fixture
+def heavy_drone(tmp_path: Path) -> str:
+    """Return the file of a drone of 20 kg, which bears `full` with the arm alone."""
+    drone = yaml.safe_load(Path(DRONE).read_text())
+    drone['mass'] *= 20.0 / 3.0
+    drone['inertia'] = [value * (20.0 / 3.0) ** (5.0 / 3.0) for value in drone['inertia']]
+    for rotor in drone['rotors']:
+        rotor['thrust_max'] *= 20.0 / 3.0
+    path = tmp_path / 'heavy.yaml'
+    path.write_text(yaml.safe_dump(drone))
+    return str(path)
+
+
+def test_full_is_refused_with_a_payload_by_which_it_would_excite_itself(make, heavy_drone) -> None:
+    with pytest.raises(ValueError, match='would excite itself'):
+        make(base_motion='full', drone_file=heavy_drone, **{PAYLOAD: LOAD})
+
+
+def test_nor_may_such_a_payload_be_told_later(make, heavy_drone) -> None:
+    node = make(base_motion='full', drone_file=heavy_drone).node
+    (result,) = node.set_parameters([Parameter(PAYLOAD, value=LOAD)])
+    assert 'would excite itself' in result.reason
+    (result,) = node.set_parameters([Parameter(PAYLOAD, value=[0.02 * x for x in LOAD])])
+    assert result.successful, result.reason
+
+
+def test_a_law_that_uses_no_base_warns_of_none(make) -> None:
+    node = make(KinematicControlNode, base_motion='free', drone_file=DRONE)
+    node._mode = COMMANDABLE[0]
+    assert node.warning() == ''
+    assert node.describe()['base motion'].startswith('not used')
 
 
 def hear(node: ComputedTorqueNode, send: Callable[[], None], done: Callable[[], bool]) -> None:
