@@ -16,9 +16,10 @@ TIME = ('time', 'times', 't', 'stamp', 'stamps', 'timestamp', 'time_s', '__time'
 WORDS = {
     'position': ('position', 'positions', 'pos', 'q', 'angle'),
     'velocity': ('velocity', 'velocities', 'vel', 'dq', 'qd', 'qdot'),
-    'effort': ('effort', 'efforts', 'torque', 'torques', 'tau', 'current'),
+    'effort': ('effort', 'efforts', 'torque', 'torques', 'tau'),
+    'current': ('current', 'currents'),
 }
-"""Names of what is recorded of joints."""
+"""Names of what is recorded of joints; currents are efforts where there are no others."""
 
 _DEGREE = np.pi / 180.0
 # To s, rad or m, rad/s or m/s, Nm or N; of currents to A.
@@ -36,6 +37,7 @@ _UNITS = {
         'deg': _DEGREE,
     },
     'effort': {'nm': 1.0, 'mnm': 1e-3, 'n': 1.0, 'a': 1.0, 'ma': 1e-3},
+    'current': {'a': 1.0, 'ma': 1e-3},
 }
 _SPELLINGS = (
     (r'[\s·*.]', ''),

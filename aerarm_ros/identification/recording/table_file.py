@@ -98,7 +98,7 @@ def read_table(
         if path.stat().st_size > _LARGEST:
             raise IdentificationError(f'{path}: larger than {_LARGEST >> 20} MB: cut it')
         read = _npz if path.suffix.lower() == '.npz' else _csv
-        columns = read(path, joint_names, options)
+        columns = _without_currents(read(path, joint_names, options))
     except OSError as error:
         raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
     except (ValueError, zipfile.BadZipFile) as error:
@@ -201,6 +201,15 @@ def _npz(path: Path, joint_names: Sequence[str], options: TableOptions) -> _Colu
         values = _unstated(quantity, options) * values
         columns |= {(quantity, joint): values[:, i] for i, joint in enumerate(names)}
     return columns
+
+
+def _without_currents(columns: _Columns) -> _Columns:
+    """Return columns with currents as efforts of the joints that have no others."""
+    kept = {key: values for key, values in columns.items() if key[0] != 'current'}
+    for (quantity, joint), values in columns.items():
+        if quantity == 'current':
+            kept.setdefault(('effort', joint), values)
+    return kept
 
 
 def _states(

@@ -92,6 +92,16 @@ def test_units_that_are_stated_are_believed(tmp_path: Path) -> None:
         np.testing.assert_allclose(states.effort, TAU, atol=1e-15)
 
 
+def test_currents_are_efforts_where_there_are_no_others(tmp_path: Path) -> None:
+    header = 'time,q1,q2,current1 [mA],current2 [A],tau1'
+    path = csv(tmp_path / 'a.csv', header, T, Q, 1e3 * TAU[:, 1], TAU[:, 1], TAU[:, 0])
+    states = read_table(path, JOINTS)
+    order = [states.names.index(name) for name in JOINTS]
+    np.testing.assert_allclose(states.effort[:, order], TAU)
+    np.savez(tmp_path / 'a.npz', time=T, q=Q, current=TAU)
+    np.testing.assert_array_equal(read_table(tmp_path / 'a.npz', JOINTS).effort, TAU)
+
+
 def test_arrays_in_degrees(tmp_path: Path) -> None:
     np.savez(tmp_path / 'a.npz', time=T, q=np.degrees(Q), tau=TAU)
     states = read_table(tmp_path / 'a.npz', JOINTS, TableOptions(degrees=True))
