@@ -1,8 +1,8 @@
 """Motions of a healthy arm whose host is held up at random, in every mode of the bridge.
 
-Whatever the bridge says of a fault is false here, and whoever is told to switch off is dropped.
-As a program it is a part of `make attacks`: it runs a number of trials, prints a row for each kind,
-and ends with status 1 if there was a false fault or a drop.
+Whatever the bridge says of a fault is false here, whoever is told to switch off is dropped, and no
+joint may be faster than in an attack. As a program it is a part of `make attacks`: it runs a number
+of trials, prints a row for each kind, and ends with status 1 if one was not clean.
 """
 
 import argparse
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
+from attack_campaign import SPEED_MAX
 from attack_rig import AttackRig, Offer, Source
 from attack_world import ANSWER, EXCHANGE, READ, WAKE
 
@@ -220,8 +221,8 @@ class Trial:
 
     @property
     def is_clean(self) -> bool:
-        """Whether nobody was taken for faulty, nor dropped."""
-        return not (self.faults or self.drops or any(self.errors))
+        """Whether nobody was taken for faulty, dropped or let become too fast."""
+        return not (self.faults or self.drops or any(self.errors) or self.speed > SPEED_MAX)
 
 
 def run(motion: str, number: int, seconds: float = 1.0, **delays: object) -> Trial:
@@ -278,7 +279,7 @@ def main() -> int:
             print(f'{motion:20}{count:6} hold-ups{speed:7.2f} of the speed limit', flush=True)
             for trial in bad:
                 print(f'  {trial}', flush=True)
-    print(f'{unclean} trials with a false fault or a drop')
+    print(f'{unclean} trials with a false fault, a drop or too much speed')
     return 1 if unclean else 0
 
 

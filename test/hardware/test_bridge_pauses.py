@@ -80,6 +80,17 @@ def test_a_latched_fault_and_pauses_longer_than_the_age_of_a_state(config, robot
     assert log.faults == ['emergency stop: of the test']
 
 
+def test_a_pause_under_full_torque_makes_no_joint_too_fast(config, robot):
+    """It was 1.3 times the speed limit after 5 ms, 1.9 after 10 ms."""
+    push = Offer(velocity=[0.0, 0.0, 0.0, np.nan], effort=[np.nan] * 3 + [9.39])
+    for cycle, pause in ((6, 0.015), (18, 0.015), (18, 0.005), (16, 0.036)):
+        rig = AttackRig(config, robot, posture=[0.0, 1.57, 0.0, -1.5]).bring_up()
+        rig.world.script(lambda at, where, c=cycle, p=pause: p * ((at, where) == (c, WAKE)))
+        log = rig.run(0.08, lambda rig: push)
+        assert 1.0 < log.speed_ratio(config)[3] < 1.15, (cycle, pause)
+        assert log.faults == []
+
+
 @pytest.mark.parametrize('point', [READ, f'{EXCHANGE} 1', f'{ANSWER} 1'])
 @pytest.mark.parametrize('speed', [2.5, 4.5])
 def test_a_preemption_between_clock_and_exchange_is_no_jump(config, robot, point, speed):

@@ -22,6 +22,8 @@ class MotorReference:
         Largest torque of the joint [Nm].
     braking_kd
         Damping with which a joint is braked, whatever gains are set [A s/rad].
+    kd_max
+        Largest damping that a frame holds [A s/rad].
 
     Attributes
     ----------
@@ -54,6 +56,7 @@ class MotorReference:
         '_highest',
         '_integrates',
         '_intercept',
+        '_kd_max',
         '_lowest',
         '_reach',
         '_slope',
@@ -80,11 +83,12 @@ class MotorReference:
         position_max: float,
         effort_max: float,
         braking_kd: float,
+        kd_max: float,
     ) -> None:
         self._slope, self._intercept = slope, intercept
         self._current_per_effort = current_per_effort
         self._lowest, self._highest = position_min, position_max
-        self._effort_max, self._braking_kd = effort_max, braking_kd
+        self._effort_max, self._braking_kd, self._kd_max = effort_max, braking_kd, kd_max
         self.zero = self.integral = 0.0
         self.set_gains(0.0, 0.0, 0.0, 0.0)
         self.release()
@@ -157,7 +161,10 @@ class MotorReference:
     def keep_within(self, barrier: JointBarrier) -> bool:
         """Brake the joint instead if the references ask for more than a barrier lets pass.
 
-        The torque is then the barrier's, put as a speed that the board damps to: it can be said
+        A torque alone that passes, but would be too much if the host were held up, gets a damping
+        about the speed that the joint will have until the next frame.
+
+        Else the torque is the barrier's, put as a speed that the board damps to: it can be said
         without a feed-forward current, and while it is held the joint's own speed lowers it.
 
         Returns
@@ -168,6 +175,9 @@ class MotorReference:
         q, dq = barrier.q, barrier.filtered
         asked = self.torque(q, dq)
         if barrier.lowest <= asked <= barrier.highest:
+            if self.kp == 0.0 and self.kd == 0.0 and not self.integral_gain:
+                self.kd = self._gap_kd(barrier, asked)
+                self.velocity = self._slope * barrier.mean_filtered(asked) if self.kd else 0.0
             return False
         allowed = barrier.highest if asked > barrier.highest else barrier.lowest
         torque = min(max(allowed, -self._effort_max), self._effort_max)
@@ -176,12 +186,19 @@ class MotorReference:
             excess = (asked - torque) * self._current_per_effort / (self.kp * self._slope)
             self.joint_position -= excess
         self.kp = self.integral_gain = self.current = 0.0
-        self.kd = self._braking_kd
+        gap = self._gap_kd(barrier, torque)
+        self.kd = max(self._braking_kd, gap)
         self.believed = barrier.load * self._current_per_effort
         self.noise = barrier.noise * abs(self._current_per_effort)
         self.position = self._slope * q + self._intercept + self.zero
-        self.velocity = self._slope * dq + torque * self._current_per_effort / self.kd
+        about = barrier.mean_filtered(torque) if gap else dq
+        self.velocity = self._slope * about + torque * self._current_per_effort / self.kd
         return True
+
+    def _gap_kd(self, barrier: JointBarrier, torque: float) -> float:
+        """Return the board's damping [A s/rad] for a torque [Nm] that a held up host leaves."""
+        damping = barrier.gap_damping(torque)
+        return min(damping * abs(self._current_per_effort / self._slope), self._kd_max)
 
     def _error(self, q: float) -> float:
         """Return how far the motor is from its reference [rad] with the joint at q [rad]."""

@@ -65,6 +65,7 @@ class MotorReferences:
             config.column('position_max'),
             config.column('effort_max'),
             config.column('board_kd'),
+            np.full(config.n, profile.command.largest('kd')),
         )
         self.motors = [MotorReference(*row) for row in np.transpose(columns).tolist()]
         self.zero: Array = zeros

@@ -32,6 +32,13 @@ _SPEED_NOISE = 0.15  # [rad/s] of a speed made of counts, without its low-pass
 _GIVE_WAY_SHARE = 0.3
 _GIVE_WAY_TIME = 0.3
 _RECOVERY_TIME = 1.0
+# A host that is held up leaves its last torque acting, until the board's time-out. What would bring
+# the joint beyond this share of its speed limit by then is given with a damping, in the board, that
+# ends it there; with no more [1/s] than the low-pass of the speed that it damps by allows.
+_GAP_SHARE = 1.1
+_GAP_FASTEST = 700.0
+_GAP_ROOM_SHARE = 0.05  # of the speed limit, for a joint that is as fast already
+_CYCLE = 1e-3  # [s]
 # A joint beyond its limit is led back at no more than this share of the speed limit.
 _RETURN_SHARE = 0.05
 
@@ -52,7 +59,7 @@ class JointBarrier:
     joint
         Limits.
     settings
-        `soft_zone` and `velocity_lag` are used here.
+        `soft_zone`, `velocity_lag` and `board_timeout` are used here.
     deceleration
         That the joint can be relied on for, with any load [rad/s^2].
     inertia_max
@@ -64,6 +71,8 @@ class JointBarrier:
         Distance from a limit [rad] from which on it slows nothing.
     q, dq, filtered
         Predicted position [rad], speed, and what the board will make of it [rad/s].
+    inertia
+        What the joint moves [kg m^2].
     load
         What the arm's weight and motion take of the torque, the unknown part included [Nm].
     is_overwhelmed
@@ -86,6 +95,9 @@ class JointBarrier:
         '_effort_max',
         '_fastest',
         '_gain_max',
+        '_gap_room_min',
+        '_gap_speed',
+        '_gap_time',
         '_is_known',
         '_kept',
         '_kept_time',
@@ -102,6 +114,7 @@ class JointBarrier:
         'far',
         'filtered',
         'highest',
+        'inertia',
         'is_overwhelmed',
         'load',
         'lowest',
@@ -123,6 +136,10 @@ class JointBarrier:
         self._lag = settings.velocity_lag
         self._disturbance_max = _DISTURBANCE_SHARE * joint.effort_max
         self._turned_max = _TURNED_SHARE * joint.effort_max
+        self._gap_time = settings.board_timeout
+        self._gap_speed = _GAP_SHARE * joint.velocity_max
+        self._gap_room_min = _GAP_ROOM_SHARE * joint.velocity_max
+        self.inertia = inertia_max
         self._gain_max = joint.effort_max / (_FULL_TORQUE_SHARE * joint.velocity_max)
         slowest = min(_FASTEST, self._gain_max / inertia_max)
         self._approach = min(joint.velocity_max / settings.soft_zone, _APPROACH_SHARE * slowest)
@@ -195,6 +212,7 @@ class JointBarrier:
         if interval > 0.0 or not self._is_known:
             self._take(dq, inertia, interval)
         speed = self._speed
+        self.inertia = inertia
         self.load = load = load + self._disturbance + self._turned
         acceleration = (effort - load) / inertia
         # After a pause nobody knows what torque the last reference made of the motion.
@@ -210,6 +228,25 @@ class JointBarrier:
         self.lowest = load - self._bound(self.q - self._position_min, -self.dq, gain, inertia)
         most = self._effort_max
         self.is_overwhelmed = self.lowest > most or self.highest < -most
+
+    def gap_damping(self, torque: float) -> float:
+        """Return the damping [Nms/rad] that a torque [Nm] needs for a host that may be held up.
+
+        It is 0 where the joint would not become too fast without.
+        """
+        excess = torque - self.load
+        speed = self.dq if excess > 0.0 else -self.dq
+        room = self._gap_speed - speed
+        if abs(excess) * self._gap_time <= room * self.inertia:
+            return 0.0
+        return min(abs(excess) / max(room, self._gap_room_min), _GAP_FASTEST * self.inertia)
+
+    def mean_filtered(self, torque: float) -> float:
+        """Return the mean of the board's filtered speed [rad/s] in a cycle under a torque [Nm]."""
+        time = _CYCLE / self._lag
+        followed = 1.0 - (1.0 - self._share_kept(_CYCLE)) / time
+        led = (torque - self.load) / self.inertia * _CYCLE * (0.5 - followed / time)
+        return self.filtered + followed * (self.dq - self.filtered) + led
 
     def _take(self, dq: float, inertia: float, interval: float) -> None:
         """Take another measured speed [rad/s], an interval [s] after the last."""

@@ -151,6 +151,34 @@ def test_what_passes_a_barrier_is_left_as_it_is(references, config):
     assert np.array_equal(before, after)
 
 
+def test_a_torque_that_a_held_up_host_may_not_leave_acting_is_damped_in_the_board(
+    references, drive, config
+):
+    barriers = make_barriers(config, q=Q)
+    for barrier in barriers:
+        barrier.inertia, barrier.dq, barrier.filtered = 0.01, 1.0, 0.9
+    asked = np.array([5.0, 0.5, -5.0, 9.0])
+    references.track(command(tau=asked), Q, DT)
+    assert not references.keep_within(barriers, TRUSTED)
+    assert (get(references, 'kd') > 0.0).tolist() == [True, False, True, True]
+    assert get(references, 'kp').tolist() == [0.0] * 4
+    # In the mean of a cycle it is the torque that was asked for.
+    mean = np.array(
+        [barrier.mean_filtered(tau) for barrier, tau in zip(barriers, asked, strict=True)]
+    )
+    assert references.torques(Q, mean) == pytest.approx(asked)
+    # It is gone at little more than the speed limit.
+    assert 0.0 < references.torques(Q, np.full(4, 5.4))[3] < 1.0
+    # What has gains of its own is left alone, and so is what comes next.
+    references.track(command(q=Q, dq=0.1, tau=asked), Q, DT)
+    references.keep_within(barriers, TRUSTED)
+    assert get(references, 'kd') == pytest.approx(config.column('board_kd'))
+    references.track(command(tau=0.1), Q, DT)
+    references.keep_within(barriers, TRUSTED)
+    assert get(references, 'kd').tolist() == [0.0] * 4
+    assert get(references, 'velocity').tolist() == [0.0] * 4
+
+
 def test_a_joint_without_a_trusted_encoder_has_no_barrier(references, config):
     references.track(command(tau=1.0), Q, DT)
     barriers = make_barriers(config, q=Q, highest=[0.0] * 4)

@@ -287,3 +287,42 @@ def test_overwhelmed_is_who_the_whole_torque_does_not_brake():
     assert pulled.is_overwhelmed
     assert seen(q=-near, dq=-4.5, load=12.0).is_overwhelmed
     assert not seen(q=0.0, dq=3.0, load=-8.0).is_overwhelmed
+
+
+def test_a_torque_that_a_joint_survives_needs_no_damping_for_a_host_that_is_held_up():
+    # Until the board lets go it brings the joint to 1.1 times its limit at most.
+    barrier = seen()
+    most = 1.1 * JOINT.velocity_max * INERTIA / SETTINGS.board_timeout
+    assert barrier.gap_damping(0.99 * most) == barrier.gap_damping(-0.99 * most) == 0.0
+    assert barrier.gap_damping(1.01 * most) > 0.0 < barrier.gap_damping(-1.01 * most)
+    loaded = seen(effort=2.0, load=2.0)
+    assert loaded.gap_damping(2.0 + 0.99 * most) == 0.0 < loaded.gap_damping(2.0 - 1.01 * most)
+
+
+@pytest.mark.parametrize('speed', [0.0, 2.0, 4.0])
+def test_more_torque_ends_by_its_damping_at_little_more_than_the_speed_limit(speed):
+    barrier = seen(dq=speed)
+    damping = barrier.gap_damping(5.0)
+    at_end = speed + 5.0 / damping
+    if damping < 700.0 * INERTIA:
+        assert at_end == pytest.approx(1.1 * JOINT.velocity_max, abs=1e-3)
+    assert at_end < 1.2 * JOINT.velocity_max
+    assert seen(dq=-speed).gap_damping(-5.0) == pytest.approx(damping)
+    # Braking needs none.
+    assert seen(dq=-4.5).gap_damping(5.0) < damping
+
+
+def test_no_damping_is_more_than_a_low_passed_speed_allows():
+    assert seen(dq=JOINT.velocity_max).gap_damping(9.0) == pytest.approx(700.0 * INERTIA)
+    assert seen(dq=2.0 * JOINT.velocity_max).gap_damping(0.5) == pytest.approx(0.5 / 0.25)
+
+
+def test_the_mean_of_the_boards_speed_is_that_of_its_low_pass():
+    barrier = seen()
+    barrier.dq, barrier.filtered, barrier.load = 1.0, 0.4, 0.5
+    torque, filtered, speed, total = 2.0, 0.4, 1.0, 0.0
+    for _ in range(1000):
+        filtered += (speed - filtered) * 1e-6 / SETTINGS.velocity_lag
+        speed += (torque - 0.5) / INERTIA * 1e-6
+        total += filtered / 1000.0
+    assert barrier.mean_filtered(torque) == pytest.approx(total, abs=2e-3)
