@@ -1,0 +1,160 @@
+"""One board as the bridge drives it, on a wire to an emulated board whose motors turn nothing."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.hardware.boards.board_link import make_links
+from aerarm_ros.hardware.boards.motor_references import MotorReferences
+from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
+from aerarm_ros.hardware.frames.frame_profile import load_profile
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+
+PROFILE = load_profile()
+SUBSTEP = 0.25e-3
+SETTINGS = BridgeSettings()
+
+
+class LoneBoards:
+    """A `Transport` to boards whose shafts stand still; what was sent is kept."""
+
+    def __init__(self, config):
+        motors = [[None, None], [None, None]]
+        for joint in config.joints:
+            motors[joint.board][joint.channel] = joint.motor
+        self.boards = [EmulatedBoard(PROFILE, pair, SUBSTEP, seed=1) for pair in motors]
+        self.now, self.duration, self.trouble = 10.0, 40e-6, ''
+
+    def exchange(self, board, frame):
+        return self.boards[board].exchange(frame)
+
+    def exchange_time(self, board):
+        return self.duration
+
+    def exchanged_at(self, board):
+        return self.now
+
+    def problem(self, board):
+        return self.trouble
+
+    def wait(self, seconds=1e-3):
+        """Let time pass, for boards and host."""
+        for _ in range(round(seconds / SUBSTEP)):
+            self.now += SUBSTEP
+            for board in self.boards:
+                board.step(0.0, 0.0)
+        for board in self.boards:
+            board.prepare()
+
+
+@pytest.fixture
+def wire(config):
+    return LoneBoards(config)
+
+
+@pytest.fixture
+def links(config, wire):
+    return make_links(config, PROFILE, SETTINGS, wire)
+
+
+@pytest.fixture
+def references(config):
+    return MotorReferences(config, PROFILE, reach_max=0.5)
+
+
+def talk(links, wire, references, cycles=1, enable=False, running=False):
+    for _ in range(cycles):
+        wire.wait()
+        for link in links:
+            link.exchange(references, enable, running)
+
+
+def drive(links, wire, references):
+    """Have the boards drive motors that are aligned already."""
+    talk(links, wire, references, 10)
+    for board in wire.boards:
+        for motor in board.motors:
+            motor.ready = True
+    talk(links, wire, references, 5, enable=True)
+    assert all(link.is_aligned and link.may_be_damped for link in links)
+
+
+def test_each_joint_has_its_boards_channel_and_a_saturation_that_its_limit_gives(
+    config, links, wire, references
+):
+    references.set_gains(1.0, 0.6)
+    references.damp(np.array([100.0, 100.0, 100.0, 100.0]))
+    for number, motor in enumerate(references.motors):
+        motor.position, motor.current = 0.1 + number, 0.2 + number
+    drive(links, wire, references)
+    for number, joint in enumerate(config.joints):
+        motor = wire.boards[joint.board].motors[joint.channel]
+        assert motor.position == pytest.approx(0.1 + number, abs=1e-3)
+        assert motor.current == pytest.approx(0.2 + number, abs=1e-3)
+        assert motor.kd == pytest.approx(references.motors[number].kd, abs=1e-3)
+        strongest = min(joint.effort_max / joint.torque_per_ampere, joint.motor.current_max)
+        assert motor.current_saturation == pytest.approx(strongest, rel=0.01)
+    references.motors[0].current_max = 0.0
+    talk(links, wire, references, 1, enable=True)
+    assert wire.boards[0].motors[0].current_saturation == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_reference_that_no_frame_holds_gives_the_board_no_current(links, wire, references):
+    drive(links, wire, references)
+    references.motors[2].position = 1e9
+    references.motors[3].current = 2.0
+    talk(links, wire, references, 1, enable=True)
+    assert 'beyond the' in links[1].monitor.fault
+    assert links[0].monitor.fault == ''
+    assert wire.boards[1].system_enabled
+    assert [motor.current for motor in wire.boards[1].motors] == [0.0, 0.0]
+
+
+def test_switching_off_is_a_frame_of_its_own(links, wire, references):
+    drive(links, wire, references)
+    for link in links:
+        link.switch_off()
+    assert not any(board.system_enabled for board in wire.boards)
+    assert not any(motor.enabled for board in wire.boards for motor in board.motors)
+
+
+def test_the_time_between_answers_is_at_most_what_the_host_was_held_up(links, wire, references):
+    link = links[0]
+    talk(links, wire, references, 3)
+    assert link.fresh
+    assert link.interval == pytest.approx(1e-3)
+    assert link.interval_max == pytest.approx(1e-3 + wire.duration, abs=1e-4)
+    wire.boards[0].faults.mute = True
+    talk(links, wire, references, 4)
+    assert not link.fresh
+    wire.boards[0].faults.mute = False
+    talk(links, wire, references, 1)
+    assert link.interval == pytest.approx(5e-3)
+
+
+def test_a_board_that_heard_nothing_for_its_time_out_is_not_driven_again(links, wire, references):
+    drive(links, wire, references)
+    link = links[0]
+    wire.boards[0].faults.mute = True
+    talk(links, wire, references, 20, enable=True)
+    assert link.may_be_damped
+    assert link.is_damped_unheard
+    wire.trouble = 'the bus is gone'  # so nothing left for it
+    wire.wait(2.0 * SETTINGS.board_timeout)
+    talk(links, wire, references, 1, enable=True)
+    assert not link.may_be_damped
+    assert 'the bus is gone' in link.monitor.problem
+    wire.trouble, wire.boards[0].faults.mute = '', False
+    talk(links, wire, references, 1, enable=True)
+    assert link.may_be_damped
+
+
+def test_an_answer_of_a_board_that_was_off_says_so_once(links, wire, references):
+    drive(links, wire, references)
+    wire.wait(0.2)
+    talk(links, wire, references, 1, enable=True)
+    wire.boards[1].power_cycle()
+    talk(links, wire, references, 1, enable=True)
+    assert [link.restarted for link in links] == [False, True]
+    assert 'did it restart?' in links[1].monitor.fault
+    talk(links, wire, references, 1)
+    assert not any(link.restarted for link in links)
