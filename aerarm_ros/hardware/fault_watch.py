@@ -94,6 +94,7 @@ class FaultWatch:
         )
         if text:
             gate.trip(text)
+        if not encoders.trusted.all():  # the second look comes later
             self._zeros.lose(encoders.lost, 'its encoder jumped or stood still')
         violation = gate.state_violation(state.q, state.dq)
         if violation:

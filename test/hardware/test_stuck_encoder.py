@@ -50,6 +50,8 @@ def test_one_that_sticks_under_torque_is_found(
     motor = rig.boards.boards[place.board].motors[place.channel]
     rig.run(0.06)
     assert motor.target_current == 0.0
+    # And where it counts from is unknown.
+    assert f'the zero of joint{joint + 1} is unknown' in rig.bridge.zeros.problem
 
 
 def test_a_joint_that_is_held_or_that_gives_way_to_a_hand_is_not_doubted(config, robot):
