@@ -24,6 +24,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 
 LEAD = 2.5  # [s]
+AHEAD = 0.06  # [s] that the drone is told of its arm ahead of time
 PATIENCE = 300.0  # [s] of the host, which may be busy
 
 
@@ -34,6 +35,7 @@ class FlightListener:
         self._reader = RawReader(node, topics.JOINT_STATES, topics.ODOMETRY)
         self._codec = JointStateCdr(load_arm_config().joint_names)
         self.farthest = 0.0
+        self.places: list[tuple[float, np.ndarray, float]] = []  # time [s], place [m], tilt [rad]
 
     def next(self) -> tuple[float, np.ndarray]:
         """Return time [s] and joint angles of the next state."""
@@ -42,13 +44,25 @@ class FlightListener:
             self._reader.wait(0.1)
             odometry = self._reader.take_newest(1)
             if odometry is not None:
-                p = deserialize_message(odometry[0], Odometry).pose.pose.position
-                self.farthest = max(self.farthest, float(np.linalg.norm([p.x, p.y, p.z])))
+                self._note(deserialize_message(odometry[0], Odometry))
             message = self._reader.take_newest(0)
             sample = self._codec.unpack(message[0]) if message else None
             if sample is not None and sample.position is not None:
                 return sample.stamp_ns * 1e-9, np.array(sample.position)
         raise TimeoutError(f'no joint states for {PATIENCE:g} s')
+
+    def forget(self) -> None:
+        """Forget where the drone was."""
+        self.farthest = 0.0
+        self.places.clear()
+
+    def _note(self, message: Odometry) -> None:
+        p, q = message.pose.pose.position, message.pose.pose.orientation
+        place = np.array([p.x, p.y, p.z])
+        self.farthest = max(self.farthest, float(np.linalg.norm(place)))
+        tilt = np.arccos(min(1.0, 1.0 - 2.0 * (q.x * q.x + q.y * q.y)))
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        self.places.append((stamp, place, float(tilt)))
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""
@@ -76,12 +90,17 @@ class FlightBench:
             **arm.law,
         }
         if case.mass:
-            drone = scaled_drone(case.mass)
+            drone = case.drone or scaled_drone(case.mass)
             world['drone_file'] = write_drone(drone, folder / 'true.yaml')
             wrong = drone.with_errors(case.believed, case.believed)
             law['drone_file'] = write_drone(wrong, folder / 'believed.yaml')
-            # It knows the arm as drawn.
-            self._start(stack, 'flight_control', {'drone_file': law['drone_file']})
+            pilot = {'drone_file': law['drone_file'], **dict(case.flight)}
+            if case.is_told:
+                told = {'drone_file': law['drone_file'], 'lead': AHEAD, 'state_timeout': 10.0}
+                self._start(stack, 'base_reaction', {**told, **arm.law})
+                pilot.update({key: arm.law[key] for key in ('urdf',) if key in arm.law})
+            # Else it knows the arm as drawn.
+            self._start(stack, 'flight_control', pilot)
         else:
             law['config'] = world['config'] = _hanging(folder / 'arm.yaml')
         # Of a late IMU the controller does not know.
@@ -101,7 +120,7 @@ class FlightBench:
         begin = round((now + LEAD) * 1e9)
         names = load_arm_config().joint_names
         self.publisher.publish(trajectory_message(motion, names, begin))
-        self.listener.farthest = 0.0
+        self.listener.forget()
         samples = []
         while now < begin * 1e-9 + motion.duration:
             now, q = self.listener.next()

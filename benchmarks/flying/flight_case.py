@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field, replace
 
+from aerarm_ros.description.drone_config import DroneConfig
+
 CHEAP = (
     ('imu_noise', [0.3, 0.01]),
     ('imu_bias', [0.2, 0.01]),
@@ -28,6 +30,12 @@ class FlightCase:
         Parameters of the emulated sensors.
     hears_rotors : bool
         Whether the controller is told what the rotors are.
+    drone : DroneConfig, optional
+        Another one than that of `mass`.
+    flight : tuple of pairs
+        Parameters of the flight controller.
+    is_told : bool
+        Whether the drone is told of its arm, to feed it forward.
     """
 
     mass: float
@@ -36,6 +44,9 @@ class FlightCase:
     believed: float = 1.0
     sensors: tuple[tuple[str, object], ...] = field(default=(), hash=False)
     hears_rotors: bool = True
+    drone: DroneConfig | None = None
+    flight: tuple[tuple[str, object], ...] = field(default=(), hash=False)
+    is_told: bool = False
 
     def variants(self) -> list['FlightCase']:
         """Return the same with what may be wrong, one after the other and together."""

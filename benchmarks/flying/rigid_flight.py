@@ -1,0 +1,123 @@
+"""A drone whose arm follows its motion exactly: quick enough to tune its flight controller on."""
+
+from typing import NamedTuple
+
+import numpy as np
+from flying.arm_swing import HANGING, ArmSwing
+from scipy.spatial.transform import Rotation
+
+from aerarm_ros.control.base.drone_in_base import carrier_parameters, wrench_per_thrust
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
+from aerarm_ros.flight.arm_load_model import ArmLoadModel
+from aerarm_ros.flight.flight_control import FlightControl
+from aerarm_ros.flight.flight_state import FlightState
+from aerarm_ros.flight.flight_target import FlightTarget
+from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+from aerarm_ros.motion.joint_reference import JointReference
+
+CYCLE = 4e-3  # [s] of the flight controller
+STEPS = 2  # of the physics in a cycle
+AHEAD = 0.06  # [s] that the drone is told of the arm ahead of time
+SETTLED = 0.5  # [s] after which errors count
+LOST = 2.0  # [m]
+NOISE = (0.002, 0.01, 0.01, 0.3)  # of position [m], velocity [m/s], rate [rad/s], force [m/s^2]
+
+
+class FlightErrors(NamedTuple):
+    """What a flight was like: position and tilt, RMS and maximum [mm], [deg]."""
+
+    position: float
+    position_max: float
+    tilt: float
+    tilt_max: float
+
+
+class RigidFlight:
+    """Drone and arm as one chain whose joints do what was planned; rotors with their lag.
+
+    Parameters
+    ----------
+    drone : DroneConfig
+    motion : ArmSwing
+    latency : int
+        Cycles by which the controller's measurements are late.
+    seed : int
+        Of the noise.
+    """
+
+    def __init__(self, drone: DroneConfig, motion: ArmSwing, latency: int = 2, seed: int = 0):
+        self.drone, self._latency = drone, latency
+        self._robot = load_robot(gravity_in_base=drone.gravity_in_base)
+        self._whole = WholeBodyDynamics(self._robot, carrier=carrier_parameters(drone))
+        self._loads = ArmLoadModel(self._robot)
+        self._seed = seed
+        self._step = CYCLE / STEPS
+        times = np.arange(0.0, motion.duration + 2 * AHEAD, self._step)
+        self._motion = [JointReference(*row) for row in zip(*motion.evaluate(times), strict=True)]
+        self._told = [self._loads.evaluate(reference) for reference in self._motion[::STEPS]]
+        self._count = round(motion.duration / CYCLE)
+        self.body = MassProperties.of(drone, *self._loads.dynamics.composite_inertia(HANGING))
+
+    def fly(self, control: FlightControl, arm: ArmFeedForward | None) -> FlightErrors | None:
+        """Return how well a controller holds the drone, None if it loses it."""
+        drone, random = self.drone, np.random.default_rng(self._seed)
+        mount, to_base = np.array(drone.mount.position), drone.mount.rotation
+        matrix, imu = wrench_per_thrust(drone), np.array(drone.imu.position)
+        gain = 1.0 - np.exp(-self._step / drone.column('time_constant'))
+        low, high = drone.column('thrust_min'), drone.column('thrust_max')
+        target = FlightTarget(np.zeros(3), 0.0)
+        rotation, rate = np.eye(3), np.zeros(3)
+        place, velocity = mount.copy(), np.zeros(3)  # of the arm's base
+        thrust = np.linalg.pinv(drone.allocation) @ _hover(self.body)
+        felt = np.array([0.0, 0.0, GRAVITY])
+        states: list[FlightState] = []
+        errors = []
+        for cycle in range(self._count):
+            noise = random.normal(size=(4, 3)) * np.array(NOISE)[:, np.newaxis]
+            position = place - rotation @ mount
+            speed = velocity - rotation @ np.cross(rate, mount)
+            states.append(
+                FlightState(
+                    position + noise[0], speed + noise[1], rotation, rate + noise[2],
+                    felt + noise[3],
+                )
+            )  # fmt: skip
+            now = cycle * CYCLE
+            if arm is not None:
+                for ahead in (cycle + round(AHEAD / CYCLE),) if cycle else range(16):
+                    told, stamp = self._told[ahead], ahead * CYCLE
+                    arm.offer_inertia(stamp, told.mass, told.com, told.inertia)
+                    arm.offer_motion(stamp, told.motion)
+            state = states[max(0, cycle - self._latency)]
+            wanted = control.update(state, target, CYCLE, None if arm is None else arm.at(now))
+            wanted = np.clip(wanted, low, high)
+            for step in range(STEPS):
+                thrust = thrust + gain * (wanted - thrust)
+                reference = self._motion[cycle * STEPS + step]
+                turn = to_base.T @ rate
+                forces = self._whole.forces(*reference, turn)[:6]
+                answer = self._whole.response(reference.q)[0] @ (matrix @ thrust - forces)
+                force, spin = to_base @ answer[:3], to_base @ answer[3:]
+                velocity = velocity + self._step * (rotation @ force - [0.0, 0.0, GRAVITY])
+                rate = rate + self._step * spin
+                place = place + self._step * velocity
+                rotation = rotation @ Rotation.from_rotvec(self._step * rate).as_matrix()
+            lever = imu - mount
+            felt = force + np.cross(spin, lever) + np.cross(rate, np.cross(rate, lever))
+            if np.abs(position).max() > LOST:
+                return None
+            if now > SETTLED:
+                tilt = np.degrees(np.arccos(min(1.0, rotation[2, 2])))
+                errors.append((1e3 * float(np.linalg.norm(position)), float(tilt)))
+        rows = np.array(errors)
+        rms, largest = np.sqrt((rows**2).mean(axis=0)), rows.max(axis=0)
+        return FlightErrors(rms[0], largest[0], rms[1], largest[1])
+
+
+def _hover(body: MassProperties) -> np.ndarray:
+    """Return the wrench (6,) that holds drone and arm level."""
+    force = np.array([0.0, 0.0, body.mass * GRAVITY])
+    return np.concatenate([force, np.cross(body.centre, force)])
