@@ -1,24 +1,26 @@
-"""What five nodes at 1 kHz do to memory over time, the slope of each, and how fluent the page is.
+"""What five nodes at 1 kHz do to memory over time: the slope of each.
 
 `fake_hardware` (driven and held), `computed_torque`, `base_reaction`, `recorder` and `view`, with
 somebody who looks at it, run as processes. What each has to itself is read every two seconds, and
 its proportional and resident set size (PSS, RSS: the first also changes with whoever else shares
 its libraries). After a warm-up a line is fitted to each. Its uncertainty is twice the standard
-error, widened for samples that depend on each other. Pictures are counted by who looks. For an
-endurance test: `--minutes 30`.
+error, widened for samples that depend on each other. For an endurance test: `--minutes 30`.
 """
 
 import argparse
 import os
 import socket
 import tempfile
+import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import rclpy
-from timing.onlooker import Onlooker
+import viser
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
 
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
@@ -51,7 +53,36 @@ def slope(minutes: np.ndarray, size: np.ndarray) -> tuple[float, float]:
     return rate, 2.0 * error * np.sqrt((1.0 + alike) / (1.0 - alike))
 
 
-def start(folder: Path, stack: ExitStack) -> tuple[dict[str, NodeProcess], Onlooker]:
+def look(port: int) -> None:
+    """Look at the page until it ends: a client that takes what it is sent."""
+    import msgspec  # comes with viser
+
+    camera = {
+        'type': 'ViewerCameraMessage',
+        'wxyz': [1.0, 0.0, 0.0, 0.0],
+        'position': [0.8, -0.9, 0.7],
+        'fov': 1.3,
+        'near': 0.01,
+        'far': 1000.0,
+        'image_height': 900,
+        'image_width': 1400,
+        'look_at': [0.0, 0.0, 0.3],
+        'up_direction': [0.0, 0.0, 1.0],
+    }
+    host = f'127.0.0.1:{port}'
+    protocol = f'viser-v{viser.__version__}'
+    with connect(
+        f'ws://{host}', origin=f'http://{host}', subprotocols=[protocol], max_size=None
+    ) as page:
+        page.send(msgspec.msgpack.encode(camera))
+        try:
+            while True:
+                page.recv()
+        except ConnectionClosed:
+            return
+
+
+def start(folder: Path, stack: ExitStack) -> dict[str, NodeProcess]:
     """Start the nodes, drive the arm, and look at the page."""
     with socket.socket() as probe:
         probe.bind(('127.0.0.1', 0))
@@ -81,7 +112,8 @@ def start(folder: Path, stack: ExitStack) -> tuple[dict[str, NodeProcess], Onloo
         if time.monotonic() > deadline:
             raise SystemExit(f'memory: the page is not served:\n{nodes["view"].tail()}')
         time.sleep(0.1)
-    return nodes, Onlooker(port)
+    threading.Thread(target=look, args=[port], daemon=True).start()
+    return nodes
 
 
 def watch(nodes: dict[str, NodeProcess], minutes: float) -> dict[str, np.ndarray]:
@@ -104,14 +136,12 @@ def main() -> None:
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        nodes, onlooker = start(Path(folder), stack)
+        nodes = start(Path(folder), stack)
         samples = watch(nodes, options.minutes)
-        mean, least = onlooker.rates(1.0 - WARM_UP)
         for node in reversed(nodes.values()):
             node.stop()
         print(nodes['fake_hardware'].tail(1))
         print(nodes['recorder'].tail(1))
-    print(f'page: {mean:.1f} pictures a second, {least:.1f} in the worst 10 s')
     print(f'{"":16} {"own":>8}  slope, KiB a minute: {"own":>4} {"PSS":>18} {"RSS":>18}')
     for name, rows in samples.items():
         minutes, *sizes = rows[rows[:, 0] >= WARM_UP * options.minutes].T
