@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import rclpy
 from hypothesis import settings
+from quick_spinning import release_nodes
 from rclpy.node import Node
 
 from aerarm_ros.description.robot import Robot, load_robot
@@ -119,6 +120,7 @@ def ros_node(ros_domain: dict[str, str]) -> Iterator[Node]:
     rclpy.init(args=[])
     node = rclpy.create_node('test')
     yield node
+    release_nodes()
     node.destroy_node()
     rclpy.shutdown()
 

@@ -149,7 +149,7 @@ def test_nothing_outlives_launch(launched: Launched, number: signal.Signals) -> 
     assert len(launched.started) == 3  # with arm enable
     launched.process.send_signal(number)
     launched.rest()  # to the end of what they may say
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 60.0
     while any(Path(f'/proc/{pid}').exists() for pid in launched.started):
         assert time.monotonic() < deadline, launched.output
         time.sleep(0.05)

@@ -1,14 +1,17 @@
 """A controller and a user in one: drives a bridge process from a test over real DDS."""
 
 import time
+from collections import defaultdict
 from collections.abc import Callable
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from quick_spinning import spin_once, spin_until
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -20,6 +23,13 @@ from aerarm_ros.ros.states.arm_modes import HELD
 
 StartBridge = Callable[..., NodeProcess]  # of fixture start_bridge
 SERVICES = ('enable', 'disable', 'clear_fault', 'home', 'e_stop', 'inject_fault', 'put_back')
+_PAUSE = 4e-3  # [s]; to hear each of a thousand states a second takes a core
+# Every mode, even if this process is held up.
+_ALL = QoSProfile(
+    depth=100,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
 JOINTS = ['joint1', 'joint2', 'joint3', 'joint4']
 
 
@@ -32,8 +42,9 @@ class BridgeClient:
         self.motors: list[JointState] = []
         self.powers: list[Float64MultiArray] = []
         self.modes: list[str] = []
-        self.diagnostics: dict[str, dict[str, str]] = {}
-        self.messages: dict[str, str] = {}
+        # Empty until they are heard.
+        self.diagnostics: dict[str, dict[str, str]] = defaultdict(dict)
+        self.messages: dict[str, str] = defaultdict(str)
         self.diagnosed = 0.0  # stamp of the newest diagnostics [s]
         self.answer: Callable[[JointState], JointState | None] | None = None
         self.commands = self._publisher()
@@ -49,11 +60,12 @@ class BridgeClient:
             (topics.ARM_MODE, lambda message: self.modes.append(message.data)),
             (topics.DIAGNOSTICS, self._on_diagnostics),
         ):
-            node.create_subscription(topic.type, topic.name, store, topic.qos)
+            qos = _ALL if topic is topics.ARM_MODE else topic.qos
+            node.create_subscription(topic.type, topic.name, store, qos)
 
     def call(self, service: str) -> Trigger.Response:
         client = self._services[service]
-        assert client.wait_for_service(20.0), service
+        assert client.wait_for_service(60.0), service
         return self._wait_answer(client.call_async(Trigger.Request()))
 
     def set_parameters(self, **values: object) -> list[str]:
@@ -68,22 +80,20 @@ class BridgeClient:
         return [parameter_value_to_python(value) for value in answer.values]
 
     def _wait_answer(self, future: Future) -> Any:
-        rclpy.spin_until_future_complete(self._node, future, timeout_sec=10.0)
-        answer = future.result()
-        assert answer is not None, 'no answer'
-        return answer
+        assert spin_until(self._node, future.done, 60.0), 'no answer'
+        return future.result()
 
     def spin(self, seconds: float) -> None:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            rclpy.spin_once(self._node, timeout_sec=0.01)
+            self._spin_once()
 
     def wait_for(self, condition: Callable[[], bool], timeout: float = 120.0) -> None:
         """Wait for what must come; on a busy machine the arm's time is a fraction of this one."""
         end = time.monotonic() + timeout
         while not condition():
             assert time.monotonic() < end, (self.modes, self.messages)
-            rclpy.spin_once(self._node, timeout_sec=0.05)
+            self._spin_once()
 
     def wait_for_mode(self, mode: str) -> None:
         self.wait_for(lambda: bool(self.modes) and self.modes[-1] == mode)
@@ -92,9 +102,14 @@ class BridgeClient:
         self.wait_for_mode('idle')
         assert self.call('enable').success
         # A controller that answers at once makes the mode another before it is heard.
-        self.wait_for(lambda: self.modes[-1] in HELD)
+        self.wait_for(lambda: self.modes[-1] in HELD and bool(self.states))
 
-    def _publisher(self) -> rclpy.publisher.Publisher:
+    def _spin_once(self) -> None:
+        spin_once(self._node, 0.01)
+        if self.answer is None:
+            time.sleep(_PAUSE)  # nobody waits for it
+
+    def _publisher(self) -> Publisher:
         topic = topics.JOINT_COMMAND
         return self._node.create_publisher(topic.type, topic.name, topic.qos)
 

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
+from quick_spinning import spin_once, spin_until
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -20,6 +20,9 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 
 NAMES = ['joint1', 'joint2', 'joint3', 'joint4']
 LIMIT = 120.0  # [s] longest wait for anything; on a busy machine the arm has a fraction of it
+
+
+_PAUSE = 0.01  # [s]; to hear each of a thousand states a second takes a core
 
 
 class ControllerBench:
@@ -65,15 +68,22 @@ class ControllerBench:
         parameters = {'realtime_priority': 70, **parameters}
         return NodeProcess(name, (), parameters, None, self.folder / f'{name}.log')
 
-    def wait(self, condition: Callable[[], bool], what: str, again: Callable | None = None) -> None:
-        """Wait; call `again` at first and every 4 s, as a user would after a hiccup."""
+    def wait(
+        self,
+        condition: Callable[[], bool],
+        what: str,
+        again: Callable | None = None,
+        every: float = 4.0,
+    ) -> None:
+        """Wait; call `again` at first and every so often [s], as a user would after a hiccup."""
         deadline = time.monotonic() + LIMIT
         repeat = 0.0
         while not condition():
             if again is not None and time.monotonic() > repeat:
-                repeat = time.monotonic() + 4.0
+                repeat = time.monotonic() + every
                 again()
-            rclpy.spin_once(self.node, timeout_sec=0.05)
+            spin_once(self.node, 0.05)
+            time.sleep(_PAUSE)
             assert time.monotonic() < deadline, f'waited for {what}: {self.mode} {self.q}'
             assert self.hardware.returncode is None, self.hardware.tail()
 
@@ -91,7 +101,7 @@ class ControllerBench:
             parameters=[Parameter(parameter, value=value).to_parameter_msg()]
         )
         future = client.call_async(request)
-        rclpy.spin_until_future_complete(self.node, future, timeout_sec=LIMIT)
+        assert spin_until(self.node, future.done, LIMIT)
         assert future.result().results[0].successful
 
     def _on_state(self, message: JointState) -> None:

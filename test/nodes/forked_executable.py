@@ -21,9 +21,10 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+from aerarm_ros.ros.process.die_with_parent import die_with_parent
 from aerarm_ros.ros.process.node_process import parameter_arguments, ros_environment
 
-_PATIENCE = 120.0  # [s]
+_PATIENCE = 600.0  # [s]
 _NODES = 'aerarm_ros.nodes'
 # What they import once they have read their command line.
 _LATE = (
@@ -43,7 +44,7 @@ def run(
 ) -> subprocess.CompletedProcess[str]:
     """Run `python -m aerarm_ros.nodes.NAME` with arguments and parameters, in this environment.
 
-    It is killed after two minutes.
+    It is killed after ten minutes.
     """
     server = _server()
     assert server.stdin is not None
@@ -66,7 +67,7 @@ def run(
 
 def _server() -> subprocess.Popen[str]:
     if not _servers:
-        command = [sys.executable, __file__]
+        command = [sys.executable, __file__, str(os.getpid())]
         pipe = subprocess.PIPE
         server = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
         _servers.append(server)
@@ -79,6 +80,7 @@ def _server() -> subprocess.Popen[str]:
 
 def _serve() -> None:
     """Answer each request, a line, with the status of its end."""
+    die_with_parent(int(sys.argv[1]))
     (folder,) = importlib.import_module(_NODES).__path__
     names = [file.stem for file in Path(folder).glob('[a-z]*.py')]
     for module in (*(f'{_NODES}.{name}' for name in names), *_LATE):
@@ -89,8 +91,10 @@ def _serve() -> None:
     gc.freeze()  # else every process looks through all of it at its end
     requests, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), 'w')
     while line := requests.readline():
+        server = os.getpid()
         pid = os.fork()
         if pid == 0:
+            die_with_parent(server)
             requests.close()
             answers.close()
             _become(**json.loads(line))

@@ -16,8 +16,8 @@ def quick(folder: Path, **parameters: object) -> dict[str, object]:
         'harmonics': 2,
         'amplitude': 0.2,
         'periods': 1,
-        'wait_timeout': 30,
-        'state_timeout': 2.0,  # a machine that tests share may pause
+        'wait_timeout': 60,
+        'state_timeout': 10.0,  # a machine that tests share may pause
         'excitation_config': config,
         **parameters,
     }

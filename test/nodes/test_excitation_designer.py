@@ -196,7 +196,7 @@ def test_a_stop_keeps_the_best_so_far(tmp_path: Path) -> None:
             time.sleep(0.05)
         time.sleep(0.5)
         process.send_signal(signal.SIGINT)
-        printed, _ = process.communicate(timeout=30.0)
+        printed, _ = process.communicate(timeout=60.0)
     finally:
         process.kill()
     assert process.returncode == 0

@@ -34,7 +34,7 @@ def test_ctrl_c_at_the_start_is_quiet() -> None:
         assert process.stdout
         assert process.stdout.readline() == 'importing\n'
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=30.0)
+        _, said = process.communicate(timeout=60.0)
     assert said == ''
     assert process.returncode == INTERRUPTED
 

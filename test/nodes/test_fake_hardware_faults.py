@@ -95,7 +95,7 @@ def test_a_stuck_encoder_is_found_when_the_joint_moves(client: BridgeClient) -> 
 @pytest.mark.pace('keep_up')
 def test_some_bad_frames_are_counted_only(client: BridgeClient) -> None:
     assert client.set_parameters(fault='bit_errors:1:0:0.1') == []
-    client.wait_for(lambda: int(client.diagnostics['arm']['board1 bad frames']) > 50)
+    client.wait_for(lambda: int(client.diagnostics.get('arm', {}).get('board1 bad frames', 0)) > 50)
     assert client.modes[-1] == 'ready'
     assert client.diagnostics['arm']['board0 bad frames'] == '0'
 

@@ -1,13 +1,14 @@
 """The planner as a process, fed with states and goals by this one."""
 
 import json
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-import rclpy
 from geometry_msgs.msg import PointStamped
+from quick_spinning import spin_once
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -51,15 +52,14 @@ class Desk:
         )
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        for k in range(3000):
-            if condition():
-                return
-            stamp = 10**9 + 10_000_000 * k
+        deadline, stamp = time.monotonic() + 120.0, 10**9
+        while not condition():
+            stamp += 10_000_000
             states = self._publishers[topics.JOINT_STATES.name]
             states.publish(self._codec.pack(stamp, START, self.dq, np.zeros(4)))
-            rclpy.spin_once(self.node, timeout_sec=0.02)
+            spin_once(self.node, 0.02)
             assert self.process.returncode is None, self.process.tail()
-        raise AssertionError(f'waited for {what}: {self.told}')
+            assert time.monotonic() < deadline, f'waited for {what}: {self.told}'
 
     def ask(self, topic: topics.Topic, message: object) -> dict:
         """Return what came of a goal."""

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from quick_spinning import spin_until
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_ros.nodes import px4_imu
-from aerarm_ros.ros.executors.spinning import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.states.state_stream import to_imu_sample
 
@@ -57,7 +57,7 @@ def test_a_silent_autopilot_is_a_warning(ros_node: Node, tmp_path: Path) -> None
     topic = topics.DIAGNOSTICS
     ros_node.create_subscription(topic.type, topic.name, store, topic.qos)
     with NodeProcess('px4_imu', (), {}, environment, tmp_path / 'log') as node:
-        assert spin_until(ros_node, lambda: found, 30.0), node.tail()
+        assert spin_until(ros_node, lambda: found, 60.0), node.tail()
         assert node.stop(signal.SIGHUP) == 0
     assert found[0].level == DiagnosticStatus.WARN
     assert found[0].name == '/px4_imu: px4_imu'

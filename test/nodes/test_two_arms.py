@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import rclpy
 from bridge_client import BridgeClient
+from forked_executable import run
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -52,6 +53,7 @@ class HeardArm:
 
     def go(self, posture: np.ndarray) -> None:
         """Send the arm to a posture [rad]."""
+        self.bridge.wait_for(lambda: self._set_points.get_subscription_count() > 0)
         names = list(self.bridge.states[-1].name)
         self._set_points.publish(JointState(name=names, position=posture.tolist()))
 
@@ -107,6 +109,7 @@ def test_two_arms_are_one_tree_and_each_moves_alone(nodes: NamespacedNodes, tmp_
     left.bridge.wait_for_mode('running')
     right.bridge.wait_for_mode('ready')
     for side in (left, right):
+        side.bridge.wait_for(lambda side=side: bool(side.bridge.states and side.bridge.motors))
         names = [f'{side.name}_{joint}' for joint in JOINTS]
         assert list(side.bridge.states[-1].name) == names
         assert list(side.bridge.motors[-1].name) == names
@@ -125,7 +128,7 @@ def test_two_arms_are_one_tree_and_each_moves_alone(nodes: NamespacedNodes, tmp_
     assert re.search(r"joints \['left_joint1', .*missing.*one config, urdf and tf_prefix", told)
 
     # Files name joints and links as the arm's own files do, so that either arm can use them.
-    assert drawing.wait(30.0) == 1
+    assert drawing.wait(120.0) == 1
     assert 'there is no arm_mode' in nodes.log('nowhere', 'excitation')
     assert TrajectoryFile.load(saved).joint_names == JOINTS
 
@@ -138,7 +141,10 @@ def drawn(tmp_path: Path) -> dict[str, object]:
     return {'excitation_config': config, 'wait_timeout': 0.1}
 
 
-def test_what_cannot_stand_before_names_ends_a_node_with_one_line(nodes: NamespacedNodes) -> None:
-    assert nodes.start('left', 'fake_hardware', '/left').wait(30.0) != 0
-    (line,) = nodes.log('left', 'fake_hardware').splitlines()
+def test_what_cannot_stand_before_names_ends_a_node_with_one_line(
+    ros_domain: dict[str, str],
+) -> None:
+    done = run('fake_hardware', parameters={'tf_prefix': '/left'})
+    assert done.returncode == 1
+    (line,) = (done.stderr + done.stdout).splitlines()
     assert "tf_prefix '/left' cannot stand before names" in line

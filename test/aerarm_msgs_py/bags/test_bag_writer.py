@@ -114,7 +114,7 @@ def test_a_killed_writer_leaves_a_bag_that_opens(tmp_path: Path) -> None:
 
 def _wait_until_stored(directory: Path, count: int) -> None:
     """Wait for the writer's thread, whose metadata says what it has stored."""
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 60.0
     while time.monotonic() < deadline:
         metadata = directory / 'metadata.yaml'
         content = yaml.safe_load(metadata.read_text()) if metadata.exists() else None

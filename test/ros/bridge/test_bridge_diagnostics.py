@@ -45,7 +45,7 @@ class Listener:
         )
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
-        end = time.monotonic() + 20.0
+        end = time.monotonic() + 60.0
         while not condition():
             assert time.monotonic() < end
             self._executor.spin_once(timeout_sec=0.05)

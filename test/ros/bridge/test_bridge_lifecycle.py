@@ -1,12 +1,10 @@
 """The managed node: configure, activate, deactivate, cleanup, shutdown by a lifecycle client."""
 
-import rclpy
 from bridge_client import BridgeClient, StartBridge, velocity_command
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from quick_spinning import spin_until
 from rclpy.node import Node
-
-from aerarm_ros.ros.executors.spinning import spin_until
 
 
 class Lifecycle:
@@ -16,14 +14,14 @@ class Lifecycle:
         self._node = node
         self._change = node.create_client(ChangeState, f'{name}/change_state')
         self._state = node.create_client(GetState, f'{name}/get_state')
-        assert self._change.wait_for_service(20.0)
-        assert self._state.wait_for_service(20.0)
+        assert self._change.wait_for_service(60.0)
+        assert self._state.wait_for_service(60.0)
         # An answer to a client that the node has not discovered yet is lost: ask until one
         # comes. Clients are discovered in the order in which they were made.
         answers = 0
         while not answers:
             future = self._state.call_async(GetState.Request())
-            rclpy.spin_until_future_complete(node, future, timeout_sec=1.0)
+            spin_until(node, future.done, 1.0)
             answers += future.done()
 
     def trigger(self, transition: int) -> bool:
@@ -36,8 +34,7 @@ class Lifecycle:
 
     def _call(self, client, request):
         future = client.call_async(request)
-        rclpy.spin_until_future_complete(self._node, future, timeout_sec=20.0)
-        assert future.result() is not None
+        assert spin_until(self._node, future.done, 60.0)
         return future.result()
 
 
@@ -77,7 +74,7 @@ def test_all_transitions(start_bridge: StartBridge, ros_node: Node) -> None:
     assert lifecycle.trigger(Transition.TRANSITION_ACTIVATE)
     client.make_ready()
     assert lifecycle.trigger(Transition.TRANSITION_ACTIVE_SHUTDOWN)
-    assert process.wait(20.0) == 0
+    assert process.wait(60.0) == 0
     assert 'Traceback' not in process.tail(100)
 
 
@@ -91,12 +88,12 @@ def test_what_is_wrong_when_configuring_is_reported(
     assert 'not configured' in process.tail()
     assert '/nowhere/arm.yaml' in process.tail()
     assert lifecycle.trigger(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
-    assert process.wait(20.0) == 0
+    assert process.wait(60.0) == 0
 
 
 def test_what_ends_the_process_is_said_once(start_bridge: StartBridge) -> None:
     process = start_bridge(config='/nowhere/arm.yaml')
-    assert process.wait(20.0) == 1
+    assert process.wait(60.0) == 1
     assert process.tail().count('/nowhere/arm.yaml') == 1
     assert 'fake_hardware: not configured: ' in process.tail()
 
@@ -133,7 +130,7 @@ def test_the_second_configuration_leaves_one_drone(
     lifecycle = Lifecycle(ros_node)
     for _ in range(2):
         assert lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
-        assert spin_until(ros_node, lambda: ros_node.count_publishers('imu') > 0, 20.0)
+        assert spin_until(ros_node, lambda: ros_node.count_publishers('imu') > 0, 60.0)
         assert ros_node.count_publishers('imu') == 1
         assert lifecycle.trigger(Transition.TRANSITION_CLEANUP)
-        assert spin_until(ros_node, lambda: ros_node.count_publishers('imu') == 0, 20.0)
+        assert spin_until(ros_node, lambda: ros_node.count_publishers('imu') == 0, 60.0)

@@ -1,3 +1,4 @@
+from quick_spinning import spin_until
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
@@ -5,7 +6,6 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.ros.bridge.bridge_services import BridgeServices
 from aerarm_ros.ros.bridge.cycle_requests import Action
-from aerarm_ros.ros.executors.spinning import spin_until
 
 
 def late(action: Action, is_stop: bool) -> Answer:
@@ -15,9 +15,9 @@ def late(action: Action, is_stop: bool) -> Answer:
 def test_a_cycle_that_does_not_answer_is_said_with_where_to_look(ros_node: Node) -> None:
     BridgeServices(ros_node, late, {'disable': BridgeCycle.disable})
     client = ros_node.create_client(Trigger, '~/disable')
-    assert client.wait_for_service(20.0)
+    assert client.wait_for_service(60.0)
     answer = client.call_async(Trigger.Request())
-    assert spin_until(ros_node, answer.done, 20.0)
+    assert spin_until(ros_node, answer.done, 60.0)
     assert not answer.result().success
     expected = 'the cycle did not answer: see the console of the bridge, or view'
     assert answer.result().message == expected

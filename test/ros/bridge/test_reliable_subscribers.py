@@ -7,13 +7,13 @@ import time
 
 import numpy as np
 from bridge_client import BridgeClient, StartBridge
+from quick_spinning import spin_until
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
 
 from aerarm_msgs_py import topics
 from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams
-from aerarm_ros.ros.executors.spinning import spin_until
 from aerarm_ros.ros.process.node_process import ros_environment
 
 SUBSCRIBER = """

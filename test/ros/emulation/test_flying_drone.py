@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rclpy
 from controller_bench import ControllerBench
+from forked_executable import run
 from nav_msgs.msg import Odometry
+from quick_spinning import spin_once
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 
@@ -102,7 +103,7 @@ def test_commands_that_are_not_its_own_leave_it_where_it_is_held(bench: DroneBen
     ):
         for _ in range(3):
             bench.rotors.publish(command)
-            rclpy.spin_once(bench.node, timeout_sec=0.05)
+            spin_once(bench.node, 0.05)
         bench.wait(
             lambda reason=reason: reason in bench.log,
             reason,
@@ -112,14 +113,14 @@ def test_commands_that_are_not_its_own_leave_it_where_it_is_held(bench: DroneBen
     bench.wait(lambda: any('rejected: rotor_command' in text for text in bench.problems), 'a word')
 
 
-def test_a_weak_drone_and_two_kinds_of_base_are_refused(tmp_path: Path, ros_node: Node) -> None:
+def test_a_weak_drone_and_two_kinds_of_base_are_refused(
+    tmp_path: Path, ros_domain: dict[str, str]
+) -> None:
     for parameters, reason in (
         ({'drone_file': tmp_path / 'none.yaml'}, 'No such file'),
         ({'drone_file': DRONE, 'base_motion_profile': 'moving'}, 'leave one of the two out'),
         ({'drone_file': DRONE, 'imu_noise': [0.1]}, 'imu_noise has 1 numbers, not 2'),
     ):
-        log = tmp_path / 'log'
-        with NodeProcess('fake_hardware', (), parameters, log=log) as process:
-            process.wait(30.0)
-            assert process.returncode == 1
-        assert reason in log.read_text()
+        done = run('fake_hardware', parameters=parameters)
+        assert done.returncode == 1
+        assert reason in done.stderr + done.stdout

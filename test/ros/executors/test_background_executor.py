@@ -16,7 +16,7 @@ def test_serves_the_node_while_the_main_thread_is_busy(ros_node: Node) -> None:
     with BackgroundExecutor(ros_node):
         future = client.call_async(GetParameters.Request(names=['gain']))
         future.add_done_callback(lambda _: answered.set())
-        end = time.monotonic() + 20.0
+        end = time.monotonic() + 60.0
         while not answered.is_set() and time.monotonic() < end:
             sum(range(1000))
     assert future.result().values[0].double_value == 2.5

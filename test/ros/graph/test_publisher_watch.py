@@ -30,7 +30,7 @@ class WatchedTopic:
         self.watch = PublisherWatch(node, TOPIC, self._on_names)
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
-        end = time.monotonic() + 20.0
+        end = time.monotonic() + 60.0
         while not condition():
             assert time.monotonic() < end, (self.names, self.watch.problems)
             self.watch.poll()

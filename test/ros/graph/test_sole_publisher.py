@@ -14,7 +14,7 @@ def publish(name: str) -> Node:
 
 
 def wait_for(condition) -> None:
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 60.0
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.01)

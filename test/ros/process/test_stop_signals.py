@@ -131,7 +131,7 @@ def test_a_crash_ends_it_all_the_same() -> None:
     ):
         script = SCRIPT.replace('for line', f'import ctypes, os; {crash}\n    for line')
         stopped = Stopped(script=script)
-        assert stopped.process.wait(20.0) == -number
+        assert stopped.process.wait(60.0) == -number
         end(stopped)
 
 
