@@ -27,7 +27,7 @@ from aerarm_ros.ros.controllers.trajectory_input import read_trajectory
 from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.executors.spinning import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
-from aerarm_ros.ros.requests.arm_client import ArmClient
+from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 from aerarm_ros.ros.requests.parameter_request import set_parameter
 
 LEAD = 1.0  # [s] from a message to its motion
@@ -70,7 +70,7 @@ class EnergyBench:
         self.refused: list[str] = []
         self._told: list[dict] = []
         self._sent: list[JointTrajectory] = []
-        self._start(stack, 'fake_hardware', {'seed': arm.seed, 'pace': 'lockstep'})
+        self._bridge = self._start(stack, 'fake_hardware', {'seed': arm.seed, 'pace': 'lockstep'})
         law = {**arm.law, 'observer_gain': 0.0, 'friction_width': 0.004}
         self._start(stack, 'computed_torque', law)
         self._planner = self._start(stack, 'motion_planner', {**arm.law, 'lead': LEAD})
@@ -167,7 +167,10 @@ class EnergyBench:
     def _wait_for(self, end: float) -> None:
         while self._now() < end + SETTLE + 0.05:
             time.sleep(0.05)  # to look at every state would take a share of a core
-        self._client.wait_for_mode(['running'], 20.0)
+        try:
+            self._client.wait_for_mode(['running'], 20.0)
+        except ArmClientError as error:
+            raise SystemExit(f'energy: {error}\n{self._bridge.tail(5)}') from error
 
     def _now(self) -> float:
         return self._states.next().stamp_ns * 1e-9
