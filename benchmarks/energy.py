@@ -15,7 +15,8 @@ import os
 import shutil
 import sys
 import tempfile
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
@@ -65,31 +66,40 @@ def play(bench: EnergyBench, planner: MotionPlanner, pairs: list[tuple[int, Move
         print(f'moves {2 * number} and {2 * number + 1} of {move.duration:.2f} s', flush=True)
 
 
-def measure(folder: Path, node: Node, options: argparse.Namespace) -> tuple[list[Taken], list[str]]:
-    """Return results of all moves, and refusals."""
-    make = ArmModel.identified if options.model == 'identified' else None
-    arm = make(node, folder, options.arm_seed) if make else ArmModel.true()
+@contextmanager
+def bench_node() -> Iterator[Node]:
+    """Give a node that hears nothing of what another one listened to."""
+    node = rclpy.create_node('bench')
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+
+
+def measure(folder: Path, options: argparse.Namespace) -> Iterator[tuple[list[Taken], list[str]]]:
+    """Give the results of some moves after the other, and refusals."""
+    arm = ArmModel.true()
+    if options.model == 'identified':
+        with bench_node() as node:
+            arm = ArmModel.identified(node, folder, options.arm_seed)
     model, planner = known(arm)
     low, high = planner.limits.position_min, planner.limits.position_max
     drawn = draw_moves(planner, low, high, options.seed, options.durations)
-    pairs = list(enumerate(islice(drawn, (options.moves + 1) // 2)))
-    results: list[Taken] = []
-    refused: list[str] = []
+    pairs = list(enumerate(islice(drawn, (options.moves + 1) // 2)))[options.first // 2 :]
     for first in range(0, len(pairs), BATCH):
         part = folder / f'part_{first // BATCH}'
         part.mkdir()
-        with ExitStack() as stack:
+        with bench_node() as node, ExitStack() as stack:
             bench = EnergyBench(stack, node, part, arm, model)
             play(bench, planner, pairs[first : first + BATCH])
-            results += bench.results()
-            refused += bench.refused
+            yield bench.results(), bench.refused
         shutil.rmtree(part / 'bag')
-    return results, refused
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--moves', type=int, default=4, help='how many, an even number')
+    parser.add_argument('--first', type=int, default=0, help='how many of them are left out')
     parser.add_argument('--seed', type=int, default=1, help='of the moves')
     parser.add_argument('--durations', type=float, nargs=2, default=[2.0, 4.0], help='[s]')
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
@@ -100,11 +110,16 @@ def main() -> int:
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     if options.out:
         options.out.mkdir(parents=True, exist_ok=True)
+    results: list[Taken] = []
+    refused: list[str] = []
     rclpy.init(args=[])
-    node = rclpy.create_node('bench')
     with tempfile.TemporaryDirectory() as folder:
-        results, refused = measure(Path(folder), node, options)
-    node.destroy_node()
+        for part, reasons in measure(Path(folder), options):
+            results += part
+            refused += reasons
+            if options.out:  # what is measured is kept, whatever comes
+                rows = {'moves': [asdict(one) for one in results], 'refused': refused}
+                (options.out / 'energy.json').write_text(json.dumps(rows))
     rclpy.shutdown()
     found = figures(results)
     standby = load_arm_config().power_stage.standby
@@ -118,8 +133,6 @@ def main() -> int:
     if options.out:
         written = energy_page(found, standby, PACK, note, refused)
         (options.out / 'energy.html').write_text(written, encoding='utf-8')
-        rows = [asdict(one) for one in results]
-        (options.out / 'energy.json').write_text(json.dumps({'moves': rows, 'refused': refused}))
         print(f'Page      {options.out / "energy.html"}')
     return 0
 
