@@ -190,9 +190,18 @@ def test_says_how_much_was_damped(tmp_path: Path, environment, allowed, expected
     assert ('not the motion that was planned' in log) == (expected == 1)
 
 
+def run_until_it_hears_the_mode(tmp_path: Path, **parameters: object) -> tuple[int, str]:
+    """Return how it ends, given more time where a busy machine did not let it hear the arm."""
+    for seconds in (3, 15, 60):
+        status, log = run(tmp_path, wait_timeout=seconds, **parameters)
+        if "arm_mode is '" in log:
+            break
+    return status, log
+
+
 def test_says_what_it_waits_for(tmp_path: Path, environment) -> None:
     with ideal_arm(tmp_path, environment, '--mode', 'idle'):
-        status, log = run(tmp_path, wait_timeout=3, subscribers=2, wait_for_recorder=True)
+        status, log = run_until_it_hears_the_mode(tmp_path, subscribers=2, wait_for_recorder=True)
     assert status == 1
     assert "arm_mode is 'idle': run 'arm enable'" in log
     assert log.count('waiting: ') == 1
@@ -211,7 +220,7 @@ def test_starts_only_from_an_arm_that_is_held(
     tmp_path: Path, environment, mode: str, advice: str
 ) -> None:
     with ideal_arm(tmp_path, environment, '--mode', mode) as seen:
-        status, log = run(tmp_path, wait_timeout=3)
+        status, log = run_until_it_hears_the_mode(tmp_path)
     assert status == 1
     assert f"arm_mode is '{mode}': " in log
     assert advice in log

@@ -87,9 +87,8 @@ def drive(viewer: Viewer) -> None:
     viewer.set(STOP, True)
     wait('fault')
     assert '>STOPPED</b>' in viewer.text()
+    viewer.listen(lambda: 'To recover' in viewer.text(), PATIENCE)  # diagnostics come each second
     while mode(viewer) != 'ready':
-        if mode(viewer) == 'fault':
-            assert 'To recover' in viewer.text()
         if viewer.button('Next step'):
             viewer.set('Next step', True)
         elif viewer.button('Enable'):
