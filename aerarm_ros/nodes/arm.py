@@ -48,6 +48,7 @@ _PROGRAMS = {
     'record': ('recorder', 'bag', 'NAME', 'record a bag of that name, until Ctrl-C'),
 }
 _INIT = 'write a first configuration of an arm from its URDF'
+_TIMEOUT = 20.0  # [s]
 _STOP_TIMEOUT = 3.0  # [s]
 
 
@@ -143,19 +144,23 @@ def make_parser() -> argparse.ArgumentParser:
         epilog=f'{NAME} COMMAND --help tells more, as in: {NAME} enable --wait-before idle --wait '
         f"ready; {NAME} go 0 1.57 0 0; {NAME} set computed_torque kp '[900.0]'",
     )
-    common = argparse.ArgumentParser(add_help=False)
-    common.add_argument('--timeout', type=positive_number, default=20.0, help='for each step [s]')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
 
     def add(name: str, meaning: str, make_request: MakeRequest) -> argparse.ArgumentParser:
-        command = commands.add_parser(name, help=meaning, description=meaning, parents=[common])
+        command = commands.add_parser(name, help=meaning, description=meaning)
         command.set_defaults(make_request=make_request)
+        # Who needs a stop waits for no discovery of a bridge that is not there.
+        timeout = _STOP_TIMEOUT if name == 'e_stop' else _TIMEOUT
+        command.add_argument(
+            '--timeout',
+            type=positive_number,
+            default=timeout,
+            help=f'for each step [s] (default: {timeout:g})',
+        )
         return command
 
     for name in (*ACTIONS, 'put_back'):
         _add_waits(add(name, _MEANING[name], _action))
-    # Who needs it waits for no discovery of a bridge that is not there.
-    commands.choices['e_stop'].set_defaults(timeout=_STOP_TIMEOUT)
     command = add('go', 'let the controller that runs move the arm to a posture', _go)
     command.add_argument('angle', type=finite_number, nargs='+', help='of each joint in turn [rad]')
     command.add_argument(

@@ -7,6 +7,7 @@ from pathlib import Path
 from forked_executable import run
 from rclpy.node import Node
 
+from aerarm_ros.nodes.arm import make_parser
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
@@ -132,6 +133,12 @@ def test_without_a_bridge_it_says_what_to_check(ros_domain: dict[str, str], tmp_
     assert f'is a bridge running in {domain}' in text
     status, text = ask('e_stop', '--timeout', '0.1')
     assert (status, 'waiting' in text) == (1, False)
+
+
+def test_only_who_needs_a_stop_gives_up_soon() -> None:
+    asked = {name: make_parser().parse_args([name]).timeout for name in ('enable', 'hold', 'home')}
+    assert asked == {'enable': 20.0, 'hold': 20.0, 'home': 20.0}
+    assert make_parser().parse_args(['e_stop']).timeout == 3.0
 
 
 def test_what_other_executables_do_is_done_by_them(tmp_path: Path) -> None:
