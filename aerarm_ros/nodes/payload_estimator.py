@@ -2,27 +2,29 @@
 
 From joint_states at 1 kHz it tells fifty times a second, on `payload`, what the last link carries
 beyond `payload.inertial_parameters`, and on `joint_friction` what friction is by now. It starts
-with an arm that carries nothing else, and needs a second of motion of it.
+with an arm that carries nothing else, and needs a second of motion of it. With --bag DIR it goes
+through bags and listens to nothing; --bag DIR --help lists what it takes then.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import fields
 
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.base_motion_estimator import NONE
 from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.online.estimator_settings import EstimatorSettings
-from aerarm_ros.online.online_estimate import OnlineEstimate
+from aerarm_ros.online.online_estimate import FRICTION_NAMES, OnlineEstimate
 from aerarm_ros.online.payload_estimator import PayloadEstimator
 from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, one_or_each
+from aerarm_ros.ros.controllers.estimator_parameters import (
+    ESTIMATOR_PARAMETERS,
+    estimator_settings,
+)
 from aerarm_ros.ros.controllers.inertia_message import inertia_message
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
-from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.arm_modes import HELD
 from aerarm_ros.ros.states.base_header import base_header
@@ -31,27 +33,9 @@ NAME = 'payload_estimator'
 
 # [s] after the motors hold the arm, in which whoever carried it lets it go.
 _LET_GO = 1.0
-_FRICTION = ('viscous [Nms/rad]', 'Coulomb [Nm]', 'load')
+_REPLAY = '--bag'
 
-PARAMETERS = state_node_parameters(
-    Parameter('payload_mass', 0.5, 'what may be picked up, as a standard deviation', 'kg', 1e-3,
-              50.0),
-    Parameter('payload_size', 0.15, "distance of its parts from the last joint, as one", 'm', 0.01,
-              2.0),
-    Parameter('tare_mass', 0.01, "by what the arm's model may be wrong at its last link, as a "
-              'standard deviation', 'kg', 1e-4, 10.0),
-    Parameter('friction_spread', 0.3, 'by what friction may be another than the model says, as a '
-              'relative standard deviation', '', 0.01, 2.0),
-    Parameter('torque_noise', 0.02, 'RMS torque that the model leaves unexplained, until it is '
-              'measured', 'Nm', 1e-4, 10.0),
-    Parameter('correlation_time', 0.1, 'for how long an error of the model stays what it is', 's',
-              0.02, 10.0),
-    Parameter('bandwidth', 30.0, 'of the low-passes on the equation of motion', '1/s', 5.0, 100.0),
-    Parameter('memory', 30.0, 'in which the payload is forgotten where motion tells nothing of it',
-              's', 1.0, 3600.0),
-    Parameter('friction_memory', 120.0, 'the same of friction', 's', 1.0, 36000.0),
-    *ENERGY_PARAMETERS,
-)  # fmt: skip
+PARAMETERS = state_node_parameters(*ESTIMATOR_PARAMETERS, *ENERGY_PARAMETERS)
 
 
 class PayloadEstimatorNode(StateNode):
@@ -71,15 +55,12 @@ class PayloadEstimatorNode(StateNode):
                 "while it flies, give base_motion 'free'"
             )
         self.base = self.arm.measured_base(values)
-        settings = EstimatorSettings(
-            **{field.name: getattr(values, field.name) for field in fields(EstimatorSettings)}
-        )
         self._estimator = PayloadEstimator(
             self.arm.dynamics(values),
             self.arm.robot.viscous,
             self.arm.robot.coulomb,
             one_or_each(values.load_friction),
-            settings,
+            estimator_settings(values),
         )
         self._mode = ''
         self._held_since: float | None = None
@@ -91,7 +72,7 @@ class PayloadEstimatorNode(StateNode):
         n, names = self.arm.robot.n, self.arm.config.joint_names
         self._layout = MultiArrayLayout(
             dim=[
-                MultiArrayDimension(label=', '.join(_FRICTION), size=3, stride=3 * n),
+                MultiArrayDimension(label=', '.join(FRICTION_NAMES), size=3, stride=3 * n),
                 MultiArrayDimension(label='joint: ' + ' '.join(names), size=n, stride=n),
             ]
         )
@@ -118,7 +99,7 @@ class PayloadEstimatorNode(StateNode):
         estimate = self._estimator.estimate
         if estimate is None:
             return {**told, 'carries': 'not known yet'}
-        payload, friction = estimate.payload, zip(_FRICTION, estimate.friction, strict=True)
+        payload, friction = estimate.payload, zip(FRICTION_NAMES, estimate.friction, strict=True)
         told['carries'] = 'a payload' if estimate.carries else 'nothing'
         told['standard deviation of the mass [kg]'] = round(float(payload.std[0]), 5)
         if estimate.carries:
@@ -156,7 +137,13 @@ class PayloadEstimatorNode(StateNode):
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
+    """Run the node, or go through bags: 0, 2 if there is something to check, 130 if stopped."""
+    given = list(sys.argv[1:] if args is None else args)
+    if any(argument.split('=')[0] == _REPLAY for argument in given):
+        # Only now: the node does without the libraries that read bags.
+        from aerarm_ros.ros.programs.payload_replay import replay
+
+        return replay(NAME, given)
     return run_node(NAME, PayloadEstimatorNode, args, PARAMETERS, __doc__)
 
 

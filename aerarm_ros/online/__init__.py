@@ -15,8 +15,10 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'estimator_settings': ['EstimatorSettings'],
         'filtered_motion': ['FilteredMotion', 'MotionRow'],
         'information_filter': ['InformationFilter'],
+        'known_arm': ['KnownArm'],
         'online_estimate': ['OnlineEstimate'],
         'payload_estimator': ['PayloadEstimator'],
         'payload_hand_over': ['PayloadHandOver'],
+        'replay': ['LoadChange', 'Replay'],
     },
 )

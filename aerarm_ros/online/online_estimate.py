@@ -10,6 +10,9 @@ from aerarm_ros.model.inertia import PARAMETER_NAMES
 
 Array = npt.NDArray[np.float64]
 
+FRICTION_NAMES = ('viscous [Nms/rad]', 'Coulomb [Nm]', 'load')
+"""Of the rows of `OnlineEstimate.friction`."""
+
 _UNKNOWN = 0.5  # of the prior's standard deviation
 
 

@@ -13,7 +13,7 @@ from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.online.change_test import ChangeTest
 from aerarm_ros.online.effort_watch import EffortWatch
 from aerarm_ros.online.estimator_settings import EstimatorSettings
-from aerarm_ros.online.filtered_motion import WINDOW, FilteredMotion, MotionRow
+from aerarm_ros.online.filtered_motion import FilteredMotion, MotionRow
 from aerarm_ros.online.information_filter import Belief, InformationFilter
 from aerarm_ros.online.nearest_body import SPECK, ball, nearest_body
 from aerarm_ros.online.online_estimate import OnlineEstimate
@@ -21,10 +21,9 @@ from aerarm_ros.online.online_estimate import OnlineEstimate
 Array = npt.NDArray[np.float64]
 
 PERIOD = 0.02
-"""[s] between estimates."""
+"""[s] between estimates, at least."""
 # A longer silence [s] may hide anything.
 _LONGEST_GAP = 0.05
-_WINDOWS = round(PERIOD / WINDOW)
 _TARE, _LOAD = slice(0, 10), slice(10, 20)
 _UNDONE = 0.3  # [s] before a change was found, it may have happened
 _SETTLING = 0.15  # [s] after a change was found, in which the filter still holds what was before
@@ -99,12 +98,12 @@ class PayloadEstimator:
         self._efforts = EffortWatch(dynamics.robot.joint_names)
         self._change = ChangeTest()
         # An error that stays for a while is one error, not one a period.
-        self._repeated = 2.0 * s.correlation_time / PERIOD
+        self._repeated = 2.0 * s.correlation_time
         self.estimate: OnlineEstimate | None = None
         self.changes = 0
         self._last: float | None = None
         self._noise = np.full(known.n, s.torque_noise**2)
-        self._windows = 0
+        self._period, self._elapsed = PERIOD, 0.0
         self._start_anew()
 
     @property
@@ -145,18 +144,19 @@ class PayloadEstimator:
         if self._efforts.problem:
             self._motion.reset()
             return None
+        self._elapsed += now - last
         if not self._motion.update(state, now - last, self._still if base is None else base):
             return None
-        self._windows += 1
-        if self._windows < _WINDOWS or not self._motion.is_settled:
+        if self._elapsed < PERIOD - 1e-4 or not self._motion.is_settled:
             return None
-        self._windows = 0
+        # States that come more seldom than 200 times a second make longer periods.
+        self._period, self._elapsed = min(self._elapsed, _LONGEST_GAP + PERIOD), 0.0
         return self._learn(self._motion.row(), now)
 
     def pause(self) -> None:
         """Say that states, or what is known of the base, are missing: what is known stays."""
         self._motion.reset()
-        self._windows = 0
+        self._elapsed = 0.0
         self._last = None
 
     def _start_anew(self) -> None:
@@ -166,7 +166,7 @@ class PayloadEstimator:
         self._fault = ''
         self._bare_time = 0.0
         self._quiet = 0.0
-        self._windows = 0
+        self._elapsed = 0.0
         self._history: deque[Belief] = deque(maxlen=round(_UNDONE / PERIOD))
         self._change.reset()
 
@@ -207,9 +207,9 @@ class PayloadEstimator:
     def _take(self, rows: Array, row: MotionRow, error: Array, now: float) -> None:
         variance = self._noise + row.doubt**2
         large = error**2 / (_LARGEST**2 * variance)
-        variance = self._repeated * variance * np.maximum(1.0, large)
+        variance = self._repeated / self._period * variance * np.maximum(1.0, large)
         if (row.doubt**2 < self._noise).any():
-            self._bare_time += PERIOD
+            self._bare_time += self._period
         self._history.append(self._filter.belief)
         self._filter.update(rows, row.torque, variance, self._kept(now))
 
@@ -219,14 +219,14 @@ class PayloadEstimator:
         if now - self._phase.since < _FAST:
             return kept
         # While something is carried nothing is learnt of the arm without.
-        kept[_LOAD if self._phase.carries else _TARE] = np.exp(-PERIOD / s.memory)
-        kept[20:] = np.exp(-PERIOD / s.friction_memory)
+        kept[_LOAD if self._phase.carries else _TARE] = np.exp(-self._period / s.memory)
+        kept[20:] = np.exp(-self._period / s.friction_memory)
         return kept
 
     def _measure_noise(self, error: Array, rows: Array, row: MotionRow) -> None:
         """Follow the torque that stays unexplained, where its friction is known."""
         square = np.minimum(error**2, _LARGEST**2 * self._noise)
-        share = np.where(row.doubt**2 > 0.1 * self._noise, 0.0, PERIOD / _NOISE_TIME)
+        share = np.where(row.doubt**2 > 0.1 * self._noise, 0.0, self._period / _NOISE_TIME)
         least = (_LEAST_NOISE * self.settings.torque_noise) ** 2
         self._noise = np.maximum(self._noise + share * (square - self._noise), least)
 
@@ -254,7 +254,7 @@ class PayloadEstimator:
         bare = rows.copy()
         bare[:, _LOAD] = 0.0
         _, square = self._innovation(bare, row)
-        self._quiet = self._quiet + PERIOD if square < 3.0 else 0.0
+        self._quiet = self._quiet + self._period if square < 3.0 else 0.0
         if self._quiet >= 2.5 * PERIOD:
             self._begin(False, now)
         elif now - self._found > _DECISION:
@@ -271,7 +271,7 @@ class PayloadEstimator:
     def _look_again(self, rows: Array, row: MotionRow) -> None:
         """Begin anew once the arm without payload explains what is felt."""
         _, square = self._innovation(rows, row)
-        self._quiet = self._quiet + PERIOD if square < 3.0 else 0.0
+        self._quiet = self._quiet + self._period if square < 3.0 else 0.0
         if self._quiet > 1.0:
             self._start_anew()
 

@@ -32,6 +32,7 @@ _LATE = (
     'aerarm_ros.ros.programs.identifier_compare',
     'aerarm_ros.ros.programs.identifier_payload',
     'aerarm_ros.ros.programs.identifier_run',
+    'aerarm_ros.ros.programs.payload_replay',
 )
 _servers: list[subprocess.Popen[str]] = []
 

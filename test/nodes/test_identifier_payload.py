@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from emulated_bag import record_excitation
+from forked_executable import run as run_executable
 from identifier_process import identifier
 
 from aerarm_ros.description.arm_config import load_arm_config
@@ -70,6 +71,18 @@ def test_from_one_motion_with_the_arm_as_it_was_identified(
     alone, both = check(out / 'payload.yaml'), check(run / 'payload.yaml')
     assert alone['mass'] == pytest.approx(both['mass'], rel=5e-3)
     assert json.loads((out / 'summary.json').read_text())['payload']['mass'] == alone['mass']
+    # The estimator that learns while an arm works, over the same bags.
+    bare, loaded, online = bags / 'without', bags / 'with', tmp_path / 'online'
+    done = run_executable(
+        *('payload_estimator', '--bag', bare, loaded),
+        *('--model', run / 'estimate.yaml', '--out', online),
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.search(r'^with: .* picked up at 0\.', done.stdout, re.M)
+    told = check(online / 'payload.yaml')
+    for name, std in (('inertial_parameters', 'standard_deviation'),
+                      ('centre', 'centre_standard_deviation')):  # fmt: skip
+        assert (np.abs(np.subtract(told[name], alone[name])) < told[std]).all()
 
 
 @pytest.mark.parametrize('model', [True, False])

@@ -11,6 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'controller_node': ['ControllerNode'],
         'controller_parameters': ['ControlledArm'],
+        'estimator_parameters': ['ESTIMATOR_PARAMETERS', 'estimator_settings'],
         'load_topics': ['LOAD_PARAMETERS', 'LoadTopics'],
         'payload_intake': ['HAND_OVER_PARAMETERS', 'PayloadIntake'],
         'plan_topic': ['PlanTopic'],

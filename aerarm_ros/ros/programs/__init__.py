@@ -1,7 +1,7 @@
 """What the larger programs do once their command line is read: each run is an object.
 
-In come options of `identifier`, `excitation_designer`, `demo` or `arm init`; out go files, and text
-for a terminal.
+In come options of `identifier`, `payload_estimator --bag`, `excitation_designer`, `demo` or
+`arm init`; out go files, and text for a terminal.
 """
 
 import lazy_loader
@@ -21,5 +21,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'identifier_run': ['IdentifierRun'],
         'identifier_table': ['terminal_table'],
         'init_run': ['InitRun'],
+        'payload_replay': ['PayloadReplay'],
+        'recorded_arm': ['RecordedArm'],
     },
 )

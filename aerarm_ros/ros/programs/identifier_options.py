@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -188,15 +189,32 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
 )
 
 
+# Those that tell of the arm and of what its bags are like.
+_OF_ARM = (
+    *('--urdf', '--config', '--topic', '--rate', '--degrees', '--bag-ratio', '--bag-part'),
+    *('--tf-prefix', '--rename', '--lock', '--ignore', '--effort-gain', '--gravity'),
+)
+
+
 def identifier_parser(name: str, description: str) -> OneLineParser:
     """Return what reads the command line of a program of that name.
 
     The options it returns also say when they were read, as `started`.
     """
     parser = OneLineParser(prog=name, description=description.splitlines()[0])
-    for option, details, text in _OPTIONS:
-        # A list given twice adds up: the second one is no slip of which nobody would hear.
-        more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}
-        parser.add_argument(option, help=text, **more, **details)
+    _add_options(parser, [option for option, *_ in _OPTIONS])
     parser.set_defaults(started=time.localtime())
     return parser
+
+
+def add_arm_options(parser: OneLineParser) -> None:
+    """Let a program take what the identifier takes to describe the arm and its bags."""
+    _add_options(parser, _OF_ARM)
+
+
+def _add_options(parser: OneLineParser, wanted: Collection[str]) -> None:
+    for option, details, text in _OPTIONS:
+        if option in wanted:
+            # A list given twice adds up: the second one is no slip of which nobody would hear.
+            more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}
+            parser.add_argument(option, help=text, **more, **details)

@@ -36,7 +36,7 @@ class PayloadRun(IdentifierRun):
             raise IdentificationError('--verify judges an identified arm: give it without --model')
         default = Path('output') / time.strftime('payload_%Y%m%d_%H%M%S', options.started)
         with ResultDirectory(options.out or default, files=_FILES) as directory:
-            robot = self._robot
+            robot = self._arm.robot
             estimate = read_estimate(options.model, robot)
             if options.gravity is None:
                 robot = robot.with_gravity(read_gravity(options.model, robot))
@@ -54,7 +54,7 @@ class PayloadRun(IdentifierRun):
                 'payload': {'mass': payload.mass, 'mass_standard_deviation': float(payload.std[0])},
             }
             directory.write_json(MARKER, summary)
-            tell(self._bags.messages)
+            tell(self._arm.messages)
         tell_replaced(directory)
         return (
             f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg\n'

@@ -9,11 +9,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import numpy as np
-
-from aerarm_msgs_py.storage.read_limits import ReadLimits
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
 from aerarm_ros.identification.assessment.bag_energy import bag_energies
 from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.assessment.truth import inertial_torque_errors, load_truth
@@ -25,26 +20,15 @@ from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.parameters.link_bounds import LinkBounds
 from aerarm_ros.identification.payload.identify_payload import identify_payload
 from aerarm_ros.identification.payload.payload import Payload
-from aerarm_ros.identification.recording.bag_facts import BagFacts
 from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.recording.recording import (
-    JointMapping,
-    Recording,
-)
-from aerarm_ros.identification.recording.table_file import TABLES, TableOptions
+from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.report.report import ReportExtras
 from aerarm_ros.identification.solvers.solvers import FAST
 from aerarm_ros.identification.stopwatch import Stopwatch
-from aerarm_ros.ros.programs.identifier_bags import (
-    IdentifierBags,
-    RecordedBag,
-    bag_names,
-    repeated_bags,
-)
+from aerarm_ros.ros.programs.identifier_bags import repeated_bags
 from aerarm_ros.ros.programs.identifier_files import RESULT_FILES, write_result
 from aerarm_ros.ros.programs.identifier_table import terminal_table
-
-_MB = 2**20  # bytes
+from aerarm_ros.ros.programs.recorded_arm import RecordedArm, pair
 
 
 class IdentifierRun:
@@ -67,29 +51,7 @@ class IdentifierRun:
         if not 0.0 <= options.holdout < 1.0:
             raise IdentificationError(f'--holdout {options.holdout:g} must lie in 0 .. 1')
         paths: list[Path] = [*options.bag, *options.validation, *options.payload]
-        self._names = bag_names(paths)
-        tables = any(path.suffix.lower() in TABLES for path in paths)
-        if not tables and (options.degrees or options.rate is not None):
-            raise IdentificationError(
-                f'{"--degrees" if options.degrees else "--rate"} is for tables (.csv, .npz), and '
-                'there is none: bags say when, and are in rad'
-            )
-        self._config = self._load_config()
-        self._robot = self._load_robot()
-        mapping = JointMapping(
-            rename=dict(_pair(text, '--rename') for text in options.rename),
-            prefix=options.tf_prefix,
-            ignored=tuple(options.ignore),
-            locked=tuple(options.lock),
-            effort_gain={
-                joint: _number(gain, '--effort-gain')
-                for joint, gain in (_pair(text, '--effort-gain') for text in options.effort_gain)
-            },
-        )
-        limits = ReadLimits(_MB * options.bag_part, options.bag_ratio)
-        table = TableOptions(options.rate, options.degrees)
-        self._bags = IdentifierBags(options.topic, self._robot.joint_names, mapping, limits, table)
-        self._read_bags: dict[str, RecordedBag] = {}
+        self._arm = RecordedArm(options, paths)
         self._limits = read_limits(options.verify) if options.verify else {}
         self._verdict: Verdict | None = None
 
@@ -114,32 +76,18 @@ class IdentifierRun:
             payload = self._payload(result)
             self._write(result, payload, directory)
         tell_replaced(directory)
-        lines = [terminal_table(result, self._facts())]
+        lines = [terminal_table(result, self._arm.facts())]
         if payload is not None:
             lines.append(f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg')
         if self._verdict is not None:
             lines.append(self._verdict.text)
         return '\n'.join(lines) + f'\nReport: {directory.target / "report.html"}'
 
-    def _load_config(self) -> ArmConfig | None:
-        options = self._options
-        # Another arm's URDF says nothing about this package's motors.
-        if options.config is None and options.urdf is not None:
-            return None
-        return load_arm_config(options.config)
-
-    def _load_robot(self) -> Robot:
-        options = self._options
-        gravity = options.gravity
-        if gravity is None:
-            gravity = self._config.gravity_in_base if self._config else STANDARD_GRAVITY
-        return load_robot(options.urdf, gravity_in_base=gravity, locked=options.lock)
-
     def _read(self) -> tuple[list[Recording], list[Recording]]:
         with self._stopwatch.stage('reading'):
             identification = [self._recording(path) for path in self._options.bag]
             validation = [self._recording(path) for path in self._options.validation]
-        self._bags.messages += repeated_bags(self._options.bag, self._options.validation)
+        self._arm.messages += repeated_bags(self._options.bag, self._options.validation)
         share = self._options.holdout
         if share > 0.0:
             cut = 1.0 - share
@@ -149,13 +97,8 @@ class IdentifierRun:
         return identification, validation
 
     def _recording(self, path: Path) -> Recording:
-        name = self._names[path]
-        _progress(f'reading {name}')
-        self._read_bags[name] = self._bags.read(path, name)
-        return self._read_bags[name].recording
-
-    def _facts(self) -> dict[str, BagFacts]:
-        return {name: bag.facts for name, bag in self._read_bags.items()}
+        _progress(f'reading {self._arm.name(path)}')
+        return self._arm.recording(path)
 
     def _identify(
         self, identification: Sequence[Recording], validation: Sequence[Recording]
@@ -171,7 +114,7 @@ class IdentifierRun:
                 exact_stamps=options.exact_stamps,
             ),
             friction=options.friction,
-            coupled=tuple(_pair(text, '--coupled') for text in options.coupled),
+            coupled=tuple(pair(text, '--coupled') for text in options.coupled),
             solvers=tuple(options.solvers) or FAST,
             bounds=LinkBounds(
                 tuple(options.total_mass) if options.total_mass else None, options.bound_centres
@@ -181,9 +124,9 @@ class IdentifierRun:
             progress=lambda solver: _progress(f'solving by {solver}'),
         )
         result = identify(
-            self._robot, self._config, identification, validation, chosen, self._stopwatch
+            self._arm.robot, self._arm.config, identification, validation, chosen, self._stopwatch
         )
-        result.warnings[:0] = self._bags.messages
+        result.warnings[:0] = self._arm.messages
         tell(result.warnings)
         return result
 
@@ -191,11 +134,11 @@ class IdentifierRun:
         if not self._options.payload:
             return None
         _progress('identifying the payload')
-        known = len(self._bags.messages)
+        known = len(self._arm.messages)
         with self._stopwatch.stage('reading'):
             recordings = [self._recording(path) for path in self._options.payload]
-        tell(self._bags.messages[known:])
-        result.warnings.extend(self._bags.messages[known:])
+        tell(self._arm.messages[known:])
+        result.warnings.extend(self._arm.messages[known:])
         with self._stopwatch.stage('payload'):
             return identify_payload(result, recordings)
 
@@ -216,10 +159,10 @@ class IdentifierRun:
         directory.write_json(MARKER, summary)
 
     def _extras(self, result: IdentificationResult) -> ReportExtras:
-        bags = self._read_bags.items()
+        bags = self._arm.read.items()
         desired = {name: bag.desired for name, bag in bags if bag.desired is not None}
-        energy = bag_energies(self._config, result) if self._config else {}
-        extras = ReportExtras(desired, facts=self._facts(), energy=energy)
+        energy = bag_energies(self._arm.config, result) if self._arm.config else {}
+        extras = ReportExtras(desired, facts=self._arm.facts(), energy=energy)
         if self._options.truth is None:
             return extras
         truth = load_truth(self._options.truth, result.fit.model)
@@ -241,23 +184,6 @@ def tell_replaced(directory: ResultDirectory) -> None:
     """Say so if the result took the place of an earlier one."""
     if directory.replaced:
         tell([f'{directory.target}: an earlier result was replaced'])
-
-
-def _pair(text: str, option: str) -> tuple[str, str]:
-    left, equals, right = text.partition('=')
-    if not (left and equals and right):
-        raise IdentificationError(f'{option} {text}: write it as LEFT=RIGHT')
-    return left, right
-
-
-def _number(text: str, option: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float('nan')
-    if not np.isfinite(value) or value == 0.0:
-        raise IdentificationError(f'{option}: {text} must be a number other than zero')
-    return value
 
 
 def _progress(text: str) -> None:

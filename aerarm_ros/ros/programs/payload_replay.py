@@ -1,0 +1,199 @@
+"""The estimator of payload and friction over bags: what `payload_estimator --bag` does."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from aerarm_ros.identification.files.estimate_file import payload_yaml
+from aerarm_ros.identification.files.estimate_reader import read_estimate, read_gravity
+from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.online.known_arm import KnownArm
+from aerarm_ros.online.online_estimate import FRICTION_NAMES, OnlineEstimate
+from aerarm_ros.online.replay import LoadChange, Replay
+from aerarm_ros.ros.controllers.estimator_parameters import (
+    ESTIMATOR_PARAMETERS,
+    estimator_settings,
+)
+from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
+from aerarm_ros.ros.process.one_line_parser import OneLineParser
+from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
+from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.programs.identifier_options import add_arm_options
+from aerarm_ros.ros.programs.recorded_arm import RecordedArm
+
+_FILES = ('payload.yaml', MARKER)
+
+
+def replay(name: str, arguments: Sequence[str]) -> int:
+    """Do what a command line asks for; return 0, 2 if there is something to check, or 130."""
+    stops: list[bool] = []
+    try:
+        given = RosArguments(arguments)
+        if given.parameters:
+            raise UsageError(
+                f'{given.parameters[0].name} is a parameter of the node: with --bag give options, '
+                f'{name} --bag DIR --help lists them'
+            )
+        options = replay_parser(name).parse_args(given.plain)
+        with StopSignals(lambda: stops.append(True)):
+            print(PayloadReplay(options, lambda: bool(stops)).execute())
+    except KeyboardInterrupt:
+        print_error(name, 'interrupted, nothing was written')
+        return INTERRUPTED
+    except (ValueError, OSError) as error:
+        print_error(name, error)
+        return USER_ERROR
+    return 0
+
+
+def replay_parser(name: str) -> OneLineParser:
+    """Return what reads the command line of a replay."""
+    parser = OneLineParser(
+        prog=f'{name} --bag', description='Goes through bags instead of listening.'
+    )
+    parser.add_argument(
+        '--bag', nargs='+', type=Path, required=True, metavar='DIR', action='extend',
+        help='one after the other; the first begins with an arm that carries nothing. '
+        'Also .mcap, .db3, .csv and .npz files, and .bag of ROS 1',
+    )  # fmt: skip
+    parser.add_argument(
+        '--model', type=Path, metavar='FILE', help="estimate.yaml of the arm (default: its URDF's)"
+    )
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='folder for payload.yaml; needs --model'
+    )
+    add_arm_options(parser)
+    for parameter in ESTIMATOR_PARAMETERS:
+        unit = f' [{parameter.unit}]' if parameter.unit else ''
+        parser.add_argument(
+            _option(parameter.name), type=float, default=parameter.default, metavar='X',
+            help=f'{parameter.description}{unit} (default: %(default)g)',
+        )  # fmt: skip
+    return parser
+
+
+class PayloadReplay:
+    """What the command line of a replay asks for.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Of `replay_parser`.
+    is_stopped : callable
+        Asked now and then.
+
+    Raises
+    ------
+    IdentificationError, DescriptionError, ConfigError
+        If an option, the URDF, the configuration or the model is wrong.
+    """
+
+    def __init__(self, options: argparse.Namespace, is_stopped: Callable[[], bool]) -> None:
+        self._options = options
+        self._is_stopped = is_stopped
+        for parameter in ESTIMATOR_PARAMETERS:
+            if problem := parameter.problem(getattr(options, parameter.name)):
+                text = problem.removeprefix(f'parameter {parameter.name}')
+                raise IdentificationError(f'{_option(parameter.name)}{text}')
+        if options.out and not options.model:
+            raise IdentificationError('--out writes what the arm is with its payload: give --model')
+        self._recorded = RecordedArm(options, options.bag)
+        self._estimate: Estimate | None = None
+        self._arm = self._known_arm()
+
+    def execute(self) -> str:
+        """Go through the bags, write what was asked for, and return what was found.
+
+        Raises
+        ------
+        IdentificationError, BagError
+            If a bag can't be used, or the result can't be written.
+        """
+        if self._options.out is None:
+            return self._found()[0]
+        with ResultDirectory(self._options.out, files=_FILES) as directory:
+            text, last = self._found()
+            if not last.carries:
+                raise IdentificationError(
+                    'nothing is carried at the end of the last bag, so there is no payload.yaml to '
+                    'write: leave out --out to see what was found'
+                )
+            assert self._estimate is not None
+            directory.write('payload.yaml', payload_yaml(self._estimate, last.payload))
+            found = {'mass': last.payload.mass, 'mass_standard_deviation': last.payload.std[0]}
+            model = str(self._options.model)
+            directory.write_json(MARKER, {'model': model, 'payload': found})
+        return f'{text}\n{directory.target / "payload.yaml"}'
+
+    def _known_arm(self) -> KnownArm:
+        robot, config = self._recorded.robot, self._recorded.config
+        if self._options.model is None:
+            rotors = np.zeros(robot.n) if config is None else config.column('reflected_inertia')
+            return KnownArm(
+                robot, rotors, np.array([robot.viscous, robot.coulomb, np.zeros(robot.n)])
+            )
+        self._estimate = read_estimate(self._options.model, robot)
+        if self._options.gravity is None:
+            robot = robot.with_gravity(read_gravity(self._options.model, robot))
+        return KnownArm.identified(robot, self._estimate)
+
+    def _found(self) -> tuple[str, OnlineEstimate]:
+        estimator = self._arm.estimator(estimator_settings(self._options))
+        replay = Replay(self._arm, estimator, self._is_stopped)
+        lines = []
+        for path in self._options.bag:
+            recording = self._recorded.recording(path)
+            changes = replay.play(recording)
+            lines.append(f'{recording.name}: {recording.duration:.1f} s, {_told(changes)}')
+        for message in self._recorded.messages:
+            print(f'payload_estimator: {message}', file=sys.stderr)
+        last = replay.estimate
+        assert last is not None
+        return '\n'.join([*lines, *_payload_lines(last), *self._friction_lines(last)]), last
+
+    def _friction_lines(self, last: OnlineEstimate) -> list[str]:
+        """Return a table of friction as it was known, and as it is at the end."""
+        lines = [
+            'Friction, as known -> as it is at the end, of '
+            + ', '.join(self._arm.robot.joint_names)
+        ]
+        rows = zip(self._arm.friction, last.friction, last.friction_std, strict=True)
+        for name, row in zip(FRICTION_NAMES, rows, strict=True):
+            values = zip(*row, strict=True)
+            cells = (f'{old:.4f} -> {new:.4f} ± {std:.4f}' for old, new, std in values)
+            lines.append(f'  {name}: {", ".join(cells)}')
+        return lines
+
+
+def _option(name: str) -> str:
+    return f'--{name.replace("_", "-")}'
+
+
+def _told(changes: Sequence[LoadChange]) -> str:
+    told = [
+        f'{"picked up" if change.carries else "put down"} at {change.time:.2f} s'
+        for change in changes
+    ]
+    return ', '.join(told) or 'nothing picked up or put down'
+
+
+def _payload_lines(last: OnlineEstimate) -> list[str]:
+    payload = last.payload
+    if not last.carries:
+        return [f'Payload: none; one of {2.0 * payload.std[0]:.2g} kg would not show']
+    centre = ', '.join(
+        f'{value:.4f} ± {std:.2g}'
+        for value, std in zip(payload.centre, payload.centre_std, strict=True)
+    )
+    inertial = ', '.join(f'{value:.6g}' for value in payload.inertial)
+    return [
+        f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg at ({centre}) m of {payload.link}',
+        f'Inertial parameters: [{inertial}]; not excited: {" ".join(last.unexcited) or "none"}',
+    ]

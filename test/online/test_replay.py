@@ -1,0 +1,84 @@
+"""Recordings of an arm that picks something up, gone through after the fact."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from carrying_run import CarryingRun
+
+from aerarm_ros.identification.parameters.joint_model import JointModel
+from aerarm_ros.identification.parameters.joint_term import JointTerm, TermKind
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.online.known_arm import KnownArm
+from aerarm_ros.online.replay import Replay
+
+
+@pytest.fixture
+def arm(run: CarryingRun) -> KnownArm:
+    truth = run.truth
+    friction = np.array([truth.viscous, truth.coulomb, truth.load_friction])
+    return KnownArm(run.robot(), truth.rotor_inertia, friction)
+
+
+def recording(run: CarryingRun, first: float, last: float, start: float = 0.0) -> Recording:
+    """Return the states between two times [s], as a bag whose beginning is another one's."""
+    time, *columns = np.hsplit(run.rows[(run.rows[:, 0] >= first) & (run.rows[:, 0] < last)],
+                               [1, 5, 9])  # fmt: skip
+    q, dq, tau = columns
+    names = run.robot().joint_names
+    return Recording('bag', names, time.ravel() - first + start, q, dq, tau, np.zeros(4, bool))
+
+
+def test_a_bare_bag_and_a_loaded_one_weigh_what_is_in_the_second(
+    run: CarryingRun, arm: KnownArm
+) -> None:
+    replay = Replay(arm, arm.estimator())
+    assert replay.play(recording(run, 0.6, run.pick_up, start=7.0)) == []
+    (change,) = replay.play(recording(run, run.pick_up, run.pick_up + 2.0))
+    assert change.carries
+    assert change.time < 0.5
+    assert replay.estimate is not None
+    payload = replay.estimate.payload
+    assert payload.mass == pytest.approx(run.payload[0], rel=0.05)
+    assert np.linalg.norm(payload.centre - run.payload[1:4] / run.payload[0]) < 5e-3
+
+
+def test_a_bag_that_begins_loaded_is_refused(run: CarryingRun, arm: KnownArm) -> None:
+    replay = Replay(arm, arm.estimator())
+    with pytest.raises(IdentificationError, match='bag: the arm seems to carry .* since the start'):
+        replay.play(recording(run, run.pick_up, run.pick_up + 1.2))
+
+
+def test_what_can_tell_nothing_is_refused(run: CarryingRun, arm: KnownArm) -> None:
+    short, moving = recording(run, 0.6, 0.8), recording(run, 1.5, 2.0)
+    for bad, words in (
+        (short, 'too little to learn from'),
+        (replace(short, dq=None), 'no velocities'),
+        (replace(short, time=100.0 * short.time), 'recorded at 25 Hz or more'),
+        (replace(moving, tau=np.ones_like(moving.tau)), 'effort of .* stays 1 Nm'),
+    ):
+        with pytest.raises(IdentificationError, match=words):
+            Replay(arm, arm.estimator()).play(bad)
+
+
+def test_it_stops_when_it_is_asked_to(run: CarryingRun, arm: KnownArm) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        Replay(arm, arm.estimator(), lambda: True).play(recording(run, 0.6, 0.8))
+
+
+def test_terms_that_are_not_followed_are_taken_off_the_torque(arm: KnownArm) -> None:
+    robot = arm.robot
+    terms = [(JointTerm(TermKind.VISCOUS), JointTerm(TermKind.OFFSET)), (), (), ()]
+    terms[3] = (JointTerm(TermKind.FORWARD), JointTerm(TermKind.LOAD), JointTerm(TermKind.ROTOR))
+    model = JointModel(robot.joint_names, robot.link_names, tuple(terms))
+    columns = {TermKind.VISCOUS: 0.5, TermKind.OFFSET: 0.2, TermKind.FORWARD: 0.3,
+               TermKind.LOAD: 0.04, TermKind.ROTOR: 0.01}  # fmt: skip
+    joints = [columns[term.kind] for _, term in model.joint_columns]
+    estimate = Estimate('', model, np.concatenate([robot.inertial_parameters.ravel(), joints]))
+    known = KnownArm.identified(robot, estimate)
+    assert known.rotor_inertia.tolist() == [0.0, 0.0, 0.0, 0.01]
+    assert known.friction[:, [0, 3]].tolist() == [[0.5, 0.0], [0.0, 0.0], [0.0, 0.04]]
+    dq = np.array([[1.0, 1.0, 1.0, 2.0], [-1.0, 0.0, 0.0, -2.0]])
+    assert known.other_torque(dq).tolist() == [[0.2, 0.0, 0.0, 0.3], [0.2, 0.0, 0.0, 0.0]]
