@@ -2,14 +2,17 @@
 
 From joint_states at 1 kHz it tells fifty times a second, on `payload`, what the last link carries
 beyond `payload.inertial_parameters`, and on `joint_friction` what friction is by now. It starts
-with an arm that carries nothing else, and needs a second of motion of it. With --bag DIR it goes
-through bags and listens to nothing; --bag DIR --help lists what it takes then.
+with an arm that carries nothing else, and needs a second of motion of it.
+
+Two things it does without ROS: with --bag DIR it goes through bags (--bag DIR --help lists what it
+takes then), with --trend FILE it prints how friction has changed since `friction_file` was begun.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
 
@@ -23,6 +26,7 @@ from aerarm_ros.ros.controllers.estimator_parameters import (
     ESTIMATOR_PARAMETERS,
     estimator_settings,
 )
+from aerarm_ros.ros.controllers.friction_log import FRICTION_LOG_PARAMETERS, FrictionLog
 from aerarm_ros.ros.controllers.inertia_message import inertia_message
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.process.node_main import run_node
@@ -33,9 +37,12 @@ NAME = 'payload_estimator'
 
 # [s] after the motors hold the arm, in which whoever carried it lets it go.
 _LET_GO = 1.0
-_REPLAY = '--bag'
+_WRITTEN = 5.0  # [s] after which friction is written that is to be kept
+_REPLAY, _TREND = '--bag', '--trend'
 
-PARAMETERS = state_node_parameters(*ESTIMATOR_PARAMETERS, *ENERGY_PARAMETERS)
+PARAMETERS = state_node_parameters(
+    *ESTIMATOR_PARAMETERS, *FRICTION_LOG_PARAMETERS, *ENERGY_PARAMETERS
+)
 
 
 class PayloadEstimatorNode(StateNode):
@@ -62,6 +69,7 @@ class PayloadEstimatorNode(StateNode):
             one_or_each(values.load_friction),
             estimator_settings(values),
         )
+        self._log = self._friction_log()
         self._mode = ''
         self._held_since: float | None = None
 
@@ -76,6 +84,8 @@ class PayloadEstimatorNode(StateNode):
                 MultiArrayDimension(label='joint: ' + ' '.join(names), size=n, stride=n),
             ]
         )
+        if self._log is not None:
+            self.node.create_timer(_WRITTEN, self._log.write)
         self.listen(topics.ARM_MODE, self._on_mode)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
@@ -87,15 +97,24 @@ class PayloadEstimatorNode(StateNode):
         estimate = self._estimator.update(state, now, self.base.motion(now))
         if estimate is not None:
             self._send(stamp_ns, estimate)
+            if self._log is not None:
+                self._log.offer(estimate)
             self.count_answer()
+
+    def leave(self) -> None:
+        """Keep the last of what was learnt of friction."""
+        if self._log is not None:
+            self._log.finish()
 
     def warning(self) -> str:
         """Return what keeps the payload from being found."""
-        return super().warning() or self._estimator.problem
+        unwritten = self._log.problem if self._log is not None else ''
+        return super().warning() or self._estimator.problem or unwritten
 
     def describe(self) -> dict[str, object]:
         """Tell the last good estimate."""
         told = {**super().describe(), 'changes found': self._estimator.changes}
+        told |= self._log.describe() if self._log is not None else {}
         estimate = self._estimator.estimate
         if estimate is None:
             return {**told, 'carries': 'not known yet'}
@@ -110,7 +129,16 @@ class PayloadEstimatorNode(StateNode):
             told['their standard deviations'] = payload.std.round(6).tolist()
             told['not excited'] = ' '.join(estimate.unexcited) or 'none'
         told |= {f'friction: {name}': row.round(4).tolist() for name, row in friction}
+        spread = zip(FRICTION_NAMES, estimate.friction_std, strict=True)
+        told |= {f'standard deviations of {name}': row.round(4).tolist() for name, row in spread}
         return {**told, 'unexplained torque [Nm]': estimate.residual.round(4).tolist()}
+
+    def _friction_log(self) -> FrictionLog | None:
+        values, robot = self.values, self.arm.robot
+        if not values.friction_file:
+            return None
+        names = [robot.own_name(name) for name in self.arm.config.joint_names]
+        return FrictionLog(Path(values.friction_file), names, values.friction_interval)
 
     def _pause(self, now: float) -> bool:
         """Whether what the joints feel is not the arm and its payload alone."""
@@ -137,9 +165,17 @@ class PayloadEstimatorNode(StateNode):
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node, or go through bags: 0, 2 if there is something to check, 130 if stopped."""
+    """Run the node, go through bags, or show a trend of friction.
+
+    Return 0, 1 or 2 if there is something to check, 130 if stopped while bags were gone through.
+    """
     given = list(sys.argv[1:] if args is None else args)
-    if any(argument.split('=')[0] == _REPLAY for argument in given):
+    options = {argument.split('=')[0] for argument in given}
+    if _TREND in options:
+        from aerarm_ros.ros.programs.friction_table import show_trend
+
+        return show_trend(NAME, given)
+    if _REPLAY in options:
         # Only now: the node does without the libraries that read bags.
         from aerarm_ros.ros.programs.payload_replay import replay
 

@@ -14,11 +14,13 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'effort_watch': ['EffortWatch'],
         'estimator_settings': ['EstimatorSettings'],
         'filtered_motion': ['FilteredMotion', 'MotionRow'],
+        'friction_trend': ['FrictionChange', 'FrictionRecord', 'FrictionTrend'],
         'information_filter': ['InformationFilter'],
         'known_arm': ['KnownArm'],
         'online_estimate': ['OnlineEstimate'],
         'payload_estimator': ['PayloadEstimator'],
         'payload_hand_over': ['PayloadHandOver'],
         'replay': ['LoadChange', 'Replay'],
+        'trend_file': ['TrendFileError', 'read_trend', 'write_trend'],
     },
 )

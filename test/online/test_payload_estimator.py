@@ -1,17 +1,21 @@
 from collections.abc import Iterator
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from carrying_run import COLD, CarryingRun
 
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.inertia import minimum_eigenvalue
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.online.estimator_settings import EstimatorSettings
+from aerarm_ros.online.known_arm import KnownArm
 from aerarm_ros.online.nearest_body import SPECK
 from aerarm_ros.online.online_estimate import OnlineEstimate
 from aerarm_ros.online.payload_estimator import PayloadEstimator
+from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 
 def feed(
@@ -69,6 +73,37 @@ def test_friction_of_another_day_is_learnt_beside(
     error = np.abs(last.friction[1] - true)
     assert (error < 0.7 * (COLD - 1.0) * true).all()
     assert (error < 3.0 * last.friction_std[1]).all()
+
+
+def test_viscous_coulomb_and_load_friction_are_told_apart(robot: Robot) -> None:
+    """Each is worn in another joint."""
+    plant = PlantParameters.nominal(load_arm_config(), robot)
+    known = np.array([plant.viscous, plant.coulomb, plant.load_friction])
+    worn = known * 1.0
+    worn[0, 0] *= 3.0
+    worn[1, 2] *= 1.3
+    worn[2, 1] *= 2.0
+    time = np.arange(0.0, 15.0, 0.01)[:, np.newaxis, np.newaxis]
+    rate = 2.0 * np.pi * np.array([[0.21, 0.63], [0.17, 0.47], [0.31, 0.83], [0.37, 0.97]])
+    swing = np.array([[0.6, 0.25], [0.5, 0.25], [0.5, 0.3], [0.6, 0.3]])
+    q = np.array([0.0, 1.2, 0.3, -0.4]) + (swing * np.sin(rate * time)).sum(axis=2)
+    dq = (swing * rate * np.cos(rate * time)).sum(axis=2)
+    ddq = -(swing * rate**2 * np.sin(rate * time)).sum(axis=2)
+    data = robot.model.createData()
+    links = np.array([pin.rnea(robot.model, data, *x) for x in zip(q, dq, ddq, strict=True)])
+    dry = (worn[1] + worn[2] * np.abs(links)) * np.tanh(dq / 0.01)
+    tau = links + plant.rotor_inertia * ddq + worn[0] * dq + dry
+    tau += 0.02 * np.random.default_rng(0).normal(size=tau.shape)
+    during = 0.5 * (tau[1:] + tau[:-1])
+    estimator = KnownArm(robot, plant.rotor_inertia, known).estimator()
+    states = [(0.01 * k, ArmState(q[k + 1], dq[k + 1], row)) for k, row in enumerate(during)]
+    (*_, last) = feed(estimator, states)
+    assert not last.carries
+    changed = worn != known
+    found = (last.friction - known)[changed] / (worn - known)[changed]
+    assert found == pytest.approx(1.0, abs=0.25)
+    assert (np.abs(last.friction - worn) < 3.0 * last.friction_std).all()
+    assert (np.abs(worn - known) > 3.0 * last.friction_std)[changed].all()
 
 
 def test_what_is_carried_from_the_start_is_told_and_not_weighed(run: CarryingRun) -> None:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import load_robot
 from aerarm_ros.nodes.payload_estimator import PayloadEstimatorNode
+from aerarm_ros.online.trend_file import read_trend
 
 PATIENCE = 60.0  # [s] of the host, which may be busy
 EPOCH = 1_700_000_000.0
@@ -45,8 +48,11 @@ def tell(node: PayloadEstimatorNode, run: CarryingRun, first: float, last: float
             node.answer(node.stamp_ns, state)
 
 
-def test_what_is_picked_up_is_published(make: Make, run: CarryingRun) -> None:
-    node = make(load_friction=run.truth.load_friction.tolist())
+def test_what_is_picked_up_is_published(make: Make, run: CarryingRun, tmp_path: Path) -> None:
+    kept = tmp_path / 'friction.csv'
+    node = make(
+        load_friction=run.truth.load_friction.tolist(), friction_file=kept, friction_interval=1.0
+    )
     heard: list[InertiaStamped] = []
     topic = topics.PAYLOAD
     listener = rclpy.create_node('listener')
@@ -68,6 +74,11 @@ def test_what_is_picked_up_is_published(make: Make, run: CarryingRun) -> None:
     assert np.linalg.norm(centre - run.payload[1:4] / run.payload[0]) < 5e-3
     assert told['mass [kg]'] == pytest.approx(body.m, abs=1e-4)
     assert not node.warning()
+    node.leave()
+    (*_, last) = read_trend(kept, load_robot().joint_names).records
+    newest = node._estimator.estimate
+    assert newest is not None
+    assert (np.abs(last.friction - newest.friction) < 2.0 * newest.friction_std).all()
 
 
 def test_an_arm_that_nothing_holds_is_not_weighed(make: Make, run: CarryingRun) -> None:

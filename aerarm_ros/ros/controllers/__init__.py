@@ -12,6 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'controller_node': ['ControllerNode'],
         'controller_parameters': ['ControlledArm'],
         'estimator_parameters': ['ESTIMATOR_PARAMETERS', 'estimator_settings'],
+        'friction_log': ['FRICTION_LOG_PARAMETERS', 'FrictionLog'],
         'load_topics': ['LOAD_PARAMETERS', 'LoadTopics'],
         'payload_intake': ['HAND_OVER_PARAMETERS', 'PayloadIntake'],
         'plan_topic': ['PlanTopic'],

@@ -13,6 +13,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'demo_run': ['DemoError', 'DemoRun'],
         'design_options': ['excitation_setup', 'torque_noise', 'whole_periods'],
         'design_run': ['DesignRun'],
+        'friction_table': ['show_trend', 'trend_table'],
         'identifier_bags': ['IdentifierBags', 'RecordedBag', 'bag_names', 'repeated_bags'],
         'identifier_compare': ['CompareRun'],
         'identifier_files': ['RESULT_FILES', 'write_result'],

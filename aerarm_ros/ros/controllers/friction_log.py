@@ -1,0 +1,117 @@
+"""Friction that is followed, kept in a file from day to day."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from threading import Lock
+from time import time
+
+from aerarm_ros.online.friction_trend import FrictionRecord
+from aerarm_ros.online.online_estimate import OnlineEstimate
+from aerarm_ros.online.trend_file import read_trend, write_trend
+from aerarm_ros.ros.parameters.parameter import Parameter
+
+FRICTION_LOG_PARAMETERS = (
+    Parameter('friction_file', '', 'small text file that keeps friction from day to day; none if '
+              'empty'),
+    Parameter('friction_interval', 600.0, 'of learning between two of its records', 's', 1.0,
+              86400.0),
+)  # fmt: skip
+
+_LONGEST = 0.1  # [s] between estimates while something is learnt
+_LEAST = 30.0  # [s] of learning that are worth a record at the end
+
+
+class FrictionLog:
+    """Makes a record of the estimates now and then, and writes it where nobody waits for it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file; it is read first, if it is there.
+    joint_names : sequence of str
+    interval : float
+        Of learning between records [s].
+    clock : callable
+        Returns the time since 1970 [s].
+
+    Attributes
+    ----------
+    problem : str
+        Why the last record could not be written, '' if it was.
+
+    Raises
+    ------
+    TrendFileError, OSError
+        If the file is no trend of this arm, or can't be read or written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        joint_names: Sequence[str],
+        interval: float,
+        clock: Callable[[], float] = time,
+    ) -> None:
+        self._path = path
+        self._interval = interval
+        self._clock = clock
+        self.problem = ''
+        self._trend = read_trend(path, joint_names)
+        if not os.access(path.parent, os.W_OK):
+            raise OSError(f'{path.parent}: friction_file cannot be written there: choose a folder')
+        self._last: OnlineEstimate | None = None
+        self._learnt = 0.0
+        self._pending: list[FrictionRecord] = []
+        self._lock = Lock()
+
+    def offer(self, estimate: OnlineEstimate) -> None:
+        """Take an estimate; quick."""
+        if self._last is not None and 0.0 < estimate.time - self._last.time < _LONGEST:
+            self._learnt += estimate.time - self._last.time
+        self._last = estimate
+        if self._learnt >= self._interval:
+            self._record(estimate)
+
+    def write(self) -> None:
+        """Write what there is to write; from any thread."""
+        with self._lock:
+            pending, self._pending = self._pending, []
+            for record in pending:
+                self._trend.add(record)
+            if not pending and not self.problem:
+                return
+            try:
+                write_trend(self._path, self._trend)
+                self.problem = ''
+            except OSError as error:
+                self.problem = f'friction_file cannot be written: {error}'
+
+    def finish(self) -> None:
+        """Write the last of what was learnt."""
+        if self._last is not None and self._learnt >= min(self._interval, _LEAST):
+            self._record(self._last)
+        self.write()
+
+    def describe(self) -> dict[str, object]:
+        """Tell what has changed since the first record."""
+        with self._lock:
+            records, changes = self._trend.records, self._trend.changes()
+        told = [
+            f'{change.name} {change.old:.4g} -> {change.new:.4g} '
+            f'({change.deviations:+.1f} standard deviations)'
+            for change in changes
+            if change.is_clear
+        ]
+        return {
+            'friction records': len(records),
+            'friction that has changed since the first': '; '.join(told) or 'none',
+        }
+
+    def _record(self, estimate: OnlineEstimate) -> None:
+        record = FrictionRecord(self._clock(), estimate.friction, estimate.friction_std)
+        with self._lock:
+            self._pending.append(record)
+        self._learnt = 0.0
