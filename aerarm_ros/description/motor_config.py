@@ -39,6 +39,8 @@ class MotorConfig:
         Of one phase [ohm].
     torque_constant_measured : float or None
         K_i [Nm/A] from a motor bench; None to compute it from `kv`.
+    resistance_std : float or None
+        Standard deviation of `resistance` [ohm], from a motor bench; None for an estimate.
 
     Raises
     ------
@@ -53,6 +55,7 @@ class MotorConfig:
     rotor_inertia: float
     resistance: float
     torque_constant_measured: float | None = None
+    resistance_std: float | None = None
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -66,6 +69,8 @@ class MotorConfig:
         if self.torque_constant_measured is not None:
             key = 'torque_constant_measured'
             check_range(owner, key, self.torque_constant_measured, 1e-5, 10.0, 'Nm/A')
+        if self.resistance_std is not None:
+            check_range(owner, 'resistance_std', self.resistance_std, 0.0, 100.0, 'ohm')
 
     @property
     def torque_constant(self) -> float:
@@ -73,3 +78,9 @@ class MotorConfig:
         if self.torque_constant_measured is not None:
             return self.torque_constant_measured
         return torque_constant(self.kv)
+
+    @property
+    def resistance_text(self) -> str:
+        """The resistance with its uncertainty, if it is known."""
+        known = 'an estimate' if self.resistance_std is None else f'± {self.resistance_std:.2g}'
+        return f'{self.resistance:.4g} ({known})'

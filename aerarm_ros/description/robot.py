@@ -122,6 +122,11 @@ class Robot:
         return _frozen([joint.friction for joint in self.joints])
 
     @cached_property
+    def load_friction(self) -> Array:
+        """(n,) dry friction per torque that the gears pass on [-]: `<dynamics load_friction>`."""
+        return _frozen([joint.load_friction for joint in self.joints])
+
+    @cached_property
     def gravity_in_base(self) -> Array:
         """(3,) gravity in the base frame [m/s^2]."""
         return _frozen(self.model.gravity.linear)

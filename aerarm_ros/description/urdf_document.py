@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from aerarm_ros.description.description_error import DescriptionError
 
+LOAD_FRICTION = 'load_friction'
+"""Attribute of <dynamics>: dry friction per torque that a gear passes on [-]."""
 LARGEST = 2**24
 """Most characters of a URDF."""
 
@@ -45,7 +47,8 @@ _KNOWN_TYPES = (*_DRIVEN_TYPES, 'fixed', 'floating', 'planar')
 class UrdfJoint:
     """A `<joint>` element.
 
-    `damping` [Nms/rad] and `friction` [Nm] are those of `<dynamics>`, zero where missing.
+    `damping` [Nms/rad] and `friction` [Nm] are those of `<dynamics>`, zero where missing, and
+    `load_friction` [-] an attribute of ours there, which others pass over.
     """
 
     name: str
@@ -55,6 +58,7 @@ class UrdfJoint:
     mimics: str | None
     damping: float
     friction: float
+    load_friction: float
     has_limit: bool
 
     @property
@@ -182,6 +186,7 @@ class UrdfDocument:
             mimics=None if mimic is None else mimic.get('joint', '?'),
             damping=_number(dynamics, 'damping', f'{owner}, <dynamics>'),
             friction=_number(dynamics, 'friction', f'{owner}, <dynamics>'),
+            load_friction=_number(dynamics, LOAD_FRICTION, f'{owner}, <dynamics>'),
             has_limit=limit is not None,
         )
 

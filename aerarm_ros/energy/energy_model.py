@@ -28,8 +28,8 @@ class EnergyModel:
         Links, and friction f_v, f_s.
     rotor_inertia : (n,) array_like, optional
         At the joints [kg m^2]; from the configuration if not given.
-    load_friction : float or (n,) array_like
-        Dry friction per torque that a gear passes on [-].
+    load_friction : float or (n,) array_like, optional
+        Dry friction per torque that a gear passes on [-]; the robot's if not given.
     friction_width : float
         Velocity at which three quarters of the dry friction are felt [rad/s].
 
@@ -51,7 +51,7 @@ class EnergyModel:
         config: ArmConfig,
         robot: Robot,
         rotor_inertia: npt.ArrayLike | None = None,
-        load_friction: npt.ArrayLike = 0.0,
+        load_friction: npt.ArrayLike | None = None,
         friction_width: float = 0.02,
     ) -> None:
         self.n = robot.n
@@ -59,7 +59,7 @@ class EnergyModel:
         self.drives = DrivePower(config)
         inertia = config.column('reflected_inertia') if rotor_inertia is None else rotor_inertia
         self.dynamics = Dynamics(robot, inertia)
-        self.load_friction = load_friction
+        self.load_friction = robot.load_friction if load_friction is None else load_friction
         self._dry_and_viscous = robot.viscous, robot.coulomb
         self.friction = self.friction_of_width(friction_width)
 

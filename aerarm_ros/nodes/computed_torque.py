@@ -43,6 +43,23 @@ PARAMETERS = controller_parameters(
     ),
     Parameter('kp', [400.0], 'proportional gains, one or one a joint', '1/s^2', 0, 1e5, live=True),
     Parameter('kd', [40.0], 'derivative gains, one or one a joint', '1/s', 0, 1e4, live=True),
+    Parameter(
+        'command_delay',
+        0.0,
+        "from a state to the middle of the cycle in which its answer acts, which feedback 'host' "
+        "makes up for: 0.0015 at the bridge's 1 kHz",
+        's',
+        0.0,
+        0.02,
+    ),
+    Parameter(
+        'velocity_lag',
+        0.0,
+        "time constant of the boards' low-pass of speeds, likewise: 0.00159 for 100 Hz",
+        's',
+        0.0,
+        0.02,
+    ),
     Parameter('ki', 0.0, 'gain of the error integral; 0 for none', '1/s^3', 0.0, 1e6),
     Parameter('integral_max', 20.0, 'largest integral action', 'rad/s^2', 0.0, 1e4),
 )
@@ -65,7 +82,8 @@ class ComputedTorqueNode(ControllerNode):
         self.law: ComputedTorque | BoardComputedTorque
         if values.feedback == HOST:
             kp, kd = one_or_each(values.kp), one_or_each(values.kd)
-            self.law = ComputedTorque(dynamics, kp, kd, integral, friction)
+            timing = values.command_delay, values.velocity_lag
+            self.law = ComputedTorque(dynamics, kp, kd, integral, friction, *timing)
         else:
             self.law = BoardComputedTorque(dynamics, integral, friction)
         self._feedback_gain = arm.feedback_gain(values)

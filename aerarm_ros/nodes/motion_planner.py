@@ -2,7 +2,8 @@
 
 A goal is a `sensor_msgs/JointState` with positions on `joint_goal`, or a
 `geometry_msgs/PointStamped`, where the tool shall be, on `tool_goal`. Out goes a
-`joint_trajectory`; `plan_status` tells what came of the goal, as a JSON object.
+`joint_trajectory`; `plan_status` tells what came of the goal, as a JSON object: which goal and
+which trajectory by the stamps of both.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PointStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -73,6 +75,7 @@ class MotionPlannerNode:
         self._names = config.joint_names
         self._planner = make_planner(self._values, config, robot)
         self._state: FloatArray | None = None
+        self._asked = Time()  # stamp of the goal that is planned for
         self._states = StateSampler(self._node, self._names)
         self._trajectories, self._told = (
             self._node.create_publisher(topic.type, topic.name, topic.offered)
@@ -98,8 +101,6 @@ class MotionPlannerNode:
         self._node.destroy_node()
 
     def _update(self, now_ns: int, index: int) -> None:
-        newest = self._states.newest()
-        self._state = self._state if newest is None else newest
         while self._requests:
             self._requests.popleft()()
 
@@ -120,6 +121,9 @@ class MotionPlannerNode:
         self._send(planner.plan_tool(self._start(), place, values.frame, values.hold_time))
 
     def _start(self) -> FloatArray:
+        # Now, after the goal has come: who asks has seen the arm at rest.
+        newest = self._states.newest()
+        self._state = self._state if newest is None else newest
         if self._state is None:
             missing = ', '.join(self._states.missing)
             raise PlanError(
@@ -137,10 +141,13 @@ class MotionPlannerNode:
         self._states.newest()  # time has passed while it was planned
         lead_ns = round(self._values.lead * 1e9)
         begin_ns = self._states.stamp_ns + lead_ns if lead_ns else 0
-        self._trajectories.publish(trajectory_message(plan.path, self._names, begin_ns))
+        message = trajectory_message(plan.path, self._names, begin_ns)
+        self._trajectories.publish(message)
+        stamp = message.header.stamp
         self._tell(
             accepted=True,
             text=plan.as_text(),
+            trajectory=[stamp.sec, stamp.nanosec],
             seconds=plan.path.duration,
             joules=float(plan.balance.motors.sum()),
             goal=plan.goal.tolist(),
@@ -152,12 +159,14 @@ class MotionPlannerNode:
         self._node.get_logger().warning(f'no plan: {reason}')
 
     def _tell(self, **values: object) -> None:
-        self._told.publish(String(data=json.dumps(values)))
+        status = {'asked': [self._asked.sec, self._asked.nanosec], **values}
+        self._told.publish(String(data=json.dumps(status)))
 
     # Callbacks, in the executor's thread.
 
     def _later(self, take: Callable[[Any], None], message: Any) -> None:
         def act() -> None:
+            self._asked = message.header.stamp
             try:
                 take(message)
             except (PlanError, RejectedInputError) as error:

@@ -1,4 +1,4 @@
-"""Measures friction, rotor inertia and torque constant of the drives, thesis section 4.4.
+"""Measures friction, rotor inertia, torque constant and resistance of the drives, thesis 4.4.
 
 Usage: ros2 run aerarm_ros motor_bench --ros-args -p joints:="[joint4]" -p out:=DIRECTORY
 """
@@ -32,6 +32,7 @@ from aerarm_ros.identification.motor_bench.motor_files import bench_yaml, config
 from aerarm_ros.identification.motor_bench.motor_report import bench_html, bench_table
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -39,6 +40,7 @@ from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
 from aerarm_ros.ros.playback.bench_recording import BenchRecording
 from aerarm_ros.ros.playback.motion_playback import MotionPlayback
+from aerarm_ros.ros.playback.motor_readings import MotorReadings
 from aerarm_ros.ros.process.exit_status import INTERRUPTED
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.stop_signals import StopSignals
@@ -68,6 +70,8 @@ PARAMETERS = ParameterTable(
     Parameter('without_mass', '', 'motor_bench.yaml of a run without the mass (mounted)'),
     Parameter('link_uncertainty', 0.2, "relative standard deviation of the links' inertia in the "
               'URDF', '', 0.0, 2.0),
+    Parameter('resistance_uncertainty', 0.1, 'relative standard deviation of a resistance that '
+              'the boards report without measuring voltages', '', 0.0, 2.0),
     Parameter('out', '', 'folder of the result; motor_bench_DATE_TIME if empty'),
     Parameter('position_gain', 1.0, 'K of dq_d + K (q_d - q)', '1/s', 0.0, 20.0),
     Parameter('tracking_limit', 0.3, '|q_d - q| at which the arm is stopped', 'rad', 1e-3, 3.0),
@@ -128,6 +132,7 @@ class MotorBenchNode:
         self._earlier = load_earlier(Path(earlier)) if earlier else None
         self._names = arm.joint_names
         self._playback = MotionPlayback(self._node, self._names)
+        self._readings = MotorReadings(self._node, self._names)
         self._arm_at_end = ArmAtEnd(self._node, values)
 
     def run(self) -> None:
@@ -148,6 +153,7 @@ class MotorBenchNode:
     def close(self) -> None:
         """Destroy the node."""
         self._playback.destroy()
+        self._readings.destroy()
         self._node.destroy_node()
 
     def _measure(self, directory: ResultDirectory) -> None:
@@ -160,14 +166,23 @@ class MotorBenchNode:
         motion.require_feasible(bench_checker(self._setup, self._values.mounted))
         recording = self._record(motion, directory)
         runs = recording.runs(motion.measurements)
-        results = [bench.evaluate(joint, runs[joint]) for joint in self._joints]
+        readings = self._readings
+        results = [
+            bench.evaluate(joint, runs[joint], readings.supply(joint)) for joint in self._joints
+        ]
         self._write(directory, results, posture, bench.warnings)
 
     def _bench(self, posture: NDArray[np.float64]) -> MotorBench:
         values = self._values
         robot = self._robot if values.mounted else None
         return MotorBench(
-            self._config, robot, posture, self._known, self._earlier, values.link_uncertainty
+            self._config,
+            robot,
+            posture,
+            self._known,
+            self._earlier,
+            values.link_uncertainty,
+            values.resistance_uncertainty,
         )
 
     def _known_mass(self) -> KnownMass | None:
@@ -192,14 +207,13 @@ class MotorBenchNode:
         resolve = self._node.resolve_topic_name
         topic_names = resolve(topics.JOINT_STATES.name), resolve(topics.JOINT_COMMAND.name)
         recording = BenchRecording(directory.path('bag'), names, topic_names)
+
+        def listen(stamp_ns: int, state: ArmState, command: bytes) -> None:
+            recording.add(stamp_ns, player.path_time, state, command)
+            self._readings.take()
+
         try:
-            self._playback.play(
-                player,
-                values.state_timeout,
-                lambda stamp, state, command: recording.add(
-                    stamp, player.path_time, state, command
-                ),
-            )
+            self._playback.play(player, values.state_timeout, listen)
         finally:
             recording.close()
         self._arm_at_end.leave()

@@ -21,7 +21,7 @@ from aerarm_ros.control.base.base_motion_estimator import NONE
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.online.online_estimate import FRICTION_NAMES, OnlineEstimate
 from aerarm_ros.online.payload_estimator import PayloadEstimator
-from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, one_or_each
+from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, load_share
 from aerarm_ros.ros.controllers.estimator_parameters import (
     ESTIMATOR_PARAMETERS,
     estimator_settings,
@@ -66,7 +66,7 @@ class PayloadEstimatorNode(StateNode):
             self.arm.dynamics(values),
             self.arm.robot.viscous,
             self.arm.robot.coulomb,
-            one_or_each(values.load_friction),
+            load_share(values, self.arm.robot),
             estimator_settings(values),
         )
         self._log = self._friction_log()

@@ -11,6 +11,7 @@ from energy_moves.move import PLANNED, Move
 from flying.arm_model import ArmModel
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from tracking import ArmStates
 from trajectory_msgs.msg import JointTrajectory
 
@@ -33,6 +34,17 @@ from aerarm_ros.ros.requests.parameter_request import set_parameter
 LEAD = 1.0  # [s] from a message to its motion
 SETTLE = 0.2  # [s] after a motion that count to it
 PATIENCE = 600.0  # [s] of the host, which may be busy
+ASTRAY = 50.0  # [mrad] beside its path an arm does not follow it
+
+# What docs/how-to/energy.md tells to give to `computed_torque`; nobody looks at its observer.
+LAW = {
+    'friction_width': 0.004,
+    'command_delay': 1.5e-3,
+    'velocity_lag': 1.59e-3,
+    'observer_gain': 0.0,
+}
+
+Stamp = tuple[int, int]  # [s], [ns]
 
 
 @dataclass(frozen=True)
@@ -68,10 +80,12 @@ class EnergyBench:
         self._config = load_arm_config()
         self.played: list[Played] = []
         self.refused: list[str] = []
-        self._told: list[dict] = []
-        self._sent: list[JointTrajectory] = []
+        # By stamps: the goal's that is answered, and the trajectory's own. This process hears what
+        # it sends itself, too, and whenever it listens.
+        self._told: dict[Stamp, dict] = {}
+        self._sent: dict[Stamp, JointTrajectory] = {}
         self._bridge = self._start(stack, 'fake_hardware', {'seed': arm.seed, 'pace': 'lockstep'})
-        law = {**arm.law, 'observer_gain': 0.0, 'friction_width': 0.004}
+        law = {**arm.law, **LAW}
         self._start(stack, 'computed_torque', law)
         self._planner = self._start(stack, 'motion_planner', {**arm.law, 'lead': LEAD})
         self._recorder = stack.enter_context(
@@ -85,14 +99,14 @@ class EnergyBench:
         self._client = ArmClient(node)
         self._trajectories = self._publisher(topics.JOINT_TRAJECTORY)
         self._goals = self._publisher(topics.JOINT_GOAL)
-        self._listen(topics.PLAN_STATUS, lambda m: self._told.append(json.loads(m.data)))
-        self._listen(topics.JOINT_TRAJECTORY, self._sent.append)
+        self._listen(topics.PLAN_STATUS, self._on_status)
+        self._listen(topics.JOINT_TRAJECTORY, self._on_trajectory)
         self._states = ArmStates(node, self._config.joint_names)
         self._client.wait_for_mode(['idle'], PATIENCE)
         ready = [self._trajectories, self._goals]
         self._until(lambda: all(p.get_subscription_count() for p in ready), 'nodes')
         self._until(lambda: 'publishers found' in self._recorder.tail(), 'the recorder')
-        self._client.call('enable')
+        self._client.call('enable', PATIENCE)
         self._client.wait_for_mode(['running'], PATIENCE)
 
     def go(self, path: PolynomialPath) -> None:
@@ -104,23 +118,11 @@ class EnergyBench:
         if shape != PLANNED:
             self.played.append(Played(pair, shape, *self._play(move.path(shape))))
             return
-        self._set_duration(move.duration)
-        told, before = len(self._told), len(self._sent)
-        names = list(self._config.joint_names)
-        self._goals.publish(JointState(name=names, position=move.goal.tolist()))
-        self._until(lambda: len(self._told) > told, 'a plan')
-        if not self._told[-1]['accepted']:
-            self.refused.append(self._told[-1]['text'])
+        planned = self._planned(move)
+        if planned is None:
             self._play(move.path('quintic'))
-            return
-        self._until(lambda: len(self._sent) > before, 'a trajectory')
-        limits = JointLimits.from_config(self._config)
-        sent = self._sent[-1].header.stamp
-        begin = sent.sec + 1e-9 * sent.nanosec  # this process may be late, the arm is not
-        trajectory, _ = read_trajectory(limits, self._sent[-1], begin)
-        path = trajectory.path(move.start, 'quintic')
-        self._wait_for(begin + path.duration)
-        self.played.append(Played(pair, shape, begin, path))
+        else:
+            self.played.append(Played(pair, shape, *planned))
 
     def results(self) -> list[Taken]:
         """Return what was taken, from the bag, which ends here."""
@@ -142,6 +144,10 @@ class EnergyBench:
                 raise SystemExit(f'energy: only {meter.total.seconds:.2f} s of a motion recorded')
             moving = rows[states.stamp[rows] <= end]
             off = 1e3 * (q[moving] - one.path.evaluate(states.stamp[moving] - one.begin).q)
+            if np.abs(off).max() > ASTRAY:
+                off_by = f'{np.abs(off).max():.0f} mrad beside its path: it was heard of too late'
+                self.refused.append(f'{one.shape} of move {one.pair}: {off_by}')
+                continue
             balance = self._model.balance(one.path)
             held = SETTLE * loss.watts(one.path.evaluate(one.path.duration).q)
             results.append(
@@ -157,23 +163,56 @@ class EnergyBench:
             )
         return results
 
-    def _play(self, path: PolynomialPath) -> tuple[float, PolynomialPath]:
-        begin = self._now() + LEAD
-        names = self._config.joint_names
-        self._trajectories.publish(trajectory_message(path, names, round(begin * 1e9)))
+    def _planned(self, move: Move) -> tuple[float, PolynomialPath] | None:
+        """Play what the planner makes of a move, if it does; return its begin [s] and path."""
+        self._set_duration(move.duration)
+        goal = JointState(name=list(self._config.joint_names), position=move.goal.tolist())
+        goal.header.stamp.sec, goal.header.stamp.nanosec = divmod(self._now_ns(), 10**9)
+        asked = _stamp(goal)
+        self._goals.publish(goal)
+        self._until(lambda: asked in self._told, 'a plan')
+        told = self._told.pop(asked)
+        if not told['accepted']:
+            self.refused.append(told['text'])
+            return None
+        stamp: Stamp = tuple(told['trajectory'])
+        self._until(lambda: stamp in self._sent, 'a trajectory')
+        limits = JointLimits.from_config(self._config)
+        begin = stamp[0] + 1e-9 * stamp[1]  # this process may be late, the arm is not
+        trajectory, _ = read_trajectory(limits, self._sent.pop(stamp), begin)
+        path = trajectory.path(move.start, 'quintic')
+        if abs(path.duration - move.duration) > 1e-6:
+            raise SystemExit(
+                f'energy: a motion of {path.duration:.3f} s came for one of {move.duration:.3f} s'
+            )
         self._wait_for(begin + path.duration)
-        return round(begin * 1e9) * 1e-9, path
+        return begin, path
+
+    def _play(self, path: PolynomialPath) -> tuple[float, PolynomialPath]:
+        begin_ns = self._now_ns() + round(LEAD * 1e9)
+        names = self._config.joint_names
+        self._trajectories.publish(trajectory_message(path, names, begin_ns))
+        self._wait_for(1e-9 * begin_ns + path.duration)
+        return 1e-9 * begin_ns, path
 
     def _wait_for(self, end: float) -> None:
-        while self._now() < end + SETTLE + 0.05:
-            time.sleep(0.05)  # to look at every state would take a share of a core
-        try:
-            self._client.wait_for_mode(['running'], 20.0)
-        except ArmClientError as error:
-            raise SystemExit(f'energy: {error}\n{self._bridge.tail(5)}') from error
+        while 1e-9 * self._now_ns() < end + SETTLE + 0.05:
+            # To look at every state would take a share of a core.
+            spin_until(self._node, lambda: self._client.mode != 'running', 0.05)
+            try:
+                self._client.wait_for_mode(['running'], 20.0)
+            except ArmClientError as error:
+                raise SystemExit(f'energy: {error}\n{self._bridge.tail(5)}') from error
 
-    def _now(self) -> float:
-        return self._states.next().stamp_ns * 1e-9
+    def _now_ns(self) -> int:
+        return self._states.next().stamp_ns
+
+    def _on_status(self, message: String) -> None:
+        told = json.loads(message.data)
+        self._told[tuple(told['asked'])] = told
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        self._sent[_stamp(message)] = message
 
     def _set_duration(self, seconds: float) -> None:
         set_parameter(self._node, 'motion_planner', 'duration', str(seconds), PATIENCE)
@@ -193,3 +232,8 @@ class EnergyBench:
     def _start(self, stack: ExitStack, name: str, values: dict) -> NodeProcess:
         log = self._folder / f'{name}.log'
         return stack.enter_context(NodeProcess(name, (), values, log=log))
+
+
+def _stamp(message: JointState | JointTrajectory) -> Stamp:
+    stamp = message.header.stamp
+    return stamp.sec, stamp.nanosec

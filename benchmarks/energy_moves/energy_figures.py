@@ -19,6 +19,7 @@ COLUMNS = (
     'median of a move [J]',
     'predicted within 10 % [%]',
     'RMS error [mrad]',
+    'RMS error of the median move [mrad]',
     'largest error [mrad]',
     'battery [min]',
 )
@@ -57,6 +58,7 @@ class EnergyFigures:
                 float(np.median(self.column(shape, 'measured'))),
                 100.0 * self.well_predicted(shape),
                 float(np.sqrt((self.column(shape, 'rms') ** 2).mean())),
+                float(np.median(self.column(shape, 'rms'))),
                 float(self.column(shape, 'largest').max()),
                 self.battery_minutes(shape, standby, watt_hours),
             )
@@ -76,13 +78,19 @@ class EnergyFigures:
     def text(self, standby: float, watt_hours: float) -> str:
         """Return the figures and the goals."""
         lines = [
-            f'{"":10} {"J a move":>9} {"predicted":>10} {"RMS":>6} {"largest":>8} {"battery":>8}'
+            f'{"":10} {"J a move":>9} {"predicted":>10} {"RMS":>6} {"RMS":>6} {"largest":>8} '
+            f'{"battery":>8}'
         ]
-        lines.append(f'{"":10} {"median":>9} {"within 10%":>10} {"mrad":>6} {"mrad":>8} {"min":>8}')
-        for shape, joules, predicted, rms, largest, minutes in self.rows(standby, watt_hours):
+        lines.append(
+            f'{"":10} {"median":>9} {"within 10%":>10} {"mrad":>6} {"median":>6} {"mrad":>8} '
+            f'{"min":>8}'
+        )
+        for shape, joules, predicted, rms, median, largest, minutes in self.rows(
+            standby, watt_hours
+        ):
             lines.append(
-                f'{shape:10} {joules:9.2f} {predicted:9.0f}% {rms:6.2f} {largest:8.2f} '
-                f'{minutes:8.0f}'
+                f'{shape:10} {joules:9.2f} {predicted:9.0f}% {rms:6.2f} {median:6.2f} '
+                f'{largest:8.2f} {minutes:8.0f}'
             )
         count = len(self.by_shape[PLANNED])
         for other, middle, least, low, high, worse in self.savings():

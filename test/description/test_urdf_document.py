@@ -14,7 +14,7 @@ def test_joints_and_links_of_this_arm() -> None:
     assert {'base_link', 'link1', 'link4', 'wrist', 'tool0'} < document.links
     joint = document.joints['joint2']
     assert (joint.kind, joint.parent, joint.child) == ('revolute', 'link1', 'link2')
-    assert (joint.damping, joint.friction) == (2.88684e-3, 0.103)
+    assert (joint.damping, joint.friction, joint.load_friction) == (2.88684e-3, 0.103, 0.0)
     assert joint.is_driven
     assert joint.mimics is None
     assert not document.joints['tool0_fixed'].is_driven
@@ -68,6 +68,11 @@ FAULTS = {
     ),
     'NaN limit': ('upper="3.664"', 'upper="nan"', "upper = 'nan'"),
     'wrong friction': ('friction="0.247"', 'friction="high"', "friction = 'high'"),
+    'wrong load friction': (
+        'friction="0.247"',
+        'friction="0.247" load_friction="much"',
+        "load_friction = 'much'",
+    ),
     'no mass': ('<mass value="0.554"/>', '', 'link link2, <inertial> has no <mass>'),
     'mass without value': ('<mass value="0.554"/>', '<mass/>', '<mass> has no value'),
     'NaN mass': ('value="0.554"', 'value="nan"', "value = 'nan'"),

@@ -12,6 +12,7 @@ from aerarm_ros.excitation.planning.bench_motion import BenchMotion
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan
 from aerarm_ros.excitation.settings.motion_limits import MotionLimits
 from aerarm_ros.identification.motor_bench.motor_run import MotorRun
+from aerarm_ros.identification.motor_bench.motor_supply import MotorSupply
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 
@@ -24,15 +25,29 @@ def record(
     plan: BenchPlan,
 ) -> list[MotorRun]:
     """Return the runs of one joint, measured through the boards' frames."""
+    return measure(config, robot, truth, joint, posture, plan)[0]
+
+
+def measure(
+    config: ArmConfig,
+    robot: Robot,
+    truth: PlantParameters,
+    joint: int,
+    posture: Sequence[float],
+    plan: BenchPlan,
+) -> tuple[list[MotorRun], MotorSupply]:
+    """Return the runs of one joint, and what its motor took."""
     arm = EmulatedArm(config, robot, truth, np.array(posture))
     limits = MotionLimits.of_arm(config)
     motion = BenchMotion(plan, limits, arm.posture, np.array(posture), [joint])
+    fields = ('q', 'dq', 'tau', 'current', 'speed', 'power')
     rows = [
-        (state.path_time, state.q[joint], state.dq[joint], state.tau[joint])
+        (1e-9 * state.stamp_ns, state.path_time, *(getattr(state, f)[joint] for f in fields))
         for state in arm.play(motion.sequence)
     ]
-    path_time, q, dq, tau = np.array(rows).T
-    return [
+    time, path_time, q, dq, tau, *motor = np.array(rows).T
+    runs = [
         MotorRun(measurement.speed, path_time[part], q[part], dq[part], tau[part])
         for measurement, part in split(motion.measurements, path_time)
     ]
+    return runs, MotorSupply(time, *motor)

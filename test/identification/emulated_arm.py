@@ -24,13 +24,16 @@ CYCLE = 1e-3
 
 @dataclass(frozen=True)
 class State:
-    """What joint_states says, and when along the motion [s]."""
+    """What joint_states, motor_states and motor_power say, and when along the motion [s]."""
 
     stamp_ns: int
     path_time: float
     q: np.ndarray
     dq: np.ndarray
     tau: np.ndarray
+    current: np.ndarray
+    speed: np.ndarray
+    power: np.ndarray
 
 
 class EmulatedArm:
@@ -68,9 +71,9 @@ class EmulatedArm:
         while not player.done:
             stamp = 1_700_000_000_000_000_000 + round(self._now * 1e9)
             command = player.update(stamp, bridge.q.copy())
-            yield State(
-                stamp, player.path_time, bridge.q.copy(), bridge.dq.copy(), bridge.tau.copy()
-            )
+            told = (bridge.q, bridge.dq, bridge.tau)
+            motors = (bridge.motor_current, bridge.motor_velocity, bridge.motor_power)
+            yield State(stamp, player.path_time, *(v.copy() for v in (*told, *motors)))
             self._now += CYCLE
             bridge.command(OfferedCommand(self._names, *command, CYCLE, 'test'), self._now)
             bridge.update(self._now)

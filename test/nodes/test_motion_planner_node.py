@@ -25,6 +25,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 
 START, GOAL = np.array([0.2, 1.0, 0.0, 0.3]), [-0.6, 2.2, 0.5, -0.2]
 PLACE = [0.3, 0.35, 0.65]
+ASKED = [7, 5]  # stamp of a goal: [s], [ns]
 NAMES = load_arm_config().joint_names
 
 
@@ -72,6 +73,15 @@ class Desk:
             assert len(self.sent) == sent
         return self.told[-1]
 
+    def set(self, name: str, value: float) -> bool:
+        """Return whether a parameter was set."""
+        client = self.node.create_client(SetParameters, 'motion_planner/set_parameters')
+        assert client.wait_for_service(60.0)
+        parameters = [Parameter(name, value=value).to_parameter_msg()]
+        future = client.call_async(SetParameters.Request(parameters=parameters))
+        self.wait(future.done, 'the parameter')
+        return bool(future.result().results[0].successful)
+
 
 @pytest.fixture
 def desk(ros_node: Node, tmp_path: Path) -> Iterator[Desk]:
@@ -83,7 +93,9 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
     limits = JointLimits.from_config(load_arm_config())
     shuffled = [2, 0, 3, 1]
     goal = JointState(name=[NAMES[i] for i in shuffled], position=[GOAL[i] for i in shuffled])
+    goal.header.stamp.sec, goal.header.stamp.nanosec = ASKED
     answer = desk.ask(topics.JOINT_GOAL, goal)
+    assert (answer['asked'], answer['trajectory']) == (ASKED, [0, 0])
     assert (answer['accepted'], answer['seconds']) == (True, 2.0), answer
     trajectory, start = read_trajectory(limits, desk.sent[-1], 0.0)
     assert start is None
@@ -97,9 +109,14 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
     tool = Kinematics(load_robot(), 'tool0').position(np.array(answer['goal']))
     np.testing.assert_allclose(tool, PLACE, atol=1e-3)
 
-    set_duration(desk, 0.2)
+    assert desk.set('lead', 0.5)
+    answer = desk.ask(topics.JOINT_GOAL, goal)
+    stamp = desk.sent[-1].header.stamp
+    assert answer['trajectory'] == [stamp.sec, stamp.nanosec] != [0, 0]
+
+    assert desk.set('duration', 0.2)
     refused = desk.ask(topics.JOINT_GOAL, goal)
-    assert not refused['accepted']
+    assert (refused['accepted'], refused['asked']) == (False, ASKED)
     assert 'a motion of 0.2 s is out of reach' in refused['text']
     assert 'the quickest takes' in refused['text']
     point.header.frame_id = 'camera'
@@ -110,14 +127,3 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
     desk.wait(
         lambda: 'the arm moves at 0.30 rad/s' in desk.ask(topics.JOINT_GOAL, goal)['text'], 'motion'
     )
-
-
-def set_duration(desk: Desk, seconds: float) -> None:
-    client = desk.node.create_client(SetParameters, 'motion_planner/set_parameters')
-    assert client.wait_for_service(60.0)
-    request = SetParameters.Request(
-        parameters=[Parameter('duration', value=seconds).to_parameter_msg()]
-    )
-    future = client.call_async(request)
-    desk.wait(future.done, 'the parameter')
-    assert future.result().results[0].successful

@@ -23,6 +23,11 @@ class ComputedTorque(InverseDynamicsLaw):
     of the error can be added to `a` (the PID of thesis 2.6.2), and friction is compensated
     along the reference velocity.
 
+    That holds for a torque that acts at once and a velocity that is the present one. With `delay`
+    and `velocity_lag` the model is asked for the torque that is due when it acts, and the
+    reference's velocity is compared as the filter would tell it. Only the reference is looked
+    ahead on: the loop stays what it is.
+
     Parameters
     ----------
     dynamics : MovingBaseDynamics
@@ -33,6 +38,10 @@ class ComputedTorque(InverseDynamicsLaw):
     integral : ErrorIntegral, optional
         Its gain is in [1/s^3], its limit in [rad/s^2].
     friction : FrictionCompensation, optional
+    delay : float
+        From a state to the middle of the time in which its command acts [s].
+    velocity_lag : float
+        Time constant of the low-pass that measured velocities come through [s].
 
     Attributes
     ----------
@@ -52,10 +61,14 @@ class ComputedTorque(InverseDynamicsLaw):
         kd: npt.ArrayLike,
         integral: ErrorIntegral | None = None,
         friction: FrictionCompensation | None = None,
+        delay: float = 0.0,
+        velocity_lag: float = 0.0,
     ) -> None:
         super().__init__(dynamics, integral, friction)
         self.kp = non_negative('kp', kp, dynamics.n)
         self.kd = non_negative('kd', kd, dynamics.n)
+        self._delay = delay
+        self._lag = velocity_lag
 
     def update(
         self,
@@ -68,8 +81,11 @@ class ComputedTorque(InverseDynamicsLaw):
         q, dq, _ = state
         error = reference.q - q
         a = reference.ddq + self.kp * error
-        a += self.kd * (reference.dq - dq)
+        a += self.kd * (reference.dq - self._lag * reference.ddq - dq)
         if self._integral is not None:
             a += self._integral.update(error, dt)
         # Friction along the reference: measured noise stays out.
-        return JointCommand(tau=self._torque(q, dq, a, reference, base))
+        due = reference._replace(dq=reference.dq + self._delay * reference.ddq)
+        q = q + self._delay * reference.dq
+        dq = dq + (self._delay + self._lag) * reference.ddq
+        return JointCommand(tau=self._torque(q, dq, a, due, base))

@@ -19,7 +19,7 @@ class EffortModel:
     robot : arm with its prior inertial parameters and friction.
     rotor_inertia : (n,) reflected to the joint [kg m^2], None for none.
     torque_per_ampere : (n,) joint torque per motor current [Nm/A]; None: current is unknown.
-    load_friction : dry friction per torque that a gear passes on [-], one or (n,).
+    load_friction : dry friction per torque that a gear passes on [-]; the robot's if None.
     """
 
     def __init__(
@@ -27,14 +27,16 @@ class EffortModel:
         robot: Robot,
         rotor_inertia: FloatArray | None = None,
         torque_per_ampere: FloatArray | None = None,
-        load_friction: ArrayLike = 0.0,
+        load_friction: ArrayLike | None = None,
     ) -> None:
         self._n = robot.n
         self._dynamics = Dynamics(
             robot, np.zeros(robot.n) if rotor_inertia is None else rotor_inertia
         )
         self._viscous, self._coulomb = robot.viscous, robot.coulomb
-        self._load_friction = np.asarray(load_friction)
+        self._load_friction = np.asarray(
+            robot.load_friction if load_friction is None else load_friction
+        )
         self._torque_per_ampere = (
             np.full(robot.n, np.inf) if torque_per_ampere is None else torque_per_ampere
         )

@@ -20,6 +20,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'motor_power': ['MotorPower'],
         'motor_reference': ['MotorReference'],
         'motor_references': ['MotorReferences'],
+        'reported_resistance': ['resistance_by_boards'],
         'restart_watch': ['RestartWatch'],
         'spi_self_test': ['self_test'],
         'zero_search': ['ZeroSearch'],

@@ -13,7 +13,9 @@ from aerarm_ros.identification.solvers.estimate import Estimate
 Array = npt.NDArray[np.float64]
 
 
-def equivalent_friction(estimate: Estimate, bags: Sequence[SampleColumns]) -> tuple[Array, Array]:
+def equivalent_friction(
+    estimate: Estimate, bags: Sequence[SampleColumns], beside_load: bool = False
+) -> tuple[Array, Array]:
     """Return f_v and f_s of thesis (2.6) that come closest to the estimate's friction.
 
     Least squares over the motion of the bags, neither coefficient negative. For joints whose
@@ -24,6 +26,10 @@ def equivalent_friction(estimate: Estimate, bags: Sequence[SampleColumns]) -> tu
     estimate : Estimate
     bags : sequence of SampleColumns
         The identification bags.
+    beside_load : bool
+        Whether to leave out what grows with the load, for who knows that as well, and rounds off
+        the sign of the velocity about rest, as `FrictionCompensation` does: Coulomb friction that
+        is rounded off stays what it is then.
 
     Returns
     -------
@@ -31,6 +37,7 @@ def equivalent_friction(estimate: Estimate, bags: Sequence[SampleColumns]) -> tu
         [Nms/rad], [Nm]
     """
     model = estimate.model
+    left_out = {*NO_FRICTION, TermKind.LOAD} if beside_load else NO_FRICTION
     viscous, coulomb = estimate.joint_values('fv'), estimate.joint_values('fs')
     loads = [bag.links_torque(estimate.inertial.ravel()) for bag in bags]
     values = estimate.theta[10 * model.n :]
@@ -38,10 +45,11 @@ def equivalent_friction(estimate: Estimate, bags: Sequence[SampleColumns]) -> tu
         own = [
             (term, value)
             for (j, term), value in zip(model.joint_columns, values, strict=True)
-            if j == joint and term.kind not in NO_FRICTION
+            if j == joint and term.kind not in left_out
         ]
         if all(
-            term.kind in (TermKind.VISCOUS, TermKind.COULOMB) and not term.width for term, _ in own
+            term.kind in (TermKind.VISCOUS, TermKind.COULOMB) and (beside_load or not term.width)
+            for term, _ in own
         ):
             continue
         velocity, torque = [], []

@@ -18,8 +18,9 @@ Array = npt.NDArray[np.float64]
 _HEADER = """\
 # Dynamic parameters identified from recorded motion. SI units, joint side.
 # inertial_parameters: for each link m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its
-# joint's frame. viscous and coulomb: friction (2.6) nearest to the model in `friction`, which
-# is complete: viscous dq + coulomb s(dq) + load |links' torque| s(dq) + creep
+# joint's frame. viscous and coulomb: friction (2.6) nearest to the model in `friction`, load
+# included (identified.urdf has what is beside the load, and its share). That model is complete:
+# viscous dq + coulomb s(dq) + load |links' torque| s(dq) + creep
 # tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2) + forward
 # max(a(dq), 0) + backward min(a(dq), 0), with s(dq) = tanh(dq / coulomb_width), sgn(dq) for
 # width 0, and a(dq) = tanh(dq / asymmetry_width).

@@ -12,6 +12,7 @@ import pinocchio as pin
 from scipy.linalg import eigh
 
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.urdf_document import LOAD_FRICTION
 from aerarm_ros.model.inertia import barycentric_inertia, is_physically_consistent, pseudo_inertia
 
 Array = npt.NDArray[np.float64]
@@ -28,7 +29,7 @@ class IdentifiedUrdf:
 
 
 def identified_urdf(
-    robot: Robot, inertial: Array, viscous: Array, coulomb: Array
+    robot: Robot, inertial: Array, viscous: Array, coulomb: Array, load: Array | None = None
 ) -> IdentifiedUrdf:
     """Return the URDF with other inertial and friction values.
 
@@ -45,6 +46,8 @@ def identified_urdf(
         Of the moving links, thesis (3.3).
     viscous, coulomb : (n,) ndarray
         For `<dynamics damping friction>` [Nms/rad], [Nm].
+    load : (n,) ndarray, optional
+        Dry friction per torque that the gears pass on, beside these, for `load_friction` [-].
     """
     text = robot.urdf_text
     root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
@@ -67,7 +70,8 @@ def identified_urdf(
         for other in fixed:
             _remove_inertial(links[other])
         _set_inertial(links[name], own)
-        _set_dynamics(joints[robot.joint_names[index]], viscous[index], coulomb[index])
+        share = 0.0 if load is None else load[index]
+        _set_dynamics(joints[robot.joint_names[index]], viscous[index], coulomb[index], share)
     # The serializer's blank before '/>' would show up in every line of a comparison.
     written = ET.tostring(root, encoding='unicode').replace(' />', '/>')
     return IdentifiedUrdf(_before_root(text) + written + '\n', tuple(warnings))
@@ -199,9 +203,12 @@ def _remove_inertial(link: ET.Element) -> None:
         link.remove(inertial)
 
 
-def _set_dynamics(joint: ET.Element, damping: float, friction: float) -> None:
+def _set_dynamics(joint: ET.Element, damping: float, friction: float, load: float) -> None:
     dynamics = joint.find('dynamics')
     if dynamics is None:
         dynamics = ET.SubElement(joint, 'dynamics')
     dynamics.set('damping', repr(float(damping)))
     dynamics.set('friction', repr(float(friction)))
+    dynamics.attrib.pop(LOAD_FRICTION, None)  # of the URDF that this was
+    if load:
+        dynamics.set(LOAD_FRICTION, repr(float(load)))

@@ -10,8 +10,10 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, fit_motor_friction
 from aerarm_ros.identification.motor_bench.motor_inertia import fit_inertia
+from aerarm_ros.identification.motor_bench.motor_resistance import find_resistance
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.identification.motor_bench.motor_run import MotorRun
+from aerarm_ros.identification.motor_bench.motor_supply import MotorSupply
 from aerarm_ros.identification.motor_bench.motor_torque_constant import fit_torque_constant
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.model.dynamics import Dynamics
@@ -74,6 +76,8 @@ class MotorBench:
         Run without the mass, needed with a mounted arm.
     link_uncertainty : float
         Relative standard deviation of the links' inertia in the URDF.
+    resistance_uncertainty : float
+        Relative standard deviation of a resistance that a board reports.
 
     Raises
     ------
@@ -89,6 +93,7 @@ class MotorBench:
         known: KnownMass | None = None,
         earlier: Earlier | None = None,
         link_uncertainty: float = 0.2,
+        resistance_uncertainty: float = 0.1,
     ) -> None:
         self._config = config
         self._robot = robot
@@ -96,12 +101,17 @@ class MotorBench:
         self._known = known
         self._earlier = earlier
         self._link_uncertainty = link_uncertainty
+        self._resistance_uncertainty = resistance_uncertainty
         self.warnings: list[str] = []
         if known is not None:
             self._check_known(known)
 
-    def evaluate(self, joint: int, runs: Sequence[MotorRun]) -> MotorResult:
+    def evaluate(
+        self, joint: int, runs: Sequence[MotorRun], supply: MotorSupply | None = None
+    ) -> MotorResult:
         """Return what the runs of one joint tell; `warnings` gets what they don't.
+
+        Its resistance comes from `supply`, what the boards told of the motor.
 
         Raises
         ------
@@ -127,6 +137,7 @@ class MotorBench:
             inertia=inertia if accelerations else None,
             carried_inertia=carried,
             torque_ratio=self._torque_ratio(joint, friction),
+            resistance=find_resistance(supply, self._resistance_uncertainty) if supply else None,
         )
         if result.inertia is not None and not result.rotor_inertia_known:
             self.warnings.append(

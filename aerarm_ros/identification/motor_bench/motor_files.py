@@ -19,8 +19,9 @@ Array = npt.NDArray[np.float64]
 _HEADER = """\
 # Drives measured on the motor bench, thesis section 4.4. SI units, each number with its standard
 # deviation. b_eq [Nms/rad] and rotor_inertia [kg m^2]: motor side; coulomb [Nm] and viscous
-# [Nms/rad]: joint side. gravity: a, b of g(q) = a sin q + b cos q [Nm], as measured with the
-# stated torque constant, at `posture` of the other joints.
+# [Nms/rad]: joint side. resistance [ohm]: of a phase, by the voltages that the board reports, or as
+# the board states it (resistance_from). gravity: a, b of g(q) = a sin q + b cos q [Nm], as measured
+# with the stated torque constant, at `posture` of the other joints.
 """
 
 _CONFIG_HEADER = """\
@@ -69,6 +70,9 @@ def _entry(result: MotorResult) -> dict[str, Any]:
         value = getattr(result, name)
         if value is not None:
             entry[name] = _pair(value)
+    if result.resistance is not None:
+        entry['resistance'] = [result.resistance.ohm, result.resistance.std]
+        entry['resistance_from'] = result.resistance.source
     return entry
 
 
@@ -99,7 +103,7 @@ def load_earlier(path: Path) -> Earlier:
 
 
 def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult]) -> str:
-    """Return the configuration with measured friction, rotor inertia and torque constants.
+    """Return the configuration with measured friction, rotors, torque constants and resistances.
 
     Joints share kinds of motors, but motors of a kind differ (thesis, chapter 4): a measured
     motor gets an entry of its own.
@@ -142,6 +146,9 @@ def _measured(result: MotorResult) -> dict[str, float]:
         measured['rotor_inertia'] = result.rotor_inertia[0]
     if result.torque_constant is not None:
         measured['torque_constant_measured'] = result.torque_constant[0]
+    if result.resistance is not None:
+        measured['resistance'] = result.resistance.ohm
+        measured['resistance_std'] = result.resistance.std
     return measured
 
 

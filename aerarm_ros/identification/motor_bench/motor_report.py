@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.identification.motor_bench.motor_resistance import BOARD
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.pages.html_text import bullets, page, paragraph, section, table
 from aerarm_ros.pages.page_origin import origin
@@ -18,6 +19,7 @@ _HEADINGS = (
     'f [Nm]',
     'J_m [kg m²]',
     'K_i [Nm/A]',
+    'R [Ω]',
 )
 _ROW_HEIGHT = 300  # [px] of one drive's figure
 _GAP = 0.25  # of a row between two figures
@@ -55,7 +57,8 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
         section('Parameters', table(_HEADINGS, [_cells(result) for result in results])),
         paragraph(
             'b_eq and J_m at the motor, f at the joint. J_m in brackets is not told apart from '
-            'what the joint carries; K_i in brackets is the stated one.',
+            'what the joint carries; K_i in brackets is the stated one. R of a phase: by the '
+            'voltages that the boards report; in brackets as the boards state it.',
             'note',
         ),
         section('Motor torque over motor speed', paragraph(how, 'note'), _figure(results)),
@@ -65,6 +68,10 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
 
 def _cells(result: MotorResult) -> tuple[str, ...]:
     inertia, constant = result.rotor_inertia, result.torque_constant
+    ohmic = result.resistance
+    resistance = '-' if ohmic is None else _with_std((ohmic.ohm, ohmic.std))
+    if ohmic is not None and ohmic.source == BOARD:
+        resistance = f'({resistance})'
     shown = '-' if inertia is None else _with_std(inertia)
     if inertia is not None and not result.rotor_inertia_known:
         shown = f'({shown})'
@@ -75,6 +82,7 @@ def _cells(result: MotorResult) -> tuple[str, ...]:
         _with_std(result.coulomb),
         shown,
         _with_std(constant) if constant else f'({result.torque_constant_stated:.4f})',
+        resistance,
     )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction
+from aerarm_ros.identification.motor_bench.motor_resistance import MotorResistance
 
 # A rotor's inertia is told apart from its links' if it is known to this share.
 _KNOWN = 0.3
@@ -12,7 +13,7 @@ _KNOWN = 0.3
 
 @dataclass(frozen=True, eq=False)
 class MotorResult:
-    """Friction, inertia and torque constant of one joint's drive.
+    """Friction, inertia, torque constant and resistance of one joint's drive.
 
     Attributes
     ----------
@@ -30,6 +31,8 @@ class MotorResult:
         Part of it that is not the drive's, and its standard deviation [kg m^2].
     torque_ratio : tuple of two floats, or None
         True over stated torque constant, and its standard deviation; None if not measured.
+    resistance : MotorResistance or None
+        Of the motor's phase; None if neither voltages nor the board tell it.
     """
 
     joint: str
@@ -40,6 +43,7 @@ class MotorResult:
     inertia: tuple[float, float] | None = None
     carried_inertia: tuple[float, float] = (0.0, 0.0)
     torque_ratio: tuple[float, float] | None = None
+    resistance: MotorResistance | None = None
 
     @property
     def scale(self) -> float:

@@ -27,12 +27,15 @@ class ArmParameters:
         In the order of thesis (3.3).
     viscous, coulomb, rotor_inertia : (n,) ndarray
         [Nms/rad], [Nm], [kg m^2] at the joints.
+    load_friction : (n,) ndarray
+        Dry friction per torque that the gears pass on [-].
     """
 
     inertial: Array
     viscous: Array
     coulomb: Array
     rotor_inertia: Array
+    load_friction: Array
 
     @classmethod
     def stated(cls, robot: Robot, config: ArmConfig | None) -> 'ArmParameters':
@@ -58,6 +61,7 @@ class ArmParameters:
             np.array(robot.viscous),
             np.array(robot.coulomb),
             rotor_inertia,
+            np.array(robot.load_friction),
         )
 
     def vector(self, model: JointModel) -> Array:
@@ -66,6 +70,7 @@ class ArmParameters:
             TermKind.VISCOUS: self.viscous,
             TermKind.COULOMB: self.coulomb,
             TermKind.ROTOR: self.rotor_inertia,
+            TermKind.LOAD: self.load_friction,
         }
         unknown = np.zeros(model.n)
         joints = [known.get(term.kind, unknown)[joint] for joint, term in model.joint_columns]

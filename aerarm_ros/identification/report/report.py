@@ -57,6 +57,8 @@ class ReportExtras:
         Name of a bag to what else is known of it.
     energy : mapping
         Name of a bag to where its energy went.
+    resistances : mapping
+        Name of a joint to the resistance that this was computed with [ohm], as text.
     """
 
     desired: Mapping[str, DesiredVelocity] = field(default_factory=dict)
@@ -65,6 +67,7 @@ class ReportExtras:
     payload: Payload | None = None
     facts: Mapping[str, BagFacts] = field(default_factory=dict)
     energy: Mapping[str, EnergyBalance] = field(default_factory=dict)
+    resistances: Mapping[str, str] = field(default_factory=dict)
 
 
 def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
@@ -221,7 +224,8 @@ _EXCITATION = (
 def _energy(extras: ReportExtras, joint_names: Sequence[str]) -> list[Html]:
     if not extras.energy:
         return []
-    note = paragraph(_ENERGY, 'note')
+    used = '; '.join(f'{name} {text}' for name, text in extras.resistances.items())
+    note = paragraph(f'{_ENERGY} Resistances of the phases [Ω]: {used}.', 'note')
     return [section('Energy', note, energy_table(extras.energy, joint_names))]
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
+from aerarm_ros.hardware.boards.reported_resistance import resistance_by_boards
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
 from aerarm_ros.ros.bridge.bridge_timing import BridgeTiming
@@ -19,6 +20,10 @@ from aerarm_ros.ros.graph.rival_watch import RivalWatch
 _END = object()
 # Part, level, text and values.
 Status = tuple[str, bytes, str, Mapping[str, object]]
+MOTORS = 'motors'
+"""Part of the bridge that tells of its motors."""
+POWER_FROM = 'power from'
+"""Key of its source there, see `MotorPower`."""
 _POWER_SOURCES = {
     'voltage': 'power from the voltages that the boards report',
     'model': 'power computed from current, resistance and speed: the frames carry none',
@@ -103,7 +108,7 @@ class BridgeDiagnostics:
         yield from watched.timing.refresh()
         timing = self._output.status('timing', *watched.timing.status())
         yield
-        motors = self._output.status('motors', *_motors(watched))
+        motors = self._output.status(MOTORS, *_motors(watched))
         yield
         arm = self._output.status('arm', *_arm(watched))
         yield
@@ -131,13 +136,22 @@ def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     return level, '; '.join(texts) or cycle.mode, values
 
 
+def resistance_key(joint: str) -> str:
+    """Return the key of the resistance that a joint's board reports."""
+    return f'{joint} resistance [ohm]'
+
+
 def _motors(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     power = watched.cycle.power
-    values: dict[str, object] = {}
+    values: dict[str, object] = {POWER_FROM: power.source}
     for name, watts, joules in zip(
         watched.joint_names, power.watts.tolist(), power.energy.tolist(), strict=True
     ):
         values[f'{name} power [W]'] = f'{watts:.2f}'
         values[f'{name} energy [J]'] = f'{joules:.1f}'
     values['energy [J]'] = f'{power.energy.sum():.1f}'
+    reported = resistance_by_boards(watched.cycle.links, len(watched.joint_names)).tolist()
+    for name, ohm in zip(watched.joint_names, reported, strict=True):
+        if isfinite(ohm):
+            values[resistance_key(name)] = f'{ohm:.5f}'
     return DiagnosticStatus.OK, _POWER_SOURCES[power.source], values

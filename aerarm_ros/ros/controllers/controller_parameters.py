@@ -95,8 +95,9 @@ FRICTION_PARAMETERS = grouped(
     Parameter('friction_width', 0.02, 'velocity of 3/4 of the friction', 'rad/s', 1e-4, 1.0),
     Parameter('rotor_inertia', [], 'rotor inertia at the joints, J_m / k_g^2; from the '
               'configuration if empty', 'kg m^2', 0.0, 10.0, element=float),
-    Parameter('load_friction', [0.0], "share of the torque passed on that joints' gears lose, one "
-              'or one a joint; `load` in estimate.yaml', '', 0.0, 1.0),
+    Parameter('load_friction', [], "share of the torque passed on that joints' gears lose, one or "
+              'one a joint; from the URDF, where `identifier` writes it, if empty', '', 0.0, 1.0,
+              element=float),
 )  # fmt: skip
 
 # Of whoever knows the friction, and compensates none of it.
@@ -173,7 +174,7 @@ class ControlledArm:
             coulomb,
             values.friction_width,
             values.friction_fraction,
-            one_or_each(values.load_friction),
+            load_share(values, self.robot),
         )
 
     def observer(
@@ -293,6 +294,12 @@ def payload_problem(changes: Mapping[str, Any]) -> str:
 def _payload(values: Sequence[float]) -> Sequence[float]:
     """Return ten inertial parameters, those of nothing if none are given."""
     return values if len(values) else [0.0] * 10
+
+
+def load_share(values: SimpleNamespace, robot: Robot) -> npt.NDArray[np.float64]:
+    """Return `load_friction`, that of the URDF if none is given, one or (n,) [-]."""
+    given = values.load_friction
+    return one_or_each(given) if len(given) else robot.load_friction
 
 
 def one_or_each(values: Sequence[float]) -> npt.NDArray[np.float64]:

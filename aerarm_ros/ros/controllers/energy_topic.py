@@ -13,7 +13,7 @@ from aerarm_ros.energy.balance_meter import BalanceMeter
 from aerarm_ros.energy.energy_balance import EnergyBalance
 from aerarm_ros.energy.energy_model import EnergyModel
 from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.ros.controllers.controller_parameters import ControlledArm, one_or_each
+from aerarm_ros.ros.controllers.controller_parameters import ControlledArm, load_share
 
 ROWS = (*EnergyBalance.PARTS, 'recovered')
 _PERIOD = 0.1  # [s]
@@ -41,10 +41,14 @@ class EnergyTopic:
 
     def __init__(self, node: Node, arm: ControlledArm, values: SimpleNamespace) -> None:
         model = EnergyModel(
-            arm.config, arm.robot, values.rotor_inertia or None, one_or_each(values.load_friction)
+            arm.config, arm.robot, values.rotor_inertia or None, load_share(values, arm.robot)
         )
         arm.load(model.dynamics, values)
         self._meter = BalanceMeter(model)
+        self._resistances = {
+            f'{joint.name} resistance [ohm]': joint.motor.resistance_text
+            for joint in arm.config.joints
+        }
         self._due = -np.inf
         topic, joints = topics.ENERGY, arm.config.joint_names
         self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
@@ -69,7 +73,7 @@ class EnergyTopic:
         )
 
     def describe(self) -> dict[str, object]:
-        """Tell the sums over the joints."""
+        """Tell the sums over the joints, and by which resistances."""
         total = self._meter.total
         told: dict[str, object] = {
             f'{name} [J]': round(float(value), 2)
@@ -80,4 +84,5 @@ class EnergyTopic:
             'energy supplied [J]': round(float(total.supplied.sum()), 2),
             **told,
             'gaps left out': self._meter.gaps,
+            **self._resistances,
         }

@@ -14,7 +14,7 @@ from aerarm_ros.planner.plan_settings import ENERGY, OBJECTIVES, PlanSettings
 from aerarm_ros.ros.controllers.controller_parameters import (
     ENERGY_PARAMETERS,
     PAYLOAD,
-    one_or_each,
+    load_share,
 )
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -58,9 +58,7 @@ def plan_settings(values: SimpleNamespace) -> dict[str, object]:
 
 def make_planner(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> MotionPlanner:
     """Return the planner; raises ValueError with what to check."""
-    model = EnergyModel(
-        config, robot, values.rotor_inertia or None, one_or_each(values.load_friction)
-    )
+    model = EnergyModel(config, robot, values.rotor_inertia or None, load_share(values, robot))
     surroundings = load_excitation_config(values.excitation_config or None)
     setup = ExcitationSetup.of_arm(robot, config, surroundings)
     planner = MotionPlanner(model, setup, PlanSettings(**plan_settings(values)))  # type: ignore[arg-type]

@@ -12,6 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'bench_recording': ['BenchRecording'],
         'damping_account': ['DampingAccount'],
         'motion_playback': ['MotionPlayback'],
+        'motor_readings': ['MotorReadings'],
         'start_conditions': ['StartConditions'],
     },
 )

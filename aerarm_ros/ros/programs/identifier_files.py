@@ -32,7 +32,9 @@ def write_result(
     estimate = result.recommended.estimate
     viscous, coulomb = equivalent_friction(estimate, result.identification)
     directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
-    urdf = identified_urdf(result.robot, estimate.inertial, viscous, coulomb)
+    load = estimate.joint_values(TermKind.LOAD.value)
+    beside = equivalent_friction(estimate, result.identification, beside_load=True)
+    urdf = identified_urdf(result.robot, estimate.inertial, *beside, load)
     told = (*urdf.warnings, *unwritten(estimate))
     result.warnings.extend(text for text in told if text not in result.warnings)
     directory.write('identified.urdf', urdf.text)

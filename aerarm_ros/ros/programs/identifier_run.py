@@ -161,8 +161,11 @@ class IdentifierRun:
     def _extras(self, result: IdentificationResult) -> ReportExtras:
         bags = self._arm.read.items()
         desired = {name: bag.desired for name, bag in bags if bag.desired is not None}
-        energy = bag_energies(self._arm.config, result) if self._arm.config else {}
-        extras = ReportExtras(desired, facts=self._arm.facts(), energy=energy)
+        config = self._arm.config
+        energy = bag_energies(config, result) if config else {}
+        joints = config.joints if config else ()
+        used = {joint.name: joint.motor.resistance_text for joint in joints}
+        extras = ReportExtras(desired, facts=self._arm.facts(), energy=energy, resistances=used)
         if self._options.truth is None:
             return extras
         truth = load_truth(self._options.truth, result.fit.model)

@@ -137,7 +137,7 @@ class PayloadReplay:
         if self._options.model is None:
             rotors = np.zeros(robot.n) if config is None else config.column('reflected_inertia')
             return KnownArm(
-                robot, rotors, np.array([robot.viscous, robot.coulomb, np.zeros(robot.n)])
+                robot, rotors, np.array([robot.viscous, robot.coulomb, robot.load_friction])
             )
         self._estimate = read_estimate(self._options.model, robot)
         if self._options.gravity is None:

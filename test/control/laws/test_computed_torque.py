@@ -7,6 +7,7 @@ from aerarm_ros.control.compensation.error_integral import ErrorIntegral
 from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.joint_command import JointCommand
 from aerarm_ros.motion.joint_reference import JointReference
 
 CYCLE = 1e-3
@@ -78,3 +79,33 @@ def test_taking_over_forgets_the_integral(dynamics) -> None:
 def test_gains_must_be_one_a_joint(dynamics) -> None:
     with pytest.raises(ValueError, match='3 values'):
         ComputedTorque(dynamics, [1.0, 1.0, 1.0], KD)
+
+
+def test_what_is_known_to_be_late_costs_no_error(dynamics, frictionless_bench) -> None:
+    """A torque acts a cycle later and is held for one; velocities come through a low-pass."""
+    delay, lag = 1.5 * CYCLE, 1.59e-3
+    errors = []
+    for timing in ((0.0, 0.0), (delay, lag)):
+        law = ComputedTorque(dynamics, 400.0, 40.0, None, None, *timing)
+        arm = frictionless_bench(UPRIGHT)
+        arm.plant.reset(UPRIGHT, AMPLITUDE * RATE)
+        run = arm.run(Late(law, lag), 1.5)
+        error = np.array([sine_reference(t).q for t in run.time]) - run.q
+        errors.append(np.sqrt((error[500:] ** 2).mean(axis=0)))
+    assert np.all(errors[1] < 0.2 * errors[0])
+
+
+class Late:
+    """A law whose commands act a cycle later, and that sees filtered velocities."""
+
+    def __init__(self, law: ComputedTorque, lag: float) -> None:
+        self._law = law
+        self._share = CYCLE / (CYCLE + lag)  # a ramp is told so much later
+        self._dq = AMPLITUDE * RATE
+        self._next = None
+
+    def __call__(self, state: ArmState, now: float) -> JointCommand:
+        self._dq = self._dq + self._share * (state.dq - self._dq)
+        command = self._law.update(state._replace(dq=self._dq), sine_reference(now), CYCLE)
+        due, self._next = self._next or command, command
+        return due

@@ -41,7 +41,9 @@ def test_they_are_the_joules_of_the_exact_motion(balances, result, arm, config) 
 
 
 def test_the_report_tells_them_joint_by_joint(balances, result) -> None:
-    page = report_html(result, ReportExtras(energy=balances))
+    used = {'joint1': '0.1 (an estimate)', 'joint2': '0.171 (± 0.002)'}
+    page = report_html(result, ReportExtras(energy=balances, resistances=used))
+    assert 'joint1 0.1 (an estimate); joint2 0.171 (± 0.002).' in page
     assert '>Energy</h2>' in page
     assert 'copper [J]' in page
     assert '<h2>Energy</h2>' not in report_html(result, ReportExtras())

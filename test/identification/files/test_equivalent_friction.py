@@ -44,6 +44,23 @@ def test_load_becomes_coulomb_friction(result: IdentificationResult) -> None:
     assert more[1] - coulomb[1] == pytest.approx(0.1 * load[1], rel=0.5)
 
 
+def test_what_is_beside_the_load_is_not_counted_twice(result: IdentificationResult) -> None:
+    """For who knows the load's share; and rounded off or not, Coulomb friction stays what it is."""
+    loaded = estimate_with(result, fv=0.1, fs=0.2, fl=0.1)
+    viscous, coulomb = equivalent_friction(loaded, result.identification, beside_load=True)
+    assert viscous == pytest.approx([0.1] * 4)
+    assert coulomb == pytest.approx([0.2] * 4)
+    terms = [JointTerm(TermKind.VISCOUS), JointTerm(TermKind.COULOMB, 0.05)]
+    robot = result.robot
+    model = JointModel.uniform(robot.joint_names, robot.link_names, tuple(terms))
+    own = [0.1 if term.kind is TermKind.VISCOUS else 0.2 for _, term in model.joint_columns]
+    theta = np.concatenate([robot.inertial_parameters.ravel(), own])
+    rounded = Estimate('test', model, theta)
+    viscous, coulomb = equivalent_friction(rounded, result.identification, beside_load=True)
+    assert viscous == pytest.approx([0.1] * 4)
+    assert coulomb == pytest.approx([0.2] * 4)
+
+
 def test_never_negative(result: IdentificationResult, make_arm: Callable) -> None:
     creep = JointTerm(TermKind.CREEP, 0.3)
     robot = result.robot

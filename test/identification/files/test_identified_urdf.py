@@ -51,14 +51,19 @@ def test_round_trip(name: str, example_urdf: Callable[[str], Path]) -> None:
     robot = load_robot(path, locked=locked)
     inertial = heavier(robot)
     fv, fs = np.linspace(0.1, 0.2, robot.n), np.linspace(0.3, 0.4, robot.n)
-    written = identified_urdf(robot, inertial, fv, fs)
+    load = np.linspace(0.0, 0.05, robot.n)
+    written = identified_urdf(robot, inertial, fv, fs, load)
     assert not written.warnings
     again = load_robot(written.text, locked=locked)
+    assert np.array_equal(again.load_friction, load)
+    # Another identification that found none.
+    none = identified_urdf(again, inertial, fv, fs)
+    assert not load_robot(none.text, locked=locked).load_friction.any()
     scale = np.abs(inertial).max(axis=1, keepdims=True)
     assert np.allclose(again.inertial_parameters / scale, inertial / scale, atol=1e-12)
     assert np.array_equal(again.viscous, fv)
     assert np.array_equal(again.coulomb, fs)
-    assert skeleton(written.text) == skeleton(robot.urdf_text)
+    assert skeleton(none.text) == skeleton(robot.urdf_text)
 
 
 def test_comments_and_declaration_are_kept(robot: Robot) -> None:

@@ -8,12 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench_rig import record
+from bench_rig import measure, record
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan
 from aerarm_ros.identification.motor_bench.motor_bench import Earlier, KnownMass, MotorBench
+from aerarm_ros.identification.motor_bench.motor_resistance import VOLTAGE
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.simulation.plant_parameters import PlantParameters
@@ -23,11 +24,22 @@ PLAN = BenchPlan(speeds=(0.8, 2.0), span=1.4, runs=1)
 LOADED_PLAN = BenchPlan(speeds=(0.8, 1.6), span=1.6, runs=1)  # joint 2 takes longer to get fast
 GRAVITY_PLAN = BenchPlan(speeds=(0.8, 1.6), span=1.6, runs=0)
 QUICK_PLAN = BenchPlan(speeds=(1.0, 2.0), span=1.2, runs=0)
+WOUND = (0.13, 0.12, 0.5, 0.19)  # [ohm] of the motors that report voltages, not as configured
 
 
 @pytest.fixture(scope='module')
 def config() -> ArmConfig:
     return load_arm_config()
+
+
+@pytest.fixture(scope='module')
+def telling(config: ArmConfig) -> ArmConfig:
+    """The same arm with boards that report voltages, its windings not as configured."""
+    joints = [
+        replace(joint, motor=replace(joint.motor, resistance=ohm))
+        for joint, ohm in zip(config.joints, WOUND, strict=True)
+    ]
+    return replace(config, joints=tuple(joints), profile='laas_power')
 
 
 @pytest.fixture(scope='module')
@@ -55,20 +67,34 @@ def check_drive(result: MotorResult, truth: PlantParameters, joint: int) -> None
     assert result.rotor_inertia_known
 
 
-def test_a_mounted_joint(config: ArmConfig, robot: Robot, truth: PlantParameters) -> None:
-    runs = record(config, robot, truth, 3, config.rest_position, PLAN)
+def check_resistance(result: MotorResult, joint: int) -> None:
+    """Within four of the standard deviations that it states, and those within 5 %."""
+    found = result.resistance
+    assert found is not None
+    assert found.source == VOLTAGE
+    assert abs(found.ohm - WOUND[joint]) < 4.0 * found.std
+    assert found.std < 0.05 * found.ohm
+
+
+def test_a_mounted_joint(
+    config: ArmConfig, telling: ArmConfig, robot: Robot, truth: PlantParameters
+) -> None:
+    runs, supply = measure(telling, robot, truth, 3, config.rest_position, PLAN)
     bench = MotorBench(config, robot, config.rest_position)
-    check_drive(bench.evaluate(3, runs), truth, 3)
+    result = bench.evaluate(3, runs, supply)
+    check_drive(result, truth, 3)
+    check_resistance(result, 3)
     assert bench.warnings == []
 
 
 def test_a_loaded_joint_and_a_rotor_behind_its_links(
-    config: ArmConfig, robot: Robot, truth: PlantParameters
+    config: ArmConfig, telling: ArmConfig, robot: Robot, truth: PlantParameters
 ) -> None:
     """Joint 2 lifts the arm: 5 Nm of gravity, seventeen times the rotor's inertia in links."""
-    runs = record(config, robot, truth, 1, config.rest_position, LOADED_PLAN)
+    runs, supply = measure(telling, robot, truth, 1, config.rest_position, LOADED_PLAN)
     bench = MotorBench(config, robot, config.rest_position)
-    result = bench.evaluate(1, runs)
+    result = bench.evaluate(1, runs, supply)
+    check_resistance(result, 1)
     true = measured_per_true(truth)[1]
     assert result.coulomb[0] == pytest.approx(true * truth.coulomb[1], rel=0.15)
     assert result.friction.load == pytest.approx(truth.load_friction[1], abs=0.005)

@@ -13,6 +13,11 @@ from aerarm_ros.description.resources import resource
 from aerarm_ros.identification.motor_bench.motor_files import bench_yaml, config_yaml, load_earlier
 from aerarm_ros.identification.motor_bench.motor_friction import fit_motor_friction
 from aerarm_ros.identification.motor_bench.motor_report import bench_html, bench_table
+from aerarm_ros.identification.motor_bench.motor_resistance import (
+    BOARD,
+    VOLTAGE,
+    MotorResistance,
+)
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 
@@ -22,7 +27,12 @@ def result(joint: str = 'joint2', motor: str = 'MN4006', **measured: object) -> 
     return MotorResult(joint, motor, 1 / 27, 0.0218, friction, **measured)
 
 
-MEASURED = {'inertia': (0.02, 1e-4), 'carried_inertia': (0.01, 1e-3), 'torque_ratio': (0.97, 2e-3)}
+MEASURED = {
+    'inertia': (0.02, 1e-4),
+    'carried_inertia': (0.01, 1e-3),
+    'torque_ratio': (0.97, 2e-3),
+    'resistance': MotorResistance(0.171, 0.002, VOLTAGE),
+}
 
 
 def test_the_result_serves_a_later_run(tmp_path: Path) -> None:
@@ -35,6 +45,7 @@ def test_the_result_serves_a_later_run(tmp_path: Path) -> None:
     entry = yaml.safe_load(file.read_text())['joints']['joint2']
     assert entry['torque_constant'][0] == pytest.approx(0.97 * 0.0218)
     assert entry['b_eq'][0] == pytest.approx(entry['viscous'][0] / 27**2)
+    assert (entry['resistance'], entry['resistance_from']) == ([0.171, 0.002], 'voltage')
     # True torque is 0.97 of what was measured, and so is all that was measured by it.
     assert entry['coulomb'][0] == pytest.approx(0.97 * result().friction.coulomb)
     assert entry['rotor_inertia'][0] == pytest.approx((0.97 * 0.02 - 0.01) / 27**2)
@@ -52,6 +63,10 @@ def test_the_configuration_loads_and_has_what_was_measured(tmp_path: Path) -> No
     assert drive.coulomb == pytest.approx(0.97 * 0.25, rel=0.01)
     assert drive.effort_max < old.effort_max  # a weaker motor than stated
     assert drive.motor.kv == old.motor.kv
+    assert (drive.motor.resistance, drive.motor.resistance_std) == (0.171, 0.002)
+    # What the balance of energy is computed with, in its own words.
+    texts = drive.motor.resistance_text, old.motor.resistance_text
+    assert texts == ('0.171 (± 0.002)', '0.15 (an estimate)')
     for joint in (0, 2, 3):
         assert after.joints[joint] == before.joints[joint]
 
@@ -77,11 +92,14 @@ def test_other_files_are_refused(text: str, tmp_path: Path) -> None:
 
 
 def test_table_and_page() -> None:
-    results = [result('<b>elbow</b>', **MEASURED), result('wrist')]
+    stated = MotorResistance(0.15, 0.015, BOARD)
+    results = [result('<b>elbow</b>', **MEASURED), result('wrist', resistance=stated)]
     lines = bench_table(results).splitlines()
     assert lines[0].split()[:2] == ['joint', 'motor']
     assert '0.243' in lines[1]
+    assert '0.171 ± 0.002' in lines[1]
     assert '(0.0218)' in lines[2]  # stated, not measured
+    assert '(0.15 ± 0.01' in lines[2]
     page = bench_html(results, True, ['beware of <i>'])
     assert '<b>elbow' not in page
     assert '&lt;b&gt;elbow' in page

@@ -45,6 +45,8 @@ def test_the_integral_gain_of_the_thesis(start_bridge: StartBridge, ros_node: No
     assert client.set_parameters(board_ki=[1.0, 2.0, 1.0, 2.0]) == []
     client.wait_for(lambda: 'motors' in client.diagnostics)
     assert 'voltages that the boards report' in client.messages['motors']
+    # Their words carry voltages instead.
+    assert not [key for key in client.diagnostics['motors'] if 'resistance' in key]
 
 
 @pytest.mark.parametrize(
@@ -109,6 +111,7 @@ def test_energy_grows_while_the_arm_is_held(client: BridgeClient) -> None:
     client.wait_for(lambda: float(client.diagnostics['motors']['joint2 energy [J]']) > 0.1)
     motors = client.diagnostics['motors']
     parts = [float(motors[f'joint{k} energy [J]']) for k in (1, 2, 3, 4)]
+    assert float(motors['joint3 resistance [ohm]']) == pytest.approx(0.4, abs=1e-4)
     assert float(motors['energy [J]']) == pytest.approx(sum(parts), abs=0.3)
     # Stamped by the arm's time.
     stamp = client.states[-1].header.stamp
