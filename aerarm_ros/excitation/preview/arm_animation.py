@@ -61,7 +61,7 @@ class ArmAnimation:
         figure = go.Figure(data=[*self._draw(positions[shown[0]]), line])
         bodies = list(range(len(self._bodies)))
         figure.frames = [
-            go.Frame(data=self._draw(positions[i]), traces=bodies, name=f'{times[i]:.2f}')
+            go.Frame(data=self._place(positions[i]), traces=bodies, name=f'{times[i]:.2f}')
             for i in shown
         ]
         figure.update_layout(
@@ -83,6 +83,17 @@ class ArmAnimation:
         return max(last, key=lambda i: float(np.linalg.norm(frames[i].placement.translation)))
 
     def _draw(self, q: FloatArray) -> list[go.Mesh3d]:
+        """Return the links, each whole."""
+        meshes = self._place(q)
+        for drawn, (joint, mesh) in zip(meshes, self._bodies.items(), strict=True):
+            i, j, k = mesh.triangles.astype(np.uint32).T
+            colour = _COLOURS[joint % len(_COLOURS)]
+            name = self._robot.model.names[joint]
+            drawn.update(i=i, j=j, k=k, color=colour, flatshading=True, name=name)
+        return meshes
+
+    def _place(self, q: FloatArray) -> list[go.Mesh3d]:
+        """Return where the links' corners are: what changes from picture to picture."""
         pin.forwardKinematics(self._robot.model, self._data, q)
         meshes = []
         for joint, mesh in self._bodies.items():
@@ -90,13 +101,7 @@ class ArmAnimation:
             # Single precision: enough for a picture, and half of the file's size.
             vertices = mesh.vertices @ placement.rotation.T + placement.translation
             x, y, z = vertices.astype(np.float32).T
-            i, j, k = mesh.triangles.astype(np.uint16 if len(vertices) < 65_536 else np.uint32).T
-            meshes.append(
-                go.Mesh3d(
-                    x=x, y=y, z=z, i=i, j=j, k=k, color=_COLOURS[joint % len(_COLOURS)],
-                    flatshading=True, name=self._robot.model.names[joint],
-                )
-            )  # fmt: skip
+            meshes.append(go.Mesh3d(x=x, y=y, z=z))
         return meshes
 
     @staticmethod

@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull
 from aerarm_ros.motion.float_array import FloatArray
 
 _SEGMENTS = 16
+_CORNERS = 96  # of a hull, at most
 
 
 class TriangleMesh(NamedTuple):
@@ -44,7 +45,7 @@ def _points(geometry: Any) -> FloatArray | None:
         corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
         return np.asarray(corners * np.asarray(geometry.halfSide))
     if hasattr(geometry, 'points'):
-        return np.asarray(geometry.points())
+        return _outermost(np.asarray(geometry.points()))
     angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
     if hasattr(geometry, 'halfLength'):
@@ -70,6 +71,21 @@ def _points(geometry: Any) -> FloatArray | None:
         ]
         return np.asarray(geometry.radius * np.concatenate(parts))
     return None
+
+
+def _outermost(points: FloatArray) -> FloatArray:
+    """Return those of (P, 3) points that lie farthest out in directions all around.
+
+    A hull of a scanned shape has thousands of corners, and an animation holds each many times.
+    """
+    if len(points) <= _CORNERS:
+        return points
+    # Fibonacci's sphere: golden angles around, equal steps in height.
+    height = 1.0 - (2.0 * np.arange(_CORNERS) + 1.0) / _CORNERS
+    angle = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(_CORNERS)
+    ring = np.sqrt(1.0 - height**2)
+    directions = np.stack([ring * np.cos(angle), ring * np.sin(angle), height])
+    return np.asarray(points[np.unique((points @ directions).argmax(axis=0))])
 
 
 def _ball_rings() -> list[tuple[float, float]]:

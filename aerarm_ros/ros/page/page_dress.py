@@ -29,8 +29,10 @@ _STYLE = f"""
     overflow: visible !important;
   }}
   {_C} {{ display: flex; flex-direction: column; }}
-  {_M} {{ order: -1; position: sticky; top: 3.2em; z-index: 20; background: white; }}
-  {_M} + div {{ order: -2; position: sticky; top: 0; z-index: 20; background: white; }}
+  {_M} {{ order: -1; position: sticky; top: 3.2em; z-index: 20;
+          background: var(--mantine-color-body); }}
+  {_M} + div {{ order: -2; position: sticky; top: 0; z-index: 20;
+                background: var(--mantine-color-body); }}
   #root > div > div:has(canvas) {{
     position: fixed !important; bottom: 0; height: 42dvh !important; width: 100%;
   }}

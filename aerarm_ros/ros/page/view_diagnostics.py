@@ -116,7 +116,8 @@ def _timing_table(rows: Mapping[str, Mapping[str, str]]) -> str:
         _row('td', name, [row.get(statistic, '') for statistic in _STATISTICS])
         for name, row in rows.items()
     )
-    return f'<table style="border-collapse:collapse;font-size:0.85em">{head}{body}</table>'
+    table = f'<table style="border-collapse:collapse;font-size:0.85em">{head}{body}</table>'
+    return f'<div style="overflow-x:auto">{table}</div>'  # a panel may be narrow
 
 
 def _row(tag: str, name: str, cells: Sequence[str]) -> str:

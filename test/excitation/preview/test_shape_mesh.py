@@ -27,6 +27,19 @@ def test_volume_and_place(shape, volume: float) -> None:
     assert mesh.triangles.max() == len(mesh.vertices) - 1
 
 
+def test_a_scanned_hull_is_drawn_with_few_corners() -> None:
+    ball = np.random.default_rng(0).normal(size=(5000, 3))
+    ball *= 0.1 / np.linalg.norm(ball, axis=1, keepdims=True)
+    points = pin.hppfcl.StdVec_Vec3s()
+    for point in ball:
+        points.append(point)
+    hull = pin.hppfcl.Convex.convexHull(points, True, None)
+    mesh = mesh_of_shape(pin.GeometryObject('scan', 0, 0, PLACEMENT, hull))
+    assert len(mesh.vertices) <= 96
+    whole = 4.0 / 3.0 * np.pi * 0.001
+    assert 0.85 * whole < ConvexHull(mesh.vertices).volume < whole
+
+
 def test_a_plane_has_no_mesh() -> None:
     plane = pin.hppfcl.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
     assert mesh_of_shape(pin.GeometryObject('ground', 0, 0, PLACEMENT, plane)) is None
