@@ -28,12 +28,13 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup develop demo experiment energy view test attacks lint fuzz mutants bench clean
+.PHONY: help setup develop demo experiment energy flight view test attacks lint fuzz mutants bench clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
 	@echo 'make experiment  the controllers, the drone still, tilted and moving'
 	@echo 'make energy      100 random moves, planned for least energy beside quintics and trapezoids'
+	@echo 'make flight      how far the arm moves its drone, by what is fed forward, with a replay'
 	@echo 'make view        the running arm in a browser'
 	@echo 'make test        lint, type check and all tests'
 	@echo 'make attacks     hundreds of attacks on the bridge in virtual time, and their worst figures'
@@ -71,6 +72,9 @@ experiment: setup
 
 energy: setup
 	$(BIN)/python benchmarks/energy.py --moves 100 --out output/energy
+
+flight: setup
+	$(BIN)/python benchmarks/flight.py --out output/flight
 
 view: setup
 	$(BIN)/view

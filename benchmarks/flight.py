@@ -1,98 +1,141 @@
 """How far the arm's motion moves the drone that carries it, over topics, by what is fed forward.
 
 `fake_hardware`, `computed_torque`, `base_reaction` and `flight_control` run as processes, in
-lockstep. The drone hovers at a place while the arm swings. Each way to bear that flies with the
-gains that benchmarks/flight_gains.py found for it (flying/gains.yaml).
+lockstep, so that the figures do not depend on the host. The drone hovers at a place while the arm
+swings slowly and fast, reaches out by 90 degrees in 1.5 s, picks up 0.2 kg that nobody told of, and
+plays an excitation. Each way to bear that flies with the gains that benchmarks/flight_gains.py
+found for it (flying/gains.yaml). The arm differs from its drawing; all nodes know it by what
+`identifier` made of a recorded excitation (`--model true`: it is as drawn, and known). The sensors
+are ideal unless `--latency` says otherwise. `make flight` writes a page besides.
 """
 
 import argparse
 import os
+import sys
 import tempfile
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
+from itertools import groupby
+from multiprocessing import get_context
 from pathlib import Path
 
-import numpy as np
 import rclpy
-import yaml
-from flight_gains import DRONES, GAINS
 from flying.arm_model import ArmModel
-from flying.arm_swing import MOTIONS, RAMP, ArmSwing
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
+from flying.flight_page import flight_page
+from flying.flight_program import FlightProgram
+from flying.flight_record import FlightRecord
+from flying.flight_results import FlightResults
+from flying.flight_way import DRONES, WAYS, load_drone, ways_of
 from rclpy.node import Node
 
-from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
-from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
-LINE = '{:17} {:26} {:5} {:>9} {:>7} {:>10} {:>6}'
-HEADINGS = ('drone', 'against the arm', '', 'RMS [mm]', 'max', 'tilt [deg]', 'max')
-# Which gains, and what is fed forward besides.
-NOTHING = {'feed_posture': False, 'feed_motion': False}
-WAYS = {
-    'integral': ('integral', NOTHING),
-    'observer': ('observer', {**NOTHING, 'rejection': 'observer'}),
-    'INDI': ('indi', {**NOTHING, 'rejection': 'indi'}),
-    'posture': ('feed_forward', {'feed_motion': False, 'feed_lead': 0.0}),
-    'posture, motion': ('feed_forward', {'feed_lead': 0.0}),
-    'posture, motion, lead': ('feed_forward', {}),
-}
+Records = dict[str, FlightRecord | str]
 
 
-def parameters(drone: str, way: str) -> dict[str, object]:
-    """Return what flight_control is given for one way to bear the arm."""
-    kind, switches = WAYS[way]
-    tuned = yaml.safe_load(GAINS.read_text())[f'{drone}/{kind}']
-    gains = {name: value for name, value in tuned.items() if name.endswith('frequency')}
-    if 'integral' in tuned:
-        gains.update(position_integral=tuned['integral'], attitude_integral=tuned['integral'])
-    return {**gains, **switches}
-
-
-def fly(node: Node, name: str, drone: DroneConfig, way: str, seconds: dict[str, float]) -> None:
-    """Fly one way and print its lines."""
-    case = FlightCase(
-        drone.mass, 'free', drone=drone, flight=tuple(parameters(name, way).items()), is_told=True
-    )
-    try:
-        with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-            bench = FlightBench(stack, node, Path(folder), case, ArmModel.true())
-            for motion, length in seconds.items():
-                times, _ = bench.move(ArmSwing(motion, length))
-                end = bench.listener.places[-1][0]
-                begin = end - length + RAMP
-                rows = [row for row in bench.listener.places if begin < row[0] < end - RAMP]
-                away = np.array([1e3 * np.linalg.norm(place) for _, place, _ in rows])
-                tilt = np.degrees([angle for _, _, angle in rows])
-                figures = [f'{np.sqrt((row**2).mean()):.2f}' for row in (away, tilt)]
-                largest = [f'{row.max():.2f}' for row in (away, tilt)]
-                both = [text for pair in zip(figures, largest, strict=True) for text in pair]
-                print(LINE.format(name, way, motion, *both), flush=True)
-    except (ValueError, TimeoutError, ArmClientError) as error:
-        text = ' '.join(str(error).split())[:160]
-        print(LINE.format(name, way, '', *'----'), text, flush=True)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    tuned = list(dict.fromkeys(key.split('/')[0] for key in yaml.safe_load(GAINS.read_text())))
-    parser.add_argument('--drones', nargs='*', default=tuned, choices=tuned)
-    parser.add_argument('--ways', nargs='*', default=list(WAYS), choices=list(WAYS))
-    parser.add_argument('--seconds', type=float, nargs=2, default=(8.0, 8.0),
-                        help='length of the slow and of the fast motion')  # fmt: skip
-    options, _ = parser.parse_known_args()
-    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+def open_ros(offset: int) -> Node:
+    """Return a node in a domain of its own."""
+    os.environ['ROS_DOMAIN_ID'] = str(1 + (os.getpid() + offset) % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rclpy.init(args=[])
-    node = rclpy.create_node('flight')
-    print(LINE.format(*HEADINGS))
-    seconds = {m: s for m, s in zip(MOTIONS, options.seconds, strict=True) if s > 0.0}
-    for name in options.drones:
-        drone = load_drone_config(resource('config', *DRONES[name]))
-        for way in options.ways:
-            fly(node, name, drone, way, seconds)
-    rclpy.shutdown()
+    return rclpy.create_node('flight')
+
+
+def identify(folder: Path, seed: int) -> ArmModel:
+    """Return an arm and what is found out of it."""
+    try:
+        return ArmModel.identified(open_ros(0), folder, seed)
+    finally:
+        rclpy.shutdown()
+
+
+def fly(name: str, number: int, arm: ArmModel, ways: list[str], latency: float) -> Records:
+    """Return what one drone did in some ways, or why it did not."""
+    node, program = open_ros(number), FlightProgram()
+    found: Records = {}
+    try:
+        # What can be switched in flight flies with the same processes.
+        for _, group in groupby(ways, key=lambda way: WAYS[way].gains):
+            fly_group(node, name, arm, list(group), latency, program, found)
+    finally:
+        rclpy.shutdown()
+    return found
+
+
+def fly_group(
+    node: Node,
+    name: str,
+    arm: ArmModel,
+    ways: list[str],
+    latency: float,
+    program: FlightProgram,
+    found: Records,
+) -> None:
+    """Fly ways that have the same gains; with other processes after a drone was lost."""
+    drone = load_drone(name)
+    late = (('imu_delay', latency), ('odometry_delay', latency)) if latency else ()
+    while ways:
+        flight = tuple(WAYS[ways[0]].parameters(name).items())
+        case = FlightCase(
+            drone.mass, 'free', drone=drone, sensors=late, flight=flight, is_told=True
+        )
+        try:
+            with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+                bench = FlightBench(stack, node, Path(folder), case, arm)
+                is_lost = False
+                while ways and not is_lost:
+                    bench.switch(WAYS[ways[0]].switches)
+                    record = found[ways[0]] = bench.fly(program)
+                    is_lost = record.is_lost
+                    print(f'{name}, {ways.pop(0)}: {"lost" if is_lost else "flown"}', flush=True)
+        except (ValueError, TimeoutError, ArmClientError) as error:
+            found[ways.pop(0)] = ' '.join(str(error).split())[:160]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--drones', nargs='*', default=list(DRONES), choices=list(DRONES))
+    parser.add_argument('--ways', nargs='*', default=list(WAYS), choices=list(WAYS))
+    parser.add_argument('--model', choices=('identified', 'true'), default='identified')
+    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument('--latency', type=float, default=0.0, help='of odometry and IMU [s]')
+    parser.add_argument('--out', type=Path, help='folder for the page')
+    options, _ = parser.parse_known_args()
+    arm = ArmModel.true()
+    context = get_context('spawn')
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        ProcessPoolExecutor(len(options.drones), mp_context=context) as pool,
+    ):
+        if options.model == 'identified':
+            arm = pool.submit(identify, Path(folder), options.arm_seed).result()
+        flights = {
+            name: pool.submit(
+                fly,
+                name,
+                number,
+                arm,
+                [way for way in options.ways if way in ways_of(name)],
+                options.latency,
+            )
+            for number, name in enumerate(options.drones)
+        }
+        records = {name: flight.result() for name, flight in flights.items()}
+    results = FlightResults(FlightProgram(), records)
+    note = (
+        f'Drones of 3 kg that carry an arm of 1.5 kg, the arm {options.model}; '
+        f'sensors {1e3 * options.latency:g} ms late.'
+    )
+    print(f'{note}\n{results.text()}')
+    if options.out:
+        options.out.mkdir(parents=True, exist_ok=True)
+        path = options.out / 'flight.html'
+        path.write_text(flight_page(results, note), encoding='utf-8')
+        print(f'Page      {path}')
+    return 0
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

@@ -1,22 +1,23 @@
 """Tunes a flight controller with each way to bear the arm's motion, all by the same search.
 
-The drone hovers while its arm swings fast, with noise on all sensors and 8 ms of latency. Nelder
-and Mead's search, as many flights for each, from the same frequencies; the cost is the RMS position
-error. Prints what flying/gains.yaml holds.
+The drone hovers while its arm reaches out by 90 degrees, comes back and swings fast, with noise on
+all sensors and 8 ms of latency. Nelder and Mead's search, as many flights for each, from the same
+two pairs of frequencies; the cost is the RMS position error. Prints what flying/gains.yaml holds.
 """
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import yaml
-from flying.arm_swing import ArmSwing
+from flying.flight_program import FlightProgram
+from flying.flight_way import DRONES, load_drone
 from flying.rigid_flight import RigidFlight
 from scipy.optimize import minimize
 
-from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
-from aerarm_ros.description.resources import resource
+from aerarm_ros.autopilot.px4_flight import Px4Flight
+from aerarm_ros.autopilot.px4_gains import Px4Gains
+from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
 from aerarm_ros.flight.disturbance import Disturbance
 from aerarm_ros.flight.disturbance_observer import DisturbanceObserver
@@ -24,10 +25,12 @@ from aerarm_ros.flight.flight_control import FlightControl
 from aerarm_ros.flight.flight_gains import FlightGains
 from aerarm_ros.flight.incremental_estimate import IncrementalEstimate
 
-DRONES = {'tilted_hexarotor': ('drones', 'tilted_hexarotor.yaml'), 'hexarotor': ('drone.yaml',)}
-GAINS = Path(__file__).with_name('flying') / 'gains.yaml'
 LEAD = 0.028  # [s]
-START = {'integral': 0.25, 'observer': 8.0, 'indi': 25.0, 'feed_forward': 0.25}
+# From where the searches begin: position, attitude [rad/s], and the third number by kind.
+STARTS = (2.0, 9.0), (5.0, 8.0)
+THIRD = {'integral': 0.25, 'observer': 8.0, 'indi': 20.0, 'feed_forward': 0.25}
+PX4_STARTS = [[1.0, 6.5, 3.0], [1.5, 8.0, 4.0]]
+KINDS = [*THIRD, 'px4', 'px4_feed_forward']
 SIMPLEX = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.5]])
 LOST = 1e3  # [mm]
 
@@ -35,12 +38,12 @@ LOST = 1e3  # [mm]
 def control(kind: str, drone: DroneConfig, flight: RigidFlight, values: np.ndarray):
     """Return controller and feed-forward of a kind with frequencies and third number."""
     position, attitude, third = values.tolist()
+    arm = ArmFeedForward(drone, flight.body, lead=LEAD) if 'feed_forward' in kind else None
+    if 'px4' in kind:
+        return Px4Flight(drone, flight.body, Px4Gains.scaled(position, attitude, third)), arm
     gains = FlightGains(position_frequency=position, attitude_frequency=attitude)
-    arm, estimate = None, None
     share = third if kind in ('integral', 'feed_forward') else 0.0
     gains = replace(gains, position_integral=share, attitude_integral=share)
-    if kind == 'feed_forward':
-        arm = ArmFeedForward(drone, flight.body, lead=LEAD)
     estimate: Disturbance | None = None
     if kind == 'observer':
         estimate = DisturbanceObserver(third)
@@ -56,16 +59,21 @@ def tune(kind: str, drone: DroneConfig, flight: RigidFlight, flights: int) -> di
     def cost(logarithms: np.ndarray) -> float:
         values = np.exp(logarithms)
         errors = flight.fly(*control(kind, drone, flight, values))
-        value = LOST if errors is None else errors.position
+        value = LOST * (2.0 - flight.flown) if errors is None else errors.position
         tried.append((value, values))
         return value
 
-    start = np.log([2.0, 9.0, START[kind]])
-    options = {'initial_simplex': start + SIMPLEX, 'maxfev': flights}
-    minimize(cost, start, method='Nelder-Mead', options=options)
+    starts = PX4_STARTS if 'px4' in kind else [[*start, THIRD[kind]] for start in STARTS]
+    for start in np.log(starts):
+        options = {'initial_simplex': start + SIMPLEX, 'maxfev': flights}
+        minimize(cost, start, method='Nelder-Mead', options=options)
     value, best = min(tried, key=lambda entry: entry[0])
-    third = 'integral' if kind in ('integral', 'feed_forward') else 'observer_frequency'
-    numbers = zip(('position_frequency', 'attitude_frequency', third), best, strict=True)
+    names = ['position_frequency', 'attitude_frequency', 'integral']
+    if 'px4' in kind:
+        names = ['mpc_xy_p', 'mc_att_p', 'mc_rate_k']
+    elif kind in ('observer', 'indi'):
+        names[2] = 'observer_frequency'
+    numbers = zip(names, best, strict=True)
     rounded = {name: round(float(number), 3) for name, number in numbers}
     return {**rounded, 'position RMS [mm]': round(float(value), 1)}
 
@@ -73,12 +81,17 @@ def tune(kind: str, drone: DroneConfig, flight: RigidFlight, flights: int) -> di
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--flights', type=int, default=16, help='of each search')
-    parser.add_argument('--seconds', type=float, default=5.0, help='of each flight')
+    parser.add_argument('--seconds', type=float, default=1.0, help='of full swing')
+    parser.add_argument('--drones', nargs='*', default=list(DRONES), choices=list(DRONES))
+    parser.add_argument('--kinds', nargs='*', default=KINDS, choices=KINDS)
     options, _ = parser.parse_known_args()
-    for name, path in DRONES.items():
-        drone = load_drone_config(resource('config', *path))
-        flight = RigidFlight(drone, ArmSwing('fast', options.seconds))
-        for kind in START:
+    motion = FlightProgram(options.seconds).without('slow', 'excitation')
+    for name in options.drones:
+        drone = load_drone(name)
+        flight = RigidFlight(drone, motion)
+        for kind in options.kinds:
+            if 'px4' in kind and drone.is_fully_actuated:
+                continue  # PX4's loops do not know of such a drone
             best = tune(kind, drone, flight, options.flights)
             print(yaml.safe_dump({f'{name}/{kind}': best}, sort_keys=False), end='', flush=True)
 

@@ -2,7 +2,8 @@
 
 - the boards and the arm: `hardware_bridge`, `fake_hardware` (emulated boards), `arm` (requests)
 - controllers: `gravity_compensation`, `computed_torque`, `impedance_control`, `kinematic_control`
-- the drone: `px4_imu` (what it does to the arm), `base_reaction` (what the arm does to it)
+- the drone: `px4_imu` (what it does to the arm), `base_reaction` (what the arm does to it),
+  `px4_feedforward`, `mavros_feedforward` (what its autopilot is told of that), `flight_control`
 - motions that cost little: `motion_planner`
 - identification: `excitation_designer`, `excitation`, `recorder`, `identifier`, `motor_bench`
 - for people: `view`, `tool_path`

@@ -1,5 +1,6 @@
 """Bridge, controller and flight controller as processes in lockstep, and the arm's errors."""
 
+import json
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -9,64 +10,26 @@ import yaml
 from flying.arm_model import ArmModel
 from flying.arm_swing import ArmSwing
 from flying.flight_case import FlightCase
+from flying.flight_listener import PATIENCE, FlightListener
+from flying.flight_program import PAYLOAD, FlightProgram
+from flying.flight_record import LOST, FlightRecord
 from flying.scaled_drone import scaled_drone, write_drone
-from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
+from aerarm_ros.ros.requests.parameter_request import set_parameter
 
 LEAD = 2.5  # [s]
+QUICK_LEAD = 1.5  # [s]
 AHEAD = 0.06  # [s] that the drone is told of its arm ahead of time
-PATIENCE = 300.0  # [s] of the host, which may be busy
-
-
-class FlightListener:
-    """What the arm and the drone say, with the world's time."""
-
-    def __init__(self, node: Node) -> None:
-        self._reader = RawReader(node, topics.JOINT_STATES, topics.ODOMETRY)
-        self._codec = JointStateCdr(load_arm_config().joint_names)
-        self.farthest = 0.0
-        self.places: list[tuple[float, np.ndarray, float]] = []  # time [s], place [m], tilt [rad]
-
-    def next(self) -> tuple[float, np.ndarray]:
-        """Return time [s] and joint angles of the next state."""
-        deadline = time.monotonic() + PATIENCE
-        while time.monotonic() < deadline:
-            self._reader.wait(0.1)
-            odometry = self._reader.take_newest(1)
-            if odometry is not None:
-                self._note(deserialize_message(odometry[0], Odometry))
-            message = self._reader.take_newest(0)
-            sample = self._codec.unpack(message[0]) if message else None
-            if sample is not None and sample.position is not None:
-                return sample.stamp_ns * 1e-9, np.array(sample.position)
-        raise TimeoutError(f'no joint states for {PATIENCE:g} s')
-
-    def forget(self) -> None:
-        """Forget where the drone was."""
-        self.farthest = 0.0
-        self.places.clear()
-
-    def _note(self, message: Odometry) -> None:
-        p, q = message.pose.pose.position, message.pose.pose.orientation
-        place = np.array([p.x, p.y, p.z])
-        self.farthest = max(self.farthest, float(np.linalg.norm(place)))
-        tilt = np.arccos(min(1.0, 1.0 - 2.0 * (q.x * q.x + q.y * q.y)))
-        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        self.places.append((stamp, place, float(tilt)))
-
-    def destroy(self) -> None:
-        """Destroy the subscriptions."""
-        self._reader.destroy()
 
 
 class FlightBench:
@@ -82,6 +45,7 @@ class FlightBench:
         self, stack: ExitStack, node: Node, folder: Path, case: FlightCase, arm: ArmModel
     ) -> None:
         self.folder, self.node = folder, node
+        rotors: tuple[str, ...] = ()
         world = {'seed': arm.seed, 'pace': 'lockstep', **dict(case.sensors)}
         law: dict[str, object] = {
             'base_motion': case.base,
@@ -91,6 +55,7 @@ class FlightBench:
         }
         if case.mass:
             drone = case.drone or scaled_drone(case.mass)
+            rotors = drone.rotor_names
             world['drone_file'] = write_drone(drone, folder / 'true.yaml')
             wrong = drone.with_errors(case.believed, case.believed)
             law['drone_file'] = write_drone(wrong, folder / 'believed.yaml')
@@ -107,11 +72,12 @@ class FlightBench:
         deaf = () if case.hears_rotors else ('--ros-args', '-r', 'rotor_command:=unheard', '--')
         self.law = self._start(stack, 'computed_torque', law, deaf)
         self._start(stack, 'fake_hardware', world)
-        self.listener = FlightListener(node)
+        self.listener = FlightListener(node, rotors)
         stack.callback(self.listener.destroy)
         topic = topics.JOINT_TRAJECTORY
         self.publisher = node.create_publisher(topic.type, topic.name, topic.qos)
         self.client = ArmClient(node)
+        self._world = AsyncParameterClient(node, 'fake_hardware')
         self._get_ready(is_flying=bool(case.mass))
 
     def move(self, motion: ArmSwing) -> tuple[np.ndarray, np.ndarray]:
@@ -130,6 +96,28 @@ class FlightBench:
         moving = motion.is_moving(times)
         q = np.array([angles for _, angles in samples])[moving]
         return times[moving], 1e3 * (q - motion.evaluate(times[moving])[0])
+
+    def fly(self, program: FlightProgram) -> FlightRecord:
+        """Return what drone and arm did; the program begins at 0, a little after the record."""
+        now, _ = self.listener.next()
+        begin = now + QUICK_LEAD
+        names, motion = load_arm_config().joint_names, program.motion
+        self.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
+        self.listener.forget()
+        # As it is told is when it acts, some milliseconds later.
+        payloads = list(zip(program.carrying, (PAYLOAD, []), strict=True))
+        while now < begin + motion.duration and self.listener.farthest < LOST:
+            now, _ = self.listener.next()
+            if payloads and now > begin + payloads[0][0]:
+                _, payload = payloads.pop(0)
+                kind = Parameter.Type.DOUBLE_ARRAY
+                self._world.set_parameters([Parameter('payload', kind, payload)])
+        return self.listener.record().shifted(begin)
+
+    def switch(self, values: dict[str, object]) -> None:
+        """Change what the flight controller feeds forward."""
+        for name, value in values.items():
+            set_parameter(self.node, 'flight_control', name, json.dumps(value), PATIENCE)
 
     def _get_ready(self, is_flying: bool) -> None:
         self.client.wait_for_mode(['idle'], PATIENCE)

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from flying.arm_swing import HANGING, ArmSwing
+from flying.grown_motion import HANGING
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.drone_in_base import carrier_parameters, wrench_per_thrust
@@ -16,6 +16,7 @@ from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.flight.flight_target import FlightTarget
 from aerarm_ros.flight.mass_properties import MassProperties
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+from aerarm_ros.motion.joint_motion import JointMotion
 from aerarm_ros.motion.joint_reference import JointReference
 
 CYCLE = 4e-3  # [s] of the flight controller
@@ -24,6 +25,16 @@ AHEAD = 0.06  # [s] that the drone is told of the arm ahead of time
 SETTLED = 0.5  # [s] after which errors count
 LOST = 2.0  # [m]
 NOISE = (0.002, 0.01, 0.01, 0.3)  # of position [m], velocity [m/s], rate [rad/s], force [m/s^2]
+
+
+def _powers(turn: np.ndarray) -> np.ndarray:
+    """Return 1, the components (3,) of a vector, and their products."""
+    x, y, z = turn
+    return np.array([1.0, x, y, z, x * x, y * y, z * z, y * z, z * x, x * y])
+
+
+_TURNS = np.vstack([np.zeros(3), np.eye(3), -np.eye(3), 1.0 - np.eye(3)])
+_POWERS = np.array([_powers(turn) for turn in _TURNS])
 
 
 class FlightErrors(NamedTuple):
@@ -41,14 +52,19 @@ class RigidFlight:
     Parameters
     ----------
     drone : DroneConfig
-    motion : ArmSwing
+    motion : JointMotion
     latency : int
         Cycles by which the controller's measurements are late.
     seed : int
         Of the noise.
+
+    Attributes
+    ----------
+    flown : float
+        Share of the last flight until the drone was lost.
     """
 
-    def __init__(self, drone: DroneConfig, motion: ArmSwing, latency: int = 2, seed: int = 0):
+    def __init__(self, drone: DroneConfig, motion: JointMotion, latency: int = 2, seed: int = 0):
         self.drone, self._latency = drone, latency
         self._robot = load_robot(gravity_in_base=drone.gravity_in_base)
         self._whole = WholeBodyDynamics(self._robot, carrier=carrier_parameters(drone))
@@ -56,10 +72,17 @@ class RigidFlight:
         self._seed = seed
         self._step = CYCLE / STEPS
         times = np.arange(0.0, motion.duration + 2 * AHEAD, self._step)
-        self._motion = [JointReference(*row) for row in zip(*motion.evaluate(times), strict=True)]
-        self._told = [self._loads.evaluate(reference) for reference in self._motion[::STEPS]]
+        rows = [JointReference(*row) for row in zip(*motion.evaluate(times), strict=True)]
+        self._told = [self._loads.evaluate(reference) for reference in rows[::STEPS]]
+        self._answers = [self._whole.response(row.q)[0] for row in rows]
+        self._forces = [self._forces_by_turn(row) for row in rows]
         self._count = round(motion.duration / CYCLE)
         self.body = MassProperties.of(drone, *self._loads.dynamics.composite_inertia(HANGING))
+
+    def _forces_by_turn(self, reference: JointReference) -> np.ndarray:
+        """Return forces (6, 10) by the powers of the base's angular velocity."""
+        forces = [self._whole.forces(*reference, turn)[:6] for turn in _TURNS]
+        return np.linalg.solve(_POWERS, np.array(forces)).T
 
     def fly(self, control: FlightControl, arm: ArmFeedForward | None) -> FlightErrors | None:
         """Return how well a controller holds the drone, None if it loses it."""
@@ -96,10 +119,9 @@ class RigidFlight:
             wanted = np.clip(wanted, low, high)
             for step in range(STEPS):
                 thrust = thrust + gain * (wanted - thrust)
-                reference = self._motion[cycle * STEPS + step]
-                turn = to_base.T @ rate
-                forces = self._whole.forces(*reference, turn)[:6]
-                answer = self._whole.response(reference.q)[0] @ (matrix @ thrust - forces)
+                number = cycle * STEPS + step
+                forces = self._forces[number] @ _powers(to_base.T @ rate)
+                answer = self._answers[number] @ (matrix @ thrust - forces)
                 force, spin = to_base @ answer[:3], to_base @ answer[3:]
                 velocity = velocity + self._step * (rotation @ force - [0.0, 0.0, GRAVITY])
                 rate = rate + self._step * spin
@@ -107,6 +129,7 @@ class RigidFlight:
                 rotation = rotation @ Rotation.from_rotvec(self._step * rate).as_matrix()
             lever = imu - mount
             felt = force + np.cross(spin, lever) + np.cross(rate, np.cross(rate, lever))
+            self.flown = (cycle + 1) / self._count
             if np.abs(position).max() > LOST:
                 return None
             if now > SETTLED:

@@ -7,7 +7,15 @@ from source_files import ROOT, SUITE, executables, imported_modules, modules_in,
 
 MESSAGE_MODULES = {
     *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'lifecycle_msgs', 'nav_msgs'),
-    *('px4_msgs', 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs'),
+    *(
+        'mavros_msgs',
+        'px4_msgs',
+        'rcl_interfaces',
+        'rosgraph_msgs',
+        'sensor_msgs',
+        'std_msgs',
+        'std_srvs',
+    ),
     *('tf2_msgs', 'trajectory_msgs', 'visualization_msgs'),
 }
 ROS_MODULES = MESSAGE_MODULES | {'ament_index_python', 'launch', 'launch_ros', 'rclpy'}
@@ -19,6 +27,7 @@ ALLOWED = {
     'pages': set(),
     'control': {'motion', 'model', 'description'},
     'flight': {'control', 'motion', 'model', 'description'},
+    'autopilot': {'flight', 'control', 'motion', 'model', 'description'},
     'energy': {'control', 'motion', 'model', 'description'},
     'excitation': {'pages', 'motion', 'model', 'description'},
     'identification': {'energy', 'pages', 'model', 'description'},
@@ -91,8 +100,8 @@ def test_every_ros_module_is_a_dependency() -> None:
     }
     files = [*python_files('aerarm_ros'), *python_files('aerarm_msgs_py'), *python_files('launch')]
     used = {name.split('.')[0] for path in files for name in imported_modules(path)} & ROS_MODULES
-    # px4_msgs is used where it is installed.
-    assert used - {'px4_msgs'} <= packages
+    # Messages of autopilots are used where they are installed.
+    assert used - {'mavros_msgs', 'px4_msgs'} <= packages
 
 
 def test_the_message_package_stands_alone() -> None:

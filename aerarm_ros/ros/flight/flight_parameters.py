@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+from aerarm_ros.autopilot.px4_flight import Px4Flight
+from aerarm_ros.autopilot.px4_gains import Px4Gains
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
 from aerarm_ros.flight.disturbance import Disturbance
@@ -14,6 +16,7 @@ from aerarm_ros.flight.incremental_estimate import IncrementalEstimate
 from aerarm_ros.flight.mass_properties import MassProperties
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
+OWN, PX4 = 'own', 'px4'
 INTEGRAL, OBSERVER, INDI = 'integral', 'observer', 'indi'
 
 _GAINS = FlightGains()
@@ -51,6 +54,21 @@ FLIGHT_PARAMETERS = (
         ),
     ),
     *grouped(
+        "PX4's loops in their place",
+        Parameter(
+            'loops', OWN, "whose loops fly: this node's, or PX4's, to which the arm is told as the "
+            'acceleration of a set point alone', choices=(OWN, PX4),
+        ),
+        Parameter(
+            'mpc_xy_p', Px4Gains.mpc_xy_p, 'horizontal velocity per position error; '
+            "MPC_XY_VEL_P_ACC and _I_ACC in PX4's proportion to it", '1/s', 0.1, 5.0,
+        ),
+        Parameter('mc_att_p', Px4Gains.mc_att_p, 'MC_ROLL_P and MC_PITCH_P', '1/s', 0.5, 30.0),
+        Parameter(
+            'mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K and MC_PITCHRATE_K', '', 0.1, 30.0
+        ),
+    ),
+    *grouped(
         'What is fed forward of the arm',
         Parameter('feed_posture', True, 'its mass, centre and inertia: arm_inertia', live=True),
         Parameter('feed_motion', True, "its joints' motion: base_wrench_motion", live=True),
@@ -64,8 +82,20 @@ FLIGHT_PARAMETERS = (
 
 def flight_control(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
-) -> FlightControl:
-    """Return the controller of a drone with its arm, of the values of `FLIGHT_PARAMETERS`."""
+) -> FlightControl | Px4Flight:
+    """Return the controller of a drone with its arm, of the values of `FLIGHT_PARAMETERS`.
+
+    Raises
+    ------
+    ValueError
+        If PX4's loops are to fly a drone that pushes sideways, which they do not know.
+    """
+    if values.loops == PX4:
+        if drone.is_fully_actuated:
+            raise ValueError("loops 'px4': PX4's loops lean a drone, and this one pushes sideways")
+        return Px4Flight(
+            drone, body, Px4Gains.scaled(values.mpc_xy_p, values.mc_att_p, values.mc_rate_k)
+        )
     gains = {name: getattr(values, name) for name in vars(_GAINS)}
     estimate: Disturbance | None = None
     if values.rejection != INTEGRAL:

@@ -1,0 +1,189 @@
+"""PX4's cascade of loops, from a set point to thrust and moment."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.autopilot.px4_gains import Px4Gains
+from aerarm_ros.description.drone_config import GRAVITY
+
+Array = npt.NDArray[np.float64]
+
+_INTEGRAL_MAX = GRAVITY  # [m/s^2] of the velocity's
+_RATE_INTEGRAL_MAX = 0.3  # MC_RR_INT_LIM
+_YAW_WEIGHT = 0.4  # MC_YAW_WEIGHT
+_DERIVATIVE = 30.0  # [rad/s] IMU_DGYRO_CUTOFF
+
+
+class Px4SetPoint(NamedTuple):
+    """The fields of px4_msgs/TrajectorySetpoint that its position loop reads, north-east-down.
+
+    Attributes
+    ----------
+    position : (3,) ndarray
+        [m]
+    yaw : float
+        From north to the right [rad].
+    velocity, acceleration : (3,) ndarray
+        [m/s], [m/s^2]; NaN where there is none.
+    """
+
+    position: Array
+    yaw: float
+    velocity: Array
+    acceleration: Array
+
+
+class Px4State(NamedTuple):
+    """Where the vehicle is, north-east-down, its body forward-right-down.
+
+    Attributes
+    ----------
+    position, velocity : (3,) ndarray
+        [m], [m/s]
+    rotation : (3, 3) ndarray
+        Body to world.
+    rate : (3,) ndarray
+        Angular velocity in body axes [rad/s].
+    """
+
+    position: Array
+    velocity: Array
+    rotation: Array
+    rate: Array
+
+
+class Px4Loops:
+    """Position P, velocity PID, attitude P on the quaternion, angular velocity PID.
+
+    As in PX4's modules mc_pos_control (PositionControl.cpp), mc_att_control (AttitudeControl.cpp,
+    Brescianini, Hehn and D'Andrea 2013) and mc_rate_control; the acceleration of a set point is
+    added behind the velocity's PID, and the hover thrust stands for the weight.
+
+    Parameters
+    ----------
+    gains : Px4Gains
+    hover_thrust : float
+        As a share of the largest thrust: what PX4's estimator has found.
+    """
+
+    def __init__(self, gains: Px4Gains, hover_thrust: float) -> None:
+        self._gains = g = gains
+        self._hover_thrust = hover_thrust
+        self._position_p = np.array([g.mpc_xy_p, g.mpc_xy_p, g.mpc_z_p])
+        self._velocity_p = np.array([g.mpc_xy_vel_p_acc, g.mpc_xy_vel_p_acc, g.mpc_z_vel_p_acc])
+        self._velocity_i = np.array([g.mpc_xy_vel_i_acc, g.mpc_xy_vel_i_acc, g.mpc_z_vel_i_acc])
+        self._velocity_d = np.array([g.mpc_xy_vel_d_acc, g.mpc_xy_vel_d_acc, g.mpc_z_vel_d_acc])
+        self._rate_p = np.array([*[g.mc_rate_k * g.mc_rate_p] * 2, g.mc_yawrate_p])
+        self._rate_i = np.array([*[g.mc_rate_k * g.mc_rate_i] * 2, g.mc_yawrate_i])
+        self._rate_d = np.array([*[g.mc_rate_k * g.mc_rate_d] * 2, 0.0])
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget integrals and derivatives."""
+        self._push, self._moment = np.zeros(3), np.zeros(3)
+        self._velocity: Array | None = None
+        self._rate: Array | None = None
+        self._acceleration, self._spin = np.zeros(3), np.zeros(3)
+
+    def update(self, state: Px4State, wanted: Px4SetPoint, dt: float) -> tuple[float, Array]:
+        """Return thrust and moment (3,), forward-right-down, as shares of the largest.
+
+        `dt` is the time since the last update [s].
+        """
+        thrust = self._thrust(state, wanted, dt)
+        return float(np.linalg.norm(thrust)), self._torque(state, thrust, wanted.yaw, dt)
+
+    def _thrust(self, state: Px4State, wanted: Px4SetPoint, dt: float) -> Array:
+        """Return the thrust (3,) in the world, as a share of the largest."""
+        error = wanted.position - state.position
+        velocity = self._position_p * error + np.nan_to_num(wanted.velocity)
+        if self._velocity is not None and dt > 0.0:
+            slope = (state.velocity - self._velocity) / dt
+            share = 1.0 - np.exp(-_DERIVATIVE * dt)
+            self._acceleration = self._acceleration + share * (slope - self._acceleration)
+        self._velocity = state.velocity
+        off = velocity - state.velocity
+        feedback = self._velocity_p * off + self._push - self._velocity_d * self._acceleration
+        acceleration = feedback + np.nan_to_num(wanted.acceleration)
+        push = self._push + dt * self._velocity_i * off
+        self._push = np.clip(push, -_INTEGRAL_MAX, _INTEGRAL_MAX)
+        along = np.array([-acceleration[0], -acceleration[1], GRAVITY])
+        sideways = float(np.linalg.norm(along[:2]))
+        steepest = GRAVITY * np.tan(self._gains.tilt_max)
+        if sideways > steepest:
+            along[:2] *= steepest / sideways
+        body_z = along / np.linalg.norm(along)
+        lift = acceleration[2] * self._hover_thrust / GRAVITY - self._hover_thrust
+        collective = min(lift / body_z[2], -self._gains.thrust_min)
+        return np.asarray(max(collective, -1.0) * body_z)
+
+    def _torque(self, state: Px4State, thrust: Array, yaw: float, dt: float) -> Array:
+        wanted = _attitude(-thrust / np.linalg.norm(thrust), yaw)
+        rates = self._rates(state.rotation, wanted)
+        off = rates - state.rate
+        if self._rate is not None and dt > 0.0:
+            slope = (state.rate - self._rate) / dt
+            share = 1.0 - np.exp(-_DERIVATIVE * dt)
+            self._spin = self._spin + share * (slope - self._spin)
+        self._rate = state.rate
+        torque = self._rate_p * off + self._moment - self._rate_d * self._spin
+        moment = self._moment + dt * self._rate_i * off
+        self._moment = np.clip(moment, -_RATE_INTEGRAL_MAX, _RATE_INTEGRAL_MAX)
+        return np.clip(torque, -1.0, 1.0)
+
+    def _rates(self, rotation: Array, wanted: Array) -> Array:
+        """Return the angular velocity that is asked for, in body axes [rad/s]."""
+        tilt = _between(rotation[:, 2], wanted[:, 2])  # the shortest way for the thrust
+        reduced = tilt @ rotation
+        # What is left is a turn about the body's z.
+        left = reduced.T @ wanted
+        turn = np.arctan2(left[1, 0], left[0, 0])
+        around = _turned(np.array([0.0, 0.0, _YAW_WEIGHT * turn]))
+        error = _sine_vector(rotation.T @ (reduced @ around))
+        gains = self._gains
+        rates: Array = error * [gains.mc_att_p, gains.mc_att_p, gains.mc_yaw_p / _YAW_WEIGHT]
+        return rates
+
+
+def _attitude(down: Array, yaw: float) -> Array:
+    """Return the attitude whose z axis is `down` and whose heading is `yaw` [rad]."""
+    side = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
+    x = np.cross(side, down)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(down, x), down])
+
+
+def _between(start: Array, end: Array) -> Array:
+    """Return the rotation that turns one unit vector to another by the shortest way."""
+    axis = np.cross(start, end)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-9:
+        return np.eye(3)
+    return _turned(axis / sine * np.arctan2(sine, float(start @ end)))
+
+
+def _turned(vector: Array) -> Array:
+    """Return the rotation by a vector [rad]."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: Array = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    return turned
+
+
+def _sine_vector(rotation: Array) -> Array:
+    """Return twice the quaternion's vector part of a rotation, its scalar part positive."""
+    w = 0.5 * np.sqrt(max(0.0, 1.0 + float(np.trace(rotation))))
+    off = np.array(
+        [
+            rotation[2, 1] - rotation[1, 2],
+            rotation[0, 2] - rotation[2, 0],
+            rotation[1, 0] - rotation[0, 1],
+        ]
+    )
+    vector: Array = off / (2.0 * max(w, 1e-3))
+    return vector

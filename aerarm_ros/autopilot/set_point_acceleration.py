@@ -1,0 +1,98 @@
+"""The acceleration that a set point takes with it against the arm's motion."""
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.checks.gains import non_negative_number
+from aerarm_ros.description.drone_config import GRAVITY
+from aerarm_ros.flight.feed_forward import FeedForward
+from aerarm_ros.flight.flight_target import yaw_of
+
+Array = npt.NDArray[np.float64]
+
+_UP = np.array([0.0, 0.0, 1.0])
+_LEAN_MAX = 0.35  # [rad] that may be asked for besides what the force takes
+
+
+class SetPointAcceleration:
+    """What is fed forward through an autopilot that takes an acceleration, and nothing else.
+
+    Against the force f of the joints' motion that is `-f / m`; the weight is left to the
+    autopilot's hover thrust. Such an autopilot leans for it, late by its attitude loop, and no
+    input takes a moment. But a lean that is asked for makes its loops turn the drone, so where
+    their gains are known the set point leans ahead, by the inverse of a cascade of attitude and
+    angular velocity::
+
+        delta = (w + (J dw/dt + M) / k) / p
+
+    with the angular velocity w of the force that is fed forward, the moment M that rotors must give
+    against arm's weight and motion, p angular velocity per attitude error and k moment per error of
+    the angular velocity. What M has been for long, the loops' integral gives.
+
+    Parameters
+    ----------
+    attitude_gain : float
+        p [1/s]; 0 where the loops are not known.
+    rate_gain : float
+        k [Nm s/rad]; 0 where it is not known.
+    integral_rate : float
+        Of the integral over k [1/s].
+
+    Raises
+    ------
+    ValueError
+        If one is negative.
+    """
+
+    def __init__(
+        self, attitude_gain: float = 0.0, rate_gain: float = 0.0, integral_rate: float = 0.0
+    ) -> None:
+        self._attitude_gain = non_negative_number('attitude_gain', attitude_gain)
+        self._rate_gain = non_negative_number('rate_gain', rate_gain)
+        self._integral_rate = non_negative_number('integral_rate', integral_rate)
+        self._lasting: Array | None = None
+
+    def update(self, arm: FeedForward, rotation: Array, dt: float) -> Array:
+        """Return the acceleration (3,) in the world [m/s^2], z up.
+
+        Parameters
+        ----------
+        arm : FeedForward
+        rotation : (3, 3) ndarray
+            Attitude of the body, forward-left-up, in the world.
+        dt : float
+            Time since the last call [s].
+        """
+        level = _turned_about_up(yaw_of(rotation))
+        acceleration = -level @ arm.wrench[:3] / arm.body.mass
+        if self._attitude_gain == 0.0:
+            return np.asarray(acceleration)
+        lean = self._lean(arm, dt)
+        return np.asarray(acceleration + GRAVITY * level @ np.cross(lean, _UP))
+
+    def _lean(self, arm: FeedForward, dt: float) -> Array:
+        """Return the turn (3,) that is asked for besides that of the force, in level axes."""
+        body = arm.body
+        weight = body.mass * GRAVITY
+        rate = np.cross(_UP, -arm.force_rate) / weight
+        if self._rate_gain > 0.0:
+            spin = np.cross(_UP, -arm.force_curvature) / weight
+            thrust = weight * _UP - arm.wrench[:3] * _UP
+            about_centre = arm.wrench[3:] - np.cross(body.centre, arm.wrench[:3])
+            moment = np.cross(body.centre, thrust) - about_centre
+            rate = rate + (body.inertia @ spin + self._passing(moment, dt)) / self._rate_gain
+        lean = rate * [1.0, 1.0, 0.0] / self._attitude_gain
+        return np.asarray(lean * min(1.0, _LEAN_MAX / max(float(np.linalg.norm(lean)), 1e-9)))
+
+    def _passing(self, moment: Array, dt: float) -> Array:
+        """Return what the autopilot's integral has not taken over of a moment."""
+        if self._lasting is None:
+            self._lasting = moment
+        share = 1.0 - np.exp(-self._integral_rate * dt)
+        self._lasting = self._lasting + share * (moment - self._lasting)
+        return moment - self._lasting
+
+
+def _turned_about_up(yaw: float) -> Array:
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -1,0 +1,206 @@
+"""What nodes are made of that add the arm's acceleration to an autopilot's set points."""
+
+from __future__ import annotations
+
+import time
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import rclpy
+from numpy.typing import NDArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import qos_profile_sensor_data
+
+from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
+from aerarm_ros.control.base.frame_conversion import rotation_matrix
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
+from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.flight.flight_inputs import ArmTopics
+from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process.stop_signals import StopSignals
+
+Array = NDArray[np.float64]
+
+_SPIN = 0.1  # [s] longest time until a stop signal is noticed
+_ATTITUDE_AGE = 0.2  # [s]
+_REMEMBERED = 5.0  # [s] for which a rejection is a warning
+
+
+def set_point_parameters(set_points: str, output: str, attitude: str) -> ParameterTable:
+    """Return the parameters of such a node, with its topics' defaults."""
+    return ParameterTable(
+        *ARM_FILES,
+        DRONE_FILE,
+        Parameter('set_point_topic', set_points, 'where the set points come from'),
+        Parameter('output_topic', output, 'where they go to, with the acceleration'),
+        Parameter('attitude_topic', attitude, "the drone's attitude"),
+        Parameter('rate', 100.0, 'how often the newest set point is sent', 'Hz', 10.0, 500.0),
+        Parameter('set_point_timeout', 0.5, 'age after which a set point is not sent any more, so '
+                  'that the autopilot notices that nobody leads it', 's', 0.05, 10.0),
+        Parameter('feed_lead', 0.03, "from a set point until it acts: where the arm is told of "
+                  "ahead of time (base_reaction's lead), that much of it is used", 's', 0.0, 0.06,
+                  live=True),
+        *grouped(
+            "The autopilot's loops, if they are known",
+            Parameter('attitude_gain', 0.0, 'angular velocity per attitude error (PX4: MC_ROLL_P): '
+                      'the set point leans ahead by it; 0 if it is not known', '1/s', 0.0, 50.0),
+            Parameter('rate_gain', 0.0, 'moment per error of the angular velocity (PX4: '
+                      'MC_ROLLRATE_K times MC_ROLLRATE_P times the largest moment); 0 if it is not '
+                      'known', 'Nm s/rad', 0.0, 100.0),
+            Parameter('integral_rate', 1.3, 'of the integral over that (PX4: MC_ROLLRATE_I over '
+                      'MC_ROLLRATE_P)', '1/s', 0.0, 50.0),
+        ),
+    )  # fmt: skip
+
+
+class SetPointNode:
+    """Sends every set point again with what the arm's motion takes, until it is too old.
+
+    Without an attitude for 0.2 s, or where nothing is told of the arm, set points go on as they
+    are.
+
+    Parameters
+    ----------
+    name : str
+    parameters : ParameterTable
+        Of `set_point_parameters`.
+    package : str
+        That has the messages.
+    advice : str
+        What to do where it is missing.
+
+    Raises
+    ------
+    ValueError
+        If the package isn't installed, or no drone is given.
+    """
+
+    def __init__(self, name: str, parameters: ParameterTable, package: str, advice: str) -> None:
+        if find_spec(package) is None:
+            raise ValueError(f'{package} is not installed: {advice}')
+        self.status = 0
+        self.node = rclpy.create_node(name)
+        self.values = values = parameters.declare(self.node, self._on_parameter)
+        if not values.drone_file:
+            raise ValueError('parameter drone_file is empty: name the drone, as config/drone.yaml')
+        config, robot = load_arm(values)
+        drone = load_drone(values, config, robot)
+        assert drone is not None
+        arm = MovingBaseDynamics(robot).composite_inertia(np.array(config.rest_position))
+        body = MassProperties.of(drone, *arm)
+        self._arm = ArmFeedForward(drone, body, lead=values.feed_lead)
+        self._acceleration = SetPointAcceleration(
+            values.attitude_gain, values.rate_gain, values.integral_rate
+        )
+        self._set_point: Any = None
+        self._set_point_time = self._attitude_time = self._rejected_at = -np.inf
+        self._rotation = np.eye(3)
+        self._rejection = ''
+        self._sent = 0
+        self._added = np.zeros(3)
+        self._is_stopping = False
+        self._last = time.monotonic()
+        set_point, attitude = self.message_types()
+        self._publisher = self.node.create_publisher(set_point, values.output_topic, 1)
+        for kind, topic, act in (
+            (set_point, values.set_point_topic, self._on_set_point),
+            (attitude, values.attitude_topic, self._on_attitude),
+        ):
+            self.node.create_subscription(kind, topic, act, qos_profile_sensor_data)
+        ArmTopics(self.node, self._arm, self._try)
+        self._diagnostics = DiagnosticsPublisher(self.node, config.name)
+        self.node.create_timer(1.0 / values.rate, self._send)
+        self.node.create_timer(PERIOD, self._report)
+
+    # What an autopilot has of its own.
+
+    def message_types(self) -> tuple[Any, Any]:
+        """Return the types of set points and attitudes."""
+        raise NotImplementedError
+
+    def attitude(self, message: Any) -> Array:
+        """Return the attitude (x, y, z, w), forward-left-up in east-north-up, of a message."""
+        raise NotImplementedError
+
+    def with_acceleration(self, set_point: Any, acceleration: Array, now_ns: int) -> Any:
+        """Return a set point with an acceleration (3,), east-north-up, added [m/s^2].
+
+        Raises RejectedInputError if it takes none.
+        """
+        raise NotImplementedError
+
+    def run(self) -> None:
+        """Add until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        executor = SingleThreadedExecutor()
+        executor.add_node(self.node)
+        with StopSignals(self._on_stop):
+            while not self._is_stopping and rclpy.ok():
+                executor.spin_once(timeout_sec=_SPIN)
+
+    def close(self) -> None:
+        """Destroy the node."""
+        self.node.destroy_node()
+
+    def _send(self) -> None:
+        now, now_ns = time.monotonic(), self.node.get_clock().now().nanoseconds
+        dt, self._last = now - self._last, now
+        arm = self._arm.at(1e-9 * now_ns)
+        added = np.zeros(3)
+        if now - self._attitude_time < _ATTITUDE_AGE:
+            added = self._acceleration.update(arm, self._rotation, dt)
+        if now - self._set_point_time > self.values.set_point_timeout:
+            return
+        try:
+            self._publisher.publish(self.with_acceleration(self._set_point, added, now_ns))
+        except RejectedInputError as error:
+            self._reject(str(error))
+            self._publisher.publish(self._set_point)
+        else:
+            self._added = added
+        self._sent += 1
+
+    def _on_set_point(self, message: Any) -> None:
+        self._set_point, self._set_point_time = message, time.monotonic()
+
+    def _on_attitude(self, message: Any) -> None:
+        quaternion = self.attitude(message)
+        if not 0.9 < float(np.linalg.norm(quaternion)) < 1.1:  # NaN is not either
+            self._reject('attitude: NaN, or no unit quaternion')
+            return
+        self._rotation = rotation_matrix(quaternion / np.linalg.norm(quaternion))
+        self._attitude_time = time.monotonic()
+
+    def _on_parameter(self, _: str, value: Any) -> None:
+        self._arm.lead = value
+
+    def _try(self, action: Any) -> None:
+        try:
+            action()
+        except RejectedInputError as error:
+            self._reject(str(error))
+
+    def _reject(self, reason: str) -> None:
+        self._rejection, self._rejected_at = reason, time.monotonic()
+        self.node.get_logger().warning(f'rejected: {reason}', throttle_duration_sec=1.0)
+
+    def _report(self) -> None:
+        now, values = time.monotonic(), self.values
+        problem = ''
+        if now - self._set_point_time > values.set_point_timeout:
+            problem = f'no set points on {values.set_point_topic}: nothing is sent'
+        elif now - self._attitude_time > _ATTITUDE_AGE:
+            problem = f'no attitude on {values.attitude_topic}: nothing is added'
+        elif now - self._rejected_at < _REMEMBERED:
+            problem = f'rejected: {self._rejection}'
+        told = {'sent': self._sent, 'added [m/s^2]': f'{np.linalg.norm(self._added):.2f}'}
+        self._diagnostics.report(problem, told)
+
+    def _on_stop(self) -> None:
+        self._is_stopping = True

@@ -1,0 +1,79 @@
+"""Hears arm and drone of a flight."""
+
+import time
+
+import numpy as np
+from flying.flight_record import FlightRecord
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_ros.description.arm_config import load_arm_config
+
+PATIENCE = 300.0  # [s] of the host, which may be busy
+
+
+class FlightListener:
+    """What the arm and the drone say, with the world's time.
+
+    Parameters
+    ----------
+    node : Node
+    rotors : tuple of str
+        Names of the rotors, none where no drone flies.
+    """
+
+    def __init__(self, node: Node, rotors: tuple[str, ...] = ()) -> None:
+        heard = [topics.JOINT_STATES, topics.ODOMETRY, topics.ROTOR_COMMAND]
+        self._reader = RawReader(node, *heard)
+        self._codec = JointStateCdr(load_arm_config().joint_names)
+        self._rotor_codec = JointStateCdr(rotors or ('none',))
+        self.forget()
+
+    def next(self) -> tuple[float, np.ndarray]:
+        """Return time [s] and joint angles of the next state."""
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
+            self._reader.wait(0.1)
+            odometry, command = self._reader.take_newest(1), self._reader.take_newest(2)
+            if odometry is not None:
+                self._note(deserialize_message(odometry[0], Odometry))
+            thrust = self._rotor_codec.unpack(command[0]) if command else None
+            if thrust is not None and thrust.effort is not None:
+                self._commands.append((thrust.stamp_ns * 1e-9, np.array(thrust.effort)))
+            message = self._reader.take_newest(0)
+            sample = self._codec.unpack(message[0]) if message else None
+            if sample is not None and sample.position is not None:
+                self._joints.append((sample.stamp_ns * 1e-9, np.array(sample.position)))
+                return self._joints[-1]
+        raise TimeoutError(f'no joint states for {PATIENCE:g} s')
+
+    def forget(self) -> None:
+        """Forget what was heard."""
+        self.farthest = 0.0
+        self._joints: list[tuple[float, np.ndarray]] = []
+        self._states: list[tuple[float, np.ndarray, np.ndarray]] = []
+        self._commands: list[tuple[float, np.ndarray]] = []
+
+    def record(self) -> FlightRecord:
+        """Return what was heard."""
+        when, q = (np.array(column) for column in zip(*self._joints, strict=True))
+        times, places, attitudes = (np.array(c) for c in zip(*self._states, strict=True))
+        # Joint states come four times as often: some may have been missed, few enough.
+        postures = np.column_stack([np.interp(times, when, angle) for angle in q.T])
+        stamps, thrusts = (np.array(column) for column in zip(*self._commands, strict=True))
+        return FlightRecord(times, places, attitudes, postures, stamps, thrusts)
+
+    def _note(self, message: Odometry) -> None:
+        p, q = message.pose.pose.position, message.pose.pose.orientation
+        place = np.array([p.x, p.y, p.z])
+        self.farthest = max(self.farthest, float(np.linalg.norm(place)))
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        self._states.append((stamp, place, np.array([q.x, q.y, q.z, q.w])))
+
+    def destroy(self) -> None:
+        """Destroy the subscriptions."""
+        self._reader.destroy()

@@ -1,0 +1,109 @@
+"""A campaign of flights as a page with plots and replays."""
+
+from typing import Any
+
+import numpy as np
+from flying.flight_record import FlightRecord
+from flying.flight_replay import replay
+from flying.flight_results import BASELINE, BEST, COLUMNS, GOALS, FlightResults
+from flying.flight_way import load_drone
+
+from aerarm_ros.pages.html_text import Html, bullets, page, paragraph, section, table
+from aerarm_ros.pages.page_origin import origin
+from aerarm_ros.pages.plots import figure_html, plotting_script
+
+_THINNED = 8  # one in so many states is drawn
+
+
+def flight_page(results: FlightResults, note: str) -> str:
+    """Return the page as HTML.
+
+    Parameters
+    ----------
+    results
+        What was flown.
+    note
+        With what.
+    """
+    body = [paragraph(note, 'lead')]
+    for drone, flights in results.records.items():
+        flown = {way: x for way, x in flights.items() if isinstance(x, FlightRecord)}
+        goals = [
+            f'{part}: at most {limit:g} mm RMS are asked for'
+            for (name, part), limit in GOALS.items()
+            if name == drone
+        ]
+        ratios = [', '.join(row) for row in results.ratios(drone)]
+        body.append(section(f'{drone}: how much better "{BEST}" is', bullets(ratios + goals)))
+        body.append(section(f'{drone}: figures', _table(results, drone)))
+        places = {way: 1e3 * np.linalg.norm(x.places, axis=1) for way, x in flown.items()}
+        tilts = {way: np.degrees(x.tilts) for way, x in flown.items()}
+        body.append(
+            section(
+                f'{drone}: over time',
+                _plot(results, drone, flown, places, 'away from its place [mm]'),
+                _plot(results, drone, flown, tilts, 'tilt [deg]'),
+            )
+        )
+        shown = {way: flown[way] for way in (BASELINE, BEST) if way in flown}
+        if shown:
+            drawn = replay(shown, load_drone(drone)).to_html(
+                full_html=False, include_plotlyjs=False
+            )
+            text = 'Where the drones are, and how they lean, is drawn ten times as large as it is.'
+            body.append(section(f'{drone}: replay', paragraph(text, 'note'), Html(drawn)))
+    return page('An arm moves, and its drone stays', plotting_script(), body, origin())
+
+
+def _table(results: FlightResults, drone: str) -> Html:
+    rows = []
+    for (name, way, part), figures in results.figures.items():
+        if name == drone:
+            rows.append((part, way, *(figures or [None] * len(COLUMNS))))
+    order = list(results.program.windows)
+    rows.sort(key=lambda row: order.index(row[0]))
+    best = [k for k, row in enumerate(rows) if row[1] == BEST]
+    return table(('motion', 'against the arm', *COLUMNS), rows, best)
+
+
+def _plot(
+    results: FlightResults,
+    drone: str,
+    flown: dict[str, FlightRecord],
+    values: dict[str, np.ndarray],
+    title: str,
+) -> Html:
+    traces: list[dict[str, Any]] = [
+        {
+            'type': 'scatter',
+            'mode': 'lines',
+            'name': way,
+            'x': np.round(record.times[::_THINNED], 3).tolist(),
+            'y': np.round(values[way][::_THINNED], 3).tolist(),
+        }
+        for way, record in flown.items()
+    ]
+    shapes, texts = [], []
+    for part, (begin, end) in results.program.windows.items():
+        shapes.append(
+            {
+                'type': 'rect', 'yref': 'paper', 'x0': begin, 'x1': end, 'y0': 0, 'y1': 1,
+                'line': {'width': 0}, 'fillcolor': 'rgba(128,128,128,0.15)',
+            }
+        )  # fmt: skip
+        texts.append(
+            {
+                'text': part, 'x': 0.5 * (begin + end), 'y': 1.0, 'yref': 'paper',
+                'yanchor': 'bottom', 'showarrow': False,
+            }
+        )  # fmt: skip
+    layout = {
+        'height': 420,
+        'margin': {'l': 60, 'r': 10, 't': 30, 'b': 90},
+        'xaxis': {'title': {'text': 't [s]'}},
+        'yaxis': {'title': {'text': title}, 'type': 'log' if 'mm' in title else 'linear'},
+        'legend': {'orientation': 'h', 'y': -0.18, 'yanchor': 'top'},
+        'shapes': shapes,
+        'annotations': texts,
+    }
+    return figure_html(f'{drone.replace("_", "-")}-{title.split()[0]}', traces, layout)

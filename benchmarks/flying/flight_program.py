@@ -1,0 +1,113 @@
+"""What the arm does in a flight, one part after the other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from flying.arm_swing import ArmSwing
+from flying.grown_motion import HANGING, GrownMotion
+
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
+from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
+from aerarm_ros.motion.joint_motion import JointMotion
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+
+RAMP = 1.0  # [s]
+STILL = 'no arm motion'
+PAYLOAD = [0.2, 0.1, 0.0, 0.0]  # [kg], and its place in the last joint's frame [m]: at the tool
+_STRETCHED = HANGING - [0.0, np.pi / 2, 0.0, 0.0]
+_QUICK = 1.5  # [s] of a reach of 90 degrees
+_REST = 0.5  # [s] after it
+
+
+@dataclass(frozen=True)
+class FlightPart:
+    """A motion, and from when to when in it the drone is looked at [s].
+
+    Attributes
+    ----------
+    name : str
+    motion : JointMotion
+    begin, end : float
+    carries : bool
+        Whether the arm has picked something up at the begin, and puts it down at the end.
+    """
+
+    name: str
+    motion: JointMotion
+    begin: float
+    end: float
+    carries: bool = False
+
+
+def _grown(name: str, motion: GrownMotion) -> FlightPart:
+    return FlightPart(name, motion, motion.ramp, motion.duration - motion.ramp)
+
+
+def _reach() -> FlightPart:
+    stages = _moved(HANGING, _STRETCHED, _QUICK), _moved(_STRETCHED, _STRETCHED, _REST)
+    motion = MotionSequence([Stage('reach', stage) for stage in stages])
+    return FlightPart('reach', motion, 0.0, motion.duration)
+
+
+def _pick_up() -> FlightPart:
+    stages = (
+        _moved(_STRETCHED, _STRETCHED, 2.0 * _REST),
+        _moved(_STRETCHED, HANGING, _QUICK),
+        _moved(HANGING, HANGING, _REST),
+    )
+    motion = MotionSequence([Stage('back', stage) for stage in stages])
+    return FlightPart('0.2 kg picked up', motion, 0.0, motion.duration, carries=True)
+
+
+def _moved(start: np.ndarray, end: np.ndarray, seconds: float) -> PolynomialPath:
+    return PolynomialPath.rest_to_rest(start, end, seconds)
+
+
+class FlightProgram:
+    """Slow and fast motion, a reach of 90 degrees, something picked up, and the excitation.
+
+    Parameters
+    ----------
+    swing : float
+        How long slow and fast motion and excitation last at full swing [s].
+
+    Attributes
+    ----------
+    parts : list of FlightPart
+    motion : MotionSequence
+        All of them.
+    """
+
+    def __init__(self, swing: float = 2.0) -> None:
+        length = swing + 2.0 * RAMP
+        file = TrajectoryFile.load(resource('config', 'designed_motion.yaml'))
+        excitation = file.for_joints(load_arm_config().joint_names)
+        self.parts = [
+            _grown('slow', ArmSwing('slow', length, RAMP)),
+            _reach(),
+            _pick_up(),
+            _grown('excitation', GrownMotion(excitation, length, RAMP)),
+            _grown('fast', ArmSwing('fast', length, RAMP)),
+        ]
+        self.motion = MotionSequence([Stage(part.name, part.motion) for part in self.parts])
+
+    def without(self, *names: str) -> MotionSequence:
+        """Return the motion without some parts."""
+        return MotionSequence([x for x in self.motion.stages if x.name not in names])
+
+    @property
+    def windows(self) -> dict[str, tuple[float, float]]:
+        """From when to when each part is looked at, in the whole motion [s]."""
+        starts = self.motion.boundaries[:-1].tolist()
+        found = {STILL: (-1.0, 0.0)}
+        for start, part in zip(starts, self.parts, strict=True):
+            found[part.name] = start + part.begin, start + part.end
+        return found
+
+    @property
+    def carrying(self) -> tuple[float, float]:
+        """From when to when the arm carries something [s]."""
+        part = next(part for part in self.parts if part.carries)
+        return self.windows[part.name]

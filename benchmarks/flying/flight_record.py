@@ -1,0 +1,121 @@
+"""What was seen of a flight, and what it was like."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.joint_motion import JointMotion
+
+LOST = 1.0  # [m] off its place a drone does not hold
+_AT_LIMIT = 1e-6  # of the largest thrust
+
+
+class FlightFigures(NamedTuple):
+    """RMS and maximum of the drone's place [mm], its tilt [deg] and the tool's place [mm].
+
+    `limited` is the share of the time in which a rotor is at a limit [%].
+    """
+
+    place: float
+    place_max: float
+    tilt: float
+    tilt_max: float
+    tool: float
+    tool_max: float
+    limited: float
+
+
+@dataclass(frozen=True, eq=False)
+class FlightRecord:
+    """What drone and arm did, with the world's time.
+
+    Attributes
+    ----------
+    times : (K,) ndarray
+        Of the drone's states [s].
+    places : (K, 3) ndarray
+        Of the drone's body [m]; it should be at the origin.
+    attitudes : (K, 4) ndarray
+        Quaternions (x, y, z, w).
+    postures : (K, n) ndarray
+        Joint angles then [rad].
+    command_times : (L,) ndarray
+        Of the rotors' commands [s].
+    thrusts : (L, m) ndarray
+        Commanded [N].
+    """
+
+    times: np.ndarray
+    places: np.ndarray
+    attitudes: np.ndarray
+    postures: np.ndarray
+    command_times: np.ndarray
+    thrusts: np.ndarray
+
+    @property
+    def tilts(self) -> np.ndarray:
+        """Angles between the body's z and the vertical, (K,) [rad]."""
+        x, y = self.attitudes[:, 0], self.attitudes[:, 1]
+        return np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the drone left its place."""
+        return bool(np.linalg.norm(self.places, axis=1).max() > LOST)
+
+    def part(self, begin: float, end: float) -> 'FlightRecord':
+        """Return what lies between two times [s]."""
+        rows = (self.times >= begin) & (self.times < end)
+        commands = (self.command_times >= begin) & (self.command_times < end)
+        return FlightRecord(
+            self.times[rows],
+            self.places[rows],
+            self.attitudes[rows],
+            self.postures[rows],
+            self.command_times[commands],
+            self.thrusts[commands],
+        )
+
+    def shifted(self, begin: float) -> 'FlightRecord':
+        """Return the same with times after that one [s]."""
+        return replace(self, times=self.times - begin, command_times=self.command_times - begin)
+
+    def figures(self, motion: JointMotion, drone: DroneConfig) -> FlightFigures | None:
+        """Return what it was like, None where the drone was lost.
+
+        Parameters
+        ----------
+        motion : JointMotion
+            Of the arm, as it was told, beginning at time 0.
+        drone : DroneConfig
+        """
+        away = 1e3 * np.linalg.norm(self.places, axis=1)
+        if not len(away) or away.max() > 1e3 * LOST:
+            return None
+        tool = 1e3 * np.linalg.norm(self._tool_errors(motion, drone), axis=1)
+        tilt = np.degrees(self.tilts)
+        low, high = drone.column('thrust_min'), drone.column('thrust_max')
+        room = np.minimum(self.thrusts - low, high - self.thrusts)
+        limited = 100.0 * float(np.mean(np.any(room < _AT_LIMIT * high, axis=1)))
+        rows = [f(values) for values in (away, tilt, tool) for f in (_rms, np.max)]
+        return FlightFigures(*map(float, rows), limited)
+
+    def _tool_errors(self, motion: JointMotion, drone: DroneConfig) -> np.ndarray:
+        """Return how far the tool is from where it would be under a drone at its place [m]."""
+        kinematics = Kinematics(load_robot())
+        mount, rotation = np.array(drone.mount.position), drone.mount.rotation
+        wanted = np.array(
+            [kinematics.position(q) for q in motion.evaluate(np.maximum(self.times, 0.0)).q]
+        )
+        reached = np.array([kinematics.position(q) for q in self.postures])
+        turned = Rotation.from_quat(self.attitudes).apply(mount + reached @ rotation.T)
+        return self.places + turned - (mount + wanted @ rotation.T)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt((values**2).mean()))

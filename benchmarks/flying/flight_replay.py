@@ -1,0 +1,88 @@
+"""Drones and their arms in three dimensions, as they moved."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import plotly.graph_objects as go
+from flying.flight_record import FlightRecord
+from scipy.spatial.transform import Rotation
+
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.kinematics import Kinematics
+
+LARGER = 10.0
+_PERIOD = 0.1  # [s] between pictures
+_COLOURS = '#3b82c4', '#d9722e'
+
+
+class _Skeleton:
+    """Lines of a drone and its arm."""
+
+    def __init__(self, drone: DroneConfig) -> None:
+        robot = load_robot()
+        self._joints = [Kinematics(robot, link) for link in (*robot.link_names, 'tool0')]
+        self._mount = np.array(drone.mount.position)
+        self._turn = drone.mount.rotation
+        hubs = np.array([rotor.position for rotor in drone.rotors])
+        gap = np.full(3, np.nan)
+        spokes = [[self._mount, hub, gap] for hub in hubs]
+        self._frame = np.vstack([np.vstack(spokes), hubs, hubs[:1], gap])
+
+    def line(self, place: np.ndarray, attitude: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Return points (M, 3) in the world, place and lean drawn larger than they are."""
+        arm = [np.zeros(3), *(joint.position(q) for joint in self._joints)]
+        points = np.vstack([self._frame, self._mount + np.array(arm) @ self._turn.T])
+        lean = Rotation.from_rotvec(LARGER * Rotation.from_quat(attitude).as_rotvec())
+        known = ~np.isnan(points[:, 0])
+        points[known] = lean.apply(points[known]) + LARGER * place
+        return points
+
+
+def replay(flights: Mapping[str, FlightRecord], drone: DroneConfig) -> go.Figure:
+    """Return the animation of some flights of one drone, one over the other."""
+    skeleton = _Skeleton(drone)
+    end = min(record.times[-1] for record in flights.values())
+    times = np.arange(-1.0, end, _PERIOD)
+    frames = [
+        go.Frame(
+            data=[_line(skeleton, record, when, k) for k, record in enumerate(flights.values())],
+            name=f'{when:.1f}',
+        )
+        for when in times
+    ]
+    figure = go.Figure(data=frames[0].data, frames=frames)
+    for trace, way in zip(figure.data, flights, strict=True):
+        trace.name = way
+    axis = {'range': [-1.0, 1.0], 'title': ''}
+    play = {'frame': {'duration': 1e3 * _PERIOD, 'redraw': True}, 'fromcurrent': True}
+    pause = {'frame': {'duration': 0, 'redraw': False}, 'mode': 'immediate'}
+    jump = {'frame': {'duration': 0, 'redraw': True}, 'mode': 'immediate'}
+    figure.update_layout(
+        scene={'xaxis': axis, 'yaxis': axis, 'zaxis': axis, 'aspectmode': 'cube'},
+        height=640,
+        margin={'l': 0, 'r': 20, 't': 20, 'b': 120},
+        updatemenus=[{
+            'type': 'buttons', 'direction': 'left', 'x': 0.13, 'y': -0.02, 'yanchor': 'top',
+            'buttons': [
+                {'label': 'Play', 'method': 'animate', 'args': [None, play]},
+                {'label': 'Pause', 'method': 'animate', 'args': [[None], pause]},
+            ],
+        }],
+        sliders=[{
+            'currentvalue': {'prefix': 't [s] = '}, 'x': 0.15, 'len': 0.85,
+            'steps': [
+                {'label': frame.name, 'method': 'animate', 'args': [[frame.name], jump]}
+                for frame in frames
+            ],
+        }],
+    )  # fmt: skip
+    return figure
+
+
+def _line(skeleton: _Skeleton, record: FlightRecord, when: float, number: int) -> go.Scatter3d:
+    k = min(int(np.searchsorted(record.times, when)), len(record.times) - 1)
+    points = skeleton.line(record.places[k], record.attitudes[k], record.postures[k])
+    x, y, z = np.round(points, 4).astype(np.float32).T
+    colour = _COLOURS[number % len(_COLOURS)]
+    return go.Scatter3d(x=x, y=y, z=z, mode='lines', line={'width': 6, 'color': colour})

@@ -1,0 +1,82 @@
+"""The figures of a campaign of flights."""
+
+from collections.abc import Mapping
+
+from flying.flight_program import FlightProgram
+from flying.flight_record import FlightFigures, FlightRecord
+from flying.flight_way import load_drone
+
+COLUMNS = (
+    'place RMS [mm]',
+    'largest',
+    'tilt RMS [deg]',
+    'largest',
+    'tool RMS [mm]',
+    'largest',
+    'a rotor at a limit [%]',
+)
+BASELINE, OBSERVERS, BEST = 'integral', ('observer', 'INDI'), 'posture, motion, lead'
+# [mm] largest RMS of the best way, [deg].
+GOALS = {
+    ('hexarotor', 'slow'): 6.0,
+    ('hexarotor', 'fast'): 40.0,
+    ('tilted_hexarotor', 'slow'): 4.0,
+    ('tilted_hexarotor', 'fast'): 5.0,
+}
+_LINE = '{:17} {:24} {:17} {:>8} {:>7} {:>7} {:>6} {:>8} {:>7} {:>7}'
+_HEADINGS = ('place mm', 'max', 'tilt deg', 'max', 'tool mm', 'max', 'limit %')
+
+
+class FlightResults:
+    """Flights of some drones in some ways, and their figures.
+
+    Attributes
+    ----------
+    program : FlightProgram
+    records : mapping
+        By drone and way: what was seen, or why nothing was.
+    figures : dict
+        By drone, way and part; None where the drone was lost.
+    """
+
+    def __init__(
+        self, program: FlightProgram, records: Mapping[str, Mapping[str, FlightRecord | str]]
+    ) -> None:
+        self.program, self.records = program, records
+        self.figures: dict[tuple[str, str, str], FlightFigures | None] = {}
+        for drone, flights in records.items():
+            config = load_drone(drone)
+            for way, record in flights.items():
+                for part, window in program.windows.items():
+                    found = None
+                    if not isinstance(record, str):
+                        found = record.part(*window).figures(program.motion, config)
+                    self.figures[drone, way, part] = found
+
+    def ratio(self, drone: str, part: str, others: tuple[str, ...]) -> float | None:
+        """Return how many times less than the best of others the drone is off by the best way."""
+        best = self.figures.get((drone, BEST, part))
+        found = [self.figures.get((drone, way, part)) for way in others]
+        places = [figures.place for figures in found if figures is not None]
+        return min(places) / best.place if best and places else None
+
+    def text(self) -> str:
+        """Return a table to print, and how many times better the best way is."""
+        lines = [_LINE.format('drone', 'against the arm', 'motion', *_HEADINGS)]
+        for (drone, way, part), figures in self.figures.items():
+            shown = ['lost', *['-'] * 6] if figures is None else [f'{x:.2f}' for x in figures]
+            lines.append(_LINE.format(drone, way, part, *shown))
+        for drone, flights in self.records.items():
+            reasons = {way: text for way, text in flights.items() if isinstance(text, str)}
+            lines += [f'{drone}, {way}: {text}' for way, text in reasons.items()]
+            lines += [f'{drone}, {", ".join(row)}' for row in self.ratios(drone)]
+        return '\n'.join(lines)
+
+    def ratios(self, drone: str) -> list[tuple[str, str, str]]:
+        """Return for each part how much better the best way is than the others."""
+        rows = []
+        for part in list(self.program.windows)[1:]:
+            over = [self.ratio(drone, part, ways) for ways in ((BASELINE,), OBSERVERS)]
+            shown = ['-' if value is None else f'{value:.1f}' for value in over]
+            rows.append((part, f'{shown[0]} times the integral', f'{shown[1]} times an observer'))
+        return rows

@@ -1,0 +1,57 @@
+"""A motion about the hanging posture, grown from rest and back to rest."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.smooth_step import smooth_step
+
+HANGING = np.array([0.0, np.pi / 2, 0.0, 0.0])
+RAMP = 2.0  # [s]
+
+
+class Course(Protocol):
+    """A motion without an end."""
+
+    def evaluate(self, time: ArrayLike) -> JointReference:
+        """Return the reference (M, n) at times (M,) [s]."""
+        ...
+
+
+class GrownMotion:
+    """What a course does away from the hanging posture, times a share that rises and falls.
+
+    Parameters
+    ----------
+    course : Course
+    seconds : float
+        Duration [s], both ramps included.
+    ramp : float
+        Of each ramp [s].
+    """
+
+    def __init__(self, course: Course, seconds: float, ramp: float = RAMP) -> None:
+        self.course = course
+        self.duration, self.ramp = seconds, ramp
+
+    def evaluate(self, time: ArrayLike) -> JointReference:
+        """Return the reference (M, n) at times (M,) [s]."""
+        times = np.atleast_1d(time)
+        here = times[:, None]
+        ramp = self.ramp
+        rise, fall = smooth_step(here / ramp), smooth_step((self.duration - here) / ramp)
+        # Only one of the two is not at its end.
+        g = rise.value * fall.value
+        dg = (rise.slope - fall.slope) / ramp
+        ddg = (rise.curvature + fall.curvature) / ramp**2
+        q, dq, ddq = self.course.evaluate(times)
+        away = q - HANGING
+        return JointReference(
+            HANGING + g * away, dg * away + g * dq, ddg * away + 2.0 * dg * dq + g * ddq
+        )
+
+    def is_moving(self, times: np.ndarray) -> np.ndarray:
+        """Return which times lie between the ramps."""
+        return (times > self.ramp) & (times < self.duration - self.ramp)

@@ -1,0 +1,55 @@
+"""The acceleration on PX4's set points, in its frames; the node itself needs px4_msgs."""
+
+from importlib.util import find_spec
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.autopilot.px4_gains import Px4Gains
+from aerarm_ros.autopilot.px4_loops import Px4Loops, Px4SetPoint, Px4State
+from aerarm_ros.nodes import px4_feedforward
+
+ZERO = np.zeros(3)
+OPEN = np.full(3, np.nan, dtype=np.float32)
+
+
+def set_point(acceleration: np.ndarray) -> SimpleNamespace:
+    """Return the fields of a TrajectorySetpoint that holds a place."""
+    return SimpleNamespace(
+        timestamp=1, position=np.array([1.0, 2.0, -3.0], dtype=np.float32), velocity=OPEN,
+        acceleration=acceleration, jerk=OPEN, yaw=0.5, yawspeed=float('nan'),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize('asked', [OPEN, np.array([0.1, 0.2, 0.3], dtype=np.float32)])
+def test_it_is_added_north_east_down_and_the_rest_stays(asked: np.ndarray) -> None:
+    before = set_point(asked)
+    after = px4_feedforward.add_acceleration(before, np.array([1.0, 2.0, 0.5]), 7_000_000)
+    expected = np.nan_to_num(asked) + [2.0, 1.0, -0.5]
+    np.testing.assert_allclose(after.acceleration, expected, rtol=1e-6)
+    assert after.acceleration.dtype == np.float32
+    assert after.timestamp == 7000
+    np.testing.assert_array_equal(before.acceleration, asked)
+    np.testing.assert_array_equal(after.position, before.position)
+    assert np.isnan(after.velocity).all()
+    assert after.yaw == 0.5
+
+
+def test_px4_pushes_to_where_it_points() -> None:
+    # To the east in ROS's world: a PX4 that looks north rolls to the right.
+    sent = px4_feedforward.add_acceleration(set_point(OPEN), np.array([1.5, 0.0, 0.0]), 0)
+    wanted = Px4SetPoint(
+        sent.position.astype(float), 0.0, sent.velocity.astype(float),
+        sent.acceleration.astype(float),
+    )  # fmt: skip
+    here = Px4State(wanted.position, ZERO, np.eye(3), ZERO)
+    _, moment = Px4Loops(Px4Gains(), 0.4).update(here, wanted, 0.004)
+    assert moment[0] > 0.01
+    assert moment[1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.skipif(find_spec('px4_msgs') is not None, reason='px4_msgs is installed')
+def test_without_px4_msgs_it_says_what_to_do(ros_domain, capsys) -> None:
+    assert px4_feedforward.main([]) == 1
+    assert 'mavros_feedforward' in capsys.readouterr().err
