@@ -18,6 +18,7 @@ WINDOW = 5e-3
 # Joints slower than this [rad/s] may be held by dry friction, in either direction.
 _SLOW = 0.03
 _SETTLED = 6.6  # time constants after which a step has come to 99 %
+_NO_SPIN = np.zeros(3)
 _WIDTH = 0.01  # [rad/s] in which dry friction turns round
 
 
@@ -44,7 +45,8 @@ class FilteredMotion:
     """Both sides of the equation of motion through two equal first-order low-passes.
 
     With the momentum form of `MomentumRegressor` nothing measured is differentiated twice: the
-    change of momentum over a window is the mean force in it, as the drives' torque is a mean. The
+    change of momentum over a window is the mean force in it, as the drives' torque is a mean, and
+    the change of the base's rate is its mean angular acceleration. The
     second low-pass takes away what the first makes of noise in the velocities.
 
     Parameters
@@ -88,6 +90,7 @@ class FilteredMotion:
         self._first: Array | None = None
         self._filtered: Array | None = None
         self._before: Array | None = None
+        self._rate = np.zeros(3)
         self._momentum = np.zeros((self.n, 11))
         self._impulse = np.zeros(self.n)
         self._elapsed = 0.0
@@ -131,7 +134,7 @@ class FilteredMotion:
             mean = 0.5 * (instant + self._before)
             change = (momentum - self._momentum) / self._elapsed
             mean[:, :10] += change[:, :10]
-            mean[:, -2] += tau - change[:, 10]
+            mean[:, -2] += tau - change[:, 10] - self._of_turning(q, dq, base)
             if self._first is None or self._filtered is None:
                 self._first, self._filtered = mean, mean.copy()
             else:
@@ -140,14 +143,31 @@ class FilteredMotion:
                 self._filtered += share * (self._first - self._filtered)
             self._age += self._elapsed
         self._before, self._momentum = instant.copy(), momentum
+        self._rate = base.angular_velocity
         self._impulse[:] = 0.0
         self._elapsed = 0.0
+
+    def _of_turning(self, q: Array, dq: Array, base: BaseMotion) -> Array | float:
+        """Return the torque that turns the arm with its base (n,), its mean over the window.
+
+        The base's angular acceleration is the change of its rate: one that was differentiated
+        before, for an instant, has the noise of much higher frequencies.
+        """
+        if not (base.angular_velocity.any() or self._rate.any()):
+            return 0.0
+        spin = (base.angular_velocity - self._rate) / self._elapsed
+        moved, unmoved = (
+            self._dynamics.bias(q, dq, base._replace(angular_acceleration=each))
+            for each in (spin, _NO_SPIN)
+        )
+        return np.asarray(moved - unmoved)
 
     def _evaluate(self, q: Array, dq: Array, tau: Array, base: BaseMotion) -> Array:
         """Return what holds at an instant, but for the payload's columns."""
         instant, joints, n = self._instant, self._joints, self.n
         coriolis = self._dynamics.fixed.coriolis_matrix(q, dq)
-        rigid = self._dynamics.bias(q, dq, base) - (coriolis + coriolis.T) @ dq
+        turning = base._replace(angular_acceleration=_NO_SPIN)
+        rigid = self._dynamics.bias(q, dq, turning) - (coriolis + coriolis.T) @ dq
         sign = np.tanh(dq / _WIDTH)
         known = self.viscous * dq + self.coulomb * sign
         load = np.abs(tau - known)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import rclpy
 from carrying_run import CarryingRun
+from flying_run import FlyingRun
 from geometry_msgs.msg import InertiaStamped
 from std_msgs.msg import String
 
@@ -79,6 +80,32 @@ def test_what_is_picked_up_is_published(make: Make, run: CarryingRun, tmp_path: 
     newest = node._estimator.estimate
     assert newest is not None
     assert (np.abs(last.friction - newest.friction) < 2.0 * newest.friction_std).all()
+
+
+def test_in_flight_it_is_weighed_for_as_long_as_the_imu_speaks(make: Make) -> None:
+    run = FlyingRun(silent=4.2)
+    node = make(
+        drone_file=resource('config', 'drone.yaml'),
+        base_motion='free',
+        load_friction=run.truth.load_friction.tolist(),
+    )
+    told: dict[str, object] = {}
+    for now, state in run.states(node.base.offer, EPOCH):
+        node.stamp_ns = round(1e9 * (EPOCH + now))
+        node.answer(node.stamp_ns, state)
+        estimate = node._estimator.estimate
+        if now < run.pick_up:
+            assert estimate is None or not estimate.carries
+        if now < run.silent:
+            assert not node.warning() or now < 0.01
+            told = node.describe()
+    assert told['mass [kg]'] == pytest.approx(run.load[0], rel=0.05)
+    centre, spread = (told[f'{kind}centre [m]'] for kind in ('', 'standard deviations of the '))
+    assert np.linalg.norm(np.subtract(centre, run.load[1:])) < 5e-3
+    assert (np.abs(np.subtract(centre, run.load[1:])) < 2.0 * np.array(spread)).all()
+    # The base's motion isn't known any more: what was found stays, and nothing is sent.
+    assert 'IMU silent' in node.warning()
+    assert node.describe()['mass [kg]'] == pytest.approx(told['mass [kg]'], rel=0.02)
 
 
 def test_an_arm_that_nothing_holds_is_not_weighed(make: Make, run: CarryingRun) -> None:
