@@ -29,6 +29,7 @@ from aerarm_ros.ros.requests.parameter_request import set_parameter
 
 LEAD = 2.5  # [s]
 QUICK_LEAD = 1.5  # [s]
+SETTLING = 15.0  # [s] at most
 AHEAD = 0.06  # [s] that the drone is told of its arm ahead of time
 
 
@@ -99,11 +100,11 @@ class FlightBench:
 
     def fly(self, program: FlightProgram) -> FlightRecord:
         """Return what drone and arm did; the program begins at 0, a little after the record."""
-        now, _ = self.listener.next()
-        begin = now + QUICK_LEAD
+        begin = self._wait_until_still() + QUICK_LEAD
         names, motion = load_arm_config().joint_names, program.motion
         self.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
         self.listener.forget()
+        now = -np.inf
         # As it is told is when it acts, some milliseconds later.
         payloads = list(zip(program.carrying, (PAYLOAD, []), strict=True))
         while now < begin + motion.duration and self.listener.farthest < LOST:
@@ -113,6 +114,19 @@ class FlightBench:
                 kind = Parameter.Type.DOUBLE_ARRAY
                 self._world.set_parameters([Parameter('payload', kind, payload)])
         return self.listener.record().shifted(begin)
+
+    def _wait_until_still(self) -> float:
+        """Return the time [s] when the drone hovers still, or has had long enough for that."""
+        self.listener.forget()
+        begin, _ = self.listener.next()
+        now, looked = begin, begin
+        while now < begin + SETTLING:
+            now, _ = self.listener.next()
+            if now > looked + 0.1:
+                looked = now
+                if self.listener.is_still():
+                    break
+        return now
 
     def switch(self, values: dict[str, object]) -> None:
         """Change what the flight controller feeds forward."""

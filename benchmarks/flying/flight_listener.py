@@ -16,6 +16,10 @@ from aerarm_ros.description.arm_config import load_arm_config
 PATIENCE = 300.0  # [s] of the host, which may be busy
 
 
+_STILL = 5e-4  # [m]
+_MANY = 125  # states in half a second
+
+
 class FlightListener:
     """What the arm and the drone say, with the world's time.
 
@@ -57,6 +61,12 @@ class FlightListener:
         self._joints: list[tuple[float, np.ndarray]] = []
         self._states: list[tuple[float, np.ndarray, np.ndarray]] = []
         self._commands: list[tuple[float, np.ndarray]] = []
+
+    def is_still(self) -> bool:
+        """Return whether the drone has not moved for half a second."""
+        last = [state for state in self._states[-_MANY:] if state[0] > self._states[-1][0] - 0.5]
+        places = np.array([place for _, place, _ in last])
+        return len(self._states) > _MANY and float(np.ptp(places, axis=0).max()) < _STILL
 
     def record(self) -> FlightRecord:
         """Return what was heard."""
