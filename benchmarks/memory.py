@@ -1,32 +1,36 @@
-"""What five nodes at 1 kHz do to memory over time: the slope of each.
+"""What five nodes at 1 kHz do to memory over time, and how often the page shows the arm move.
 
-`fake_hardware` (driven and held), `computed_torque`, `base_reaction`, `recorder` and `view`, with
-somebody who looks at it, run as processes. What each has to itself is read every two seconds, and
-its proportional and resident set size (PSS, RSS: the first also changes with whoever else shares
-its libraries). After a warm-up a line is fitted to each. Its uncertainty is twice the standard
-error, widened for samples that depend on each other. For an endurance test: `--minutes 30`.
+`fake_hardware`, `computed_torque`, which swings the arm to and fro, `base_reaction`, `recorder` and
+`view`, with somebody who looks at it, run as processes. What each has to itself is read every two
+seconds, and its proportional and resident set size (PSS, RSS: the first also changes with whoever
+else shares its libraries). After a warm-up a line is fitted to each. Its uncertainty is twice the
+standard error, widened for samples that depend on each other. Pictures are counted by who looks.
+For an endurance test: `--minutes 60`.
 """
 
 import argparse
 import os
 import socket
 import tempfile
-import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import rclpy
-import viser
-from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
+from rclpy.duration import Duration
+from rclpy.node import Node
+from timing.onlooker import Onlooker
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from aerarm_msgs_py import topics
+from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 
 PERIOD = 2.0  # [s] between two looks
 WARM_UP = 0.25  # share of the run
+SWING = 0.3  # [rad] to each side
 
 
 def memory(pid: int) -> tuple[float, ...]:
@@ -36,13 +40,13 @@ def memory(pid: int) -> tuple[float, ...]:
     return sizes['Private_Clean'] + sizes['Private_Dirty'], sizes['Pss'], sizes['Rss']
 
 
-def slope(minutes: np.ndarray, size: np.ndarray) -> tuple[float, float]:
-    """Return the slope of (k,) sizes and twice its standard error [a minute].
+def slope(times: np.ndarray, size: np.ndarray) -> tuple[float, float]:
+    """Return the slope of (k,) sizes over times (k,), and twice its standard error.
 
     Samples that follow each other are alike: fewer of them count, by the correlation of
     neighbouring residuals.
     """
-    time = minutes - minutes.mean()
+    time = times - times.mean()
     rate = time @ size / (time @ time)
     rest = size - size.mean() - rate * time
     spread = rest @ rest
@@ -53,37 +57,35 @@ def slope(minutes: np.ndarray, size: np.ndarray) -> tuple[float, float]:
     return rate, 2.0 * error * np.sqrt((1.0 + alike) / (1.0 - alike))
 
 
-def look(port: int) -> None:
-    """Look at the page until it ends: a client that takes what it is sent."""
-    import msgspec  # comes with viser
+class ToAndFro:
+    """Sends the arm to and fro, a little to each side of its rest posture, all joints together.
 
-    camera = {
-        'type': 'ViewerCameraMessage',
-        'wxyz': [1.0, 0.0, 0.0, 0.0],
-        'position': [0.8, -0.9, 0.7],
-        'fov': 1.3,
-        'near': 0.01,
-        'far': 1000.0,
-        'image_height': 900,
-        'image_width': 1400,
-        'look_at': [0.0, 0.0, 0.3],
-        'up_direction': [0.0, 0.0, 1.0],
-    }
-    host = f'127.0.0.1:{port}'
-    protocol = f'viser-v{viser.__version__}'
-    with connect(
-        f'ws://{host}', origin=f'http://{host}', subprotocols=[protocol], max_size=None
-    ) as page:
-        page.send(msgspec.msgpack.encode(camera))
-        try:
-            while True:
-                page.recv()
-        except ConnectionClosed:
-            return
+    Parameters
+    ----------
+    node
+        Owner of the publisher.
+    """
+
+    def __init__(self, node: Node) -> None:
+        config, topic = load_arm_config(), topics.JOINT_TRAJECTORY
+        self._names, self._middle = config.joint_names, np.array(config.rest_position)
+        self._side = SWING
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+        while not self._publisher.get_subscription_count():
+            time.sleep(0.05)
+
+    def turn(self) -> None:
+        """Send it to the other side; it is on the way until it is sent back."""
+        self._side = -self._side
+        point = JointTrajectoryPoint(positions=(self._middle + self._side).tolist())
+        point.time_from_start = Duration(seconds=1.2 * PERIOD).to_msg()
+        self._publisher.publish(JointTrajectory(joint_names=self._names, points=[point]))
 
 
-def start(folder: Path, stack: ExitStack) -> dict[str, NodeProcess]:
-    """Start the nodes, drive the arm, and look at the page."""
+def start(
+    node: Node, folder: Path, stack: ExitStack
+) -> tuple[dict[str, NodeProcess], ToAndFro, Onlooker]:
+    """Start the nodes, take hold of the arm, and look at the page."""
     with socket.socket() as probe:
         probe.bind(('127.0.0.1', 0))
         port = probe.getsockname()[1]
@@ -93,8 +95,6 @@ def start(folder: Path, stack: ExitStack) -> dict[str, NodeProcess]:
         log = folder / f'{name}.log'
         nodes[name] = stack.enter_context(NodeProcess(name, (), parameters, log=log))
 
-    rclpy.init(args=[])
-    node = rclpy.create_node('bench')
     arm = ArmClient(node, ['fake_hardware'])
     run('recorder', bag=folder / 'bag')
     run('fake_hardware', realtime_priority=80)
@@ -105,22 +105,21 @@ def start(folder: Path, stack: ExitStack) -> dict[str, NodeProcess]:
     run('base_reaction')
     run('view', port=port)
     arm.wait_for_mode(['running'], 60.0)
-    node.destroy_node()
-    rclpy.shutdown()
+    swing = ToAndFro(node)
     deadline = time.monotonic() + 60.0
     while 'shown at' not in nodes['view'].tail():
         if time.monotonic() > deadline:
             raise SystemExit(f'memory: the page is not served:\n{nodes["view"].tail()}')
         time.sleep(0.1)
-    threading.Thread(target=look, args=[port], daemon=True).start()
-    return nodes
+    return nodes, swing, Onlooker(port)
 
 
-def watch(nodes: dict[str, NodeProcess], minutes: float) -> dict[str, np.ndarray]:
-    """Return (k, 4) time [min] and memory [KiB] of each node."""
+def watch(nodes: dict[str, NodeProcess], swing: ToAndFro, minutes: float) -> dict[str, np.ndarray]:
+    """Swing the arm; return (k, 4) time [min] and memory [KiB] of each node."""
     samples: dict[str, list[tuple[float, ...]]] = {name: [] for name in nodes}
     begun = time.monotonic()
     while (passed := (time.monotonic() - begun) / 60.0) < minutes:
+        swing.turn()
         for name, node in nodes.items():
             if node.returncode is not None:
                 raise SystemExit(f'memory: {name} has ended:\n{node.tail()}')
@@ -135,18 +134,29 @@ def main() -> None:
     options, _ = parser.parse_known_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    rclpy.init(args=[])
+    node = rclpy.create_node('bench')
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        nodes = start(Path(folder), stack)
-        samples = watch(nodes, options.minutes)
-        for node in reversed(nodes.values()):
-            node.stop()
+        nodes, swing, onlooker = start(node, Path(folder), stack)
+        begun = time.monotonic() + 60.0 * WARM_UP * options.minutes
+        samples = watch(nodes, swing, options.minutes)
+        mean, worst = onlooker.rates(begun)
+        seen = f'{mean:.1f} pictures a second, {worst:.1f} in the worst 10 s'
+        if not onlooker.is_there:
+            seen = 'who looked was let go: the computer was too busy to count pictures'
+        for process in reversed(nodes.values()):
+            process.stop()
         print(nodes['fake_hardware'].tail(1))
         print(nodes['recorder'].tail(1))
-    print(f'{"":16} {"own":>8}  slope, KiB a minute: {"own":>4} {"PSS":>18} {"RSS":>18}')
+    node.destroy_node()
+    rclpy.shutdown()
+    print(f'page: {seen}')
+    print(f'{"":16} {"own":>8}  slope, MiB an hour: {"own":>5} {"PSS":>18} {"RSS":>18}')
     for name, rows in samples.items():
         minutes, *sizes = rows[rows[:, 0] >= WARM_UP * options.minutes].T
         slopes = [
-            f'{rate:+9.1f} ± {error:6.1f}' for rate, error in (slope(minutes, x) for x in sizes)
+            f'{rate:+9.1f} ± {error:6.1f}'
+            for rate, error in (slope(minutes / 60.0, x / 1024.0) for x in sizes)
         ]
         print(f'{name:16} {sizes[0][-1] / 1024:4.1f} MiB {"":7} {" ".join(slopes)}')
 

@@ -140,7 +140,8 @@ class Preview:
         figure.add_scatter3d(
             x=path[:, 0], y=path[:, 1], z=path[:, 2], mode='lines', showlegend=False,
             line={'width': 4, 'color': self._times, 'colorscale': 'Viridis', 'showscale': True,
-                  'colorbar': {'title': 't [s]', 'x': 0.53, 'len': 0.7}}, row=1, col=1,
+                  'colorbar': {'title': 't [s]', 'x': 0.0, 'xanchor': 'left', 'len': 0.7}},
+            row=1, col=1,
         )  # fmt: skip
         position = self._states.q
         span = np.minimum(limits.position_max - limits.position_min, 2.0 * np.pi)

@@ -1,0 +1,80 @@
+"""Somebody who looks at the page: a client that takes what it is sent, and counts pictures."""
+
+import threading
+import time
+
+import msgspec  # these three come with viser
+import numpy as np
+import viser
+import zstandard
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+_CAMERA = {
+    'type': 'ViewerCameraMessage',
+    'wxyz': [1.0, 0.0, 0.0, 0.0],
+    'position': [0.8, -0.9, 0.7],
+    'fov': 1.3,
+    'near': 0.01,
+    'far': 1000.0,
+    'image_height': 900,
+    'image_width': 1400,
+    'look_at': [0.0, 0.0, 0.3],
+    'up_direction': [0.0, 0.0, 1.0],
+}
+_MOVES = {'SetOrientationMessage', 'SetPositionMessage'}
+_WINDOW = 10.0  # [s]
+
+
+class Onlooker:
+    """Looks at a page of this host from now on until it ends.
+
+    Parameters
+    ----------
+    port
+        Of the page.
+    """
+
+    def __init__(self, port: int) -> None:
+        self._host = f'127.0.0.1:{port}'
+        self._pictures: list[float] = []
+        self._thread = threading.Thread(target=self._look, daemon=True)
+        self._thread.start()
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it still looks: the page lets go of who does not answer it for 20 s."""
+        return self._thread.is_alive()
+
+    def rates(self, begun: float) -> tuple[float, float]:
+        """Return pictures a second since the monotonic time `begun` [s]: the mean, the worst 10 s.
+
+        Only what moves is a picture: of an arm at rest there are none.
+        """
+        now = time.monotonic()
+        times = np.array(self._pictures)
+        starts = np.arange(begun, now - _WINDOW, 1.0)
+        counts = [np.count_nonzero((times >= t) & (times < t + _WINDOW)) for t in starts]
+        mean = np.count_nonzero(times >= begun) / (now - begun)
+        return float(mean), min(counts, default=mean * _WINDOW) / _WINDOW
+
+    def _look(self) -> None:
+        with connect(
+            f'ws://{self._host}',
+            origin=f'http://{self._host}',
+            subprotocols=[f'viser-v{viser.__version__}'],
+            max_size=None,
+        ) as page:
+            page.send(msgspec.msgpack.encode(_CAMERA))
+            try:
+                while True:
+                    self._take(page.recv())
+            except ConnectionClosed:
+                return
+
+    def _take(self, raw: bytes) -> None:
+        size = int.from_bytes(raw[8:16], 'little')
+        messages = msgspec.msgpack.decode(zstandard.decompress(raw[16 : 16 + size]))['messages']
+        # What is sent at once is one picture, however many links move.
+        if any(message['type'] in _MOVES for message in messages):
+            self._pictures.append(time.monotonic())
