@@ -265,7 +265,7 @@ class BridgeCycle:
         if refusal:
             return Answer(False, refusal)
         if is_held:
-            self._search.begin()
+            self._search.begin(zeros.rest)
             self.intake.forget()
             self._followed = False
         else:

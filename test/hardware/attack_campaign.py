@@ -16,6 +16,7 @@ from attacks import ATTACKS, WITHOUT_EFFORT
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.joint_loads import JointLoads
 from aerarm_ros.model.drive_train import DriveTrain
 
@@ -43,7 +44,9 @@ class Outcome:
         return any('must have turned it' in fault for fault in self.faults)
 
 
-def run(attack: str, number: int, seconds: float = _SECONDS) -> Outcome:
+def run(
+    attack: str, number: int, seconds: float = _SECONDS, settings: BridgeSettings | None = None
+) -> Outcome:
     """Run an attack on the arm that its number draws."""
     config, robot = load_arm_config(), load_robot()
     random = np.random.default_rng([number, *attack.encode()])
@@ -66,7 +69,14 @@ def run(attack: str, number: int, seconds: float = _SECONDS) -> Outcome:
         kp, kd = config.column('board_kp'), config.column('board_kd')
         gains = (kp, kd, random.uniform(1.0, 5.09, 4))
     rig = AttackRig(
-        config, robot, posture=posture, payload=payload, seed=seed, gains=gains, gravity=gravity
+        config,
+        robot,
+        posture=posture,
+        payload=payload,
+        seed=seed,
+        settings=settings,
+        gains=gains,
+        gravity=gravity,
     ).bring_up()
     log = rig.run(seconds, ATTACKS[attack](random))
     beyond, speed = log.beyond(config), log.speed_ratio(config)
@@ -107,12 +117,15 @@ def main() -> int:
     parser.add_argument('--only', nargs='*', default=list(ATTACKS))
     parser.add_argument('--processes', type=int, default=None)
     parser.add_argument('--verbose', action='store_true')
+    parser.add_argument('--period', type=float, default=BridgeSettings().period, help="the host's")
     options = parser.parse_args()
+    settings = BridgeSettings(period=options.period)
     broken = 0
     with ProcessPoolExecutor(options.processes) as pool:
         numbers = range(options.first, options.first + options.runs)
         futures = {
-            name: [pool.submit(run, name, number) for number in numbers] for name in options.only
+            name: [pool.submit(run, name, number, _SECONDS, settings) for number in numbers]
+            for name in options.only
         }
         for waiting in futures.values():
             outcomes = [future.result() for future in waiting]

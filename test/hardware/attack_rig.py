@@ -38,7 +38,7 @@ from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
-PERIOD = 1e-3
+PERIOD = 1e-3  # [s], of the default settings
 PAYLOAD_CENTRE = (0.1, 0.0, 0.0)  # [m] tool0
 _PAYLOAD_RADIUS = 0.03  # [m]
 _QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
@@ -115,9 +115,10 @@ class AttackRig:
     seed
         Of the arm's deviations from its drawing; None for an arm as drawn.
     settings, gains
-        The bridge's; gains are (kp, kd) or (kp, kd, integral_gain), motor side.
+        The bridge's, the host's period among them; gains are (kp, kd) or (kp, kd, integral_gain),
+        motor side.
     delays
-        The host's script, None for a perfect 1 kHz.
+        The host's script, None for one that is never late.
     gravity
         (3,) in the base frame [m/s^2], which the bridge is not told.
     """
@@ -147,6 +148,7 @@ class AttackRig:
             self.plant.gravity_in_base = gravity
         self.log = AttackLog()
         self._script = delays
+        self._period = (settings or BridgeSettings()).period
         self.world = AttackWorld(self.boards, self._look)
         self.bridge = BridgeCycle(config, self.world, settings, robot=robot)
         if gains is not None:
@@ -197,7 +199,7 @@ class AttackRig:
     def cycle(self, source: Source | None = None) -> None:
         """Run one cycle of the host."""
         world, bridge, log = self.world, self.bridge, self.log
-        due = PERIOD * ceil(world.now / PERIOD + 1e-6)
+        due = self._period * ceil(world.now / self._period + 1e-6)
         offer = source(self) if source is not None else None
         world.pass_time(due)
         world.cycle = self.cycles

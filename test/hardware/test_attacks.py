@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from attack_campaign import BEYOND_MAX, SPEED_MAX, run
+from attack_campaign import BEYOND_MAX, SPEED_MAX, Outcome, run
 from attack_rig import AttackRig, Offer
 from attacks import ATTACKS
+
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 
 # What a board's integral and a base that is turned add; joint 1 throws a heavy arm outward;
 # a load that changes as the reference moves holds joint 2 still, as if its encoder were stuck.
@@ -21,10 +23,22 @@ NUMBERS = {name: (1, 2) if index % 2 else (3, 5) for index, name in enumerate(AT
     [*((name, number) for name in ATTACKS for number in NUMBERS[name]), *SPECIAL],
 )
 def test_no_attack_breaks_a_limit(attack: str, number: int) -> None:
-    outcome = run(attack, number, seconds=1.5 if (attack, number) in SPECIAL else 0.7)
+    keeps_limits(run(attack, number, 1.5 if (attack, number) in SPECIAL else 0.7))
+
+
+def keeps_limits(outcome: Outcome) -> None:
     assert outcome.beyond <= BEYOND_MAX, outcome
     assert outcome.speed <= SPEED_MAX, outcome
     assert not outcome.is_doubted, outcome
+
+
+@pytest.mark.parametrize(
+    ('period', 'attack', 'number'),
+    # An encoder of 2 kHz says less of the speed in each frame.
+    [(0.5e-3, 'effort_against_reference', 100), (2e-3, 'stopping', 101)],
+)
+def test_another_period_breaks_no_limit_either(period: float, attack: str, number: int) -> None:
+    keeps_limits(run(attack, number, settings=BridgeSettings(period=period)))
 
 
 @pytest.mark.parametrize('way', [1.0, -1.0])

@@ -84,6 +84,8 @@ class NamespacedNodes:
 def nodes(ros_node: Node, tmp_path: Path) -> Iterator[NamespacedNodes]:
     with ExitStack() as stack:
         yield NamespacedNodes(stack, tmp_path)
+    for log in sorted(tmp_path.glob('*.log')):  # shown if the test fails
+        print(f'{log.name}:\n{log.read_text()}')
 
 
 def test_two_arms_are_one_tree_and_each_moves_alone(nodes: NamespacedNodes, tmp_path: Path) -> None:

@@ -8,12 +8,14 @@ _LOOKS_MIN = 3  # that saw no motion; a frame that comes twice is one
 # A motor near its limit may lack what friction takes; but nothing holds it there for so long [s].
 _STRAINED_SHARE = 0.9
 _STRAINED_MAX = 0.1
-# Shares of what a look finds wrong that correct the speed, and the load: known within 10 ms.
-_SPEED_GAIN = 0.2
-_LOAD_GAIN = 0.015
-_COUNTS = 3.0  # [rad/s, motor side] two counts in a cycle: the error of a speed made of counts
-# A load changes in this part of a second by what the joint may carry: the base turns, the arm too.
-_LOAD_RATE = 2.0
+# What a look finds wrong corrects the speed [1/s], and the load [1/s^2]: known within 10 ms.
+_SPEED_RATE = 200.0
+_LOAD_RATE = 15e3
+_LOOKED = 4e-3  # [s]; a longer interval corrects no more
+_COUNTS = 3e-3  # [rad, motor side] two counts: the error of an angle's change, ...
+_SHORTEST = 1e-4  # [s] ... and the time that it took at least
+# In a second a load changes by twice what the joint may carry: the base turns, the arm too.
+_LOAD_TURNS = 2.0
 
 
 class ExpectedMotion:
@@ -62,7 +64,7 @@ class ExpectedMotion:
         self, load_max: float, current_max: float, torque_per_ampere: float, ratio: float
     ) -> None:
         self._strong = _STRAINED_SHARE * current_max
-        self._rate = _LOAD_RATE * load_max
+        self._rate = _LOAD_TURNS * load_max
         self._per_inertia = torque_per_ampere / ratio
         self._clearly = _CLEARLY / ratio
         self._load = self._current = self._modelled = nan
@@ -150,8 +152,9 @@ class ExpectedMotion:
         else:
             predicted = self._speed + (current - self._load) * gain * elapsed
             wrong = seen - predicted
-            self._speed = predicted + _SPEED_GAIN * wrong
-            self._load -= _LOAD_GAIN * wrong / (gain * elapsed)
+            looked = min(elapsed, _LOOKED)
+            self._speed = predicted + _SPEED_RATE * looked * wrong
+            self._load -= _LOAD_RATE * looked * wrong / gain
         self._seen_speed, self._current = seen, current
         self._turned = self._stood = self._strained = 0.0
         self._looks = 0
@@ -160,7 +163,8 @@ class ExpectedMotion:
     def _begin(self, elapsed: float, gain: float) -> None:
         """Find the least speed that it can have had at the end of the last look's motion."""
         seen, way = self._seen_speed, copysign(1.0, self._seen_speed)
-        speed = min(abs(seen), max(way * self._speed, 0.0)) - _COUNTS
+        speed = min(abs(seen), max(way * self._speed, 0.0))
+        speed -= _COUNTS / max(elapsed, _SHORTEST)
         # The look told of the mean: the torque that braked it has led it on.
         braked = min(way * (self._current - self._load), 0.0) * gain * 0.5 * elapsed
         self._speed = way * max(speed + braked, 0.0)

@@ -4,7 +4,6 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.gate.command_buffer import Array, CommandBuffer, Mask
-from aerarm_ros.model.drive_train import DriveTrain
 
 _SPEED = 0.15  # [rad/s] at the joint
 _REACH = 0.6  # of a motor turn, to either side
@@ -37,8 +36,7 @@ class Homing:
     toggles
         (n,) the index bits at the start, which flip at each pulse.
     expected
-        (n,) what the motors' angles are at the start, to within a third of a turn [rad]; those of
-        the rest position if not given.
+        (n,) what the motors' angles are at the start, to within a third of a turn [rad].
 
     Attributes
     ----------
@@ -48,15 +46,10 @@ class Homing:
         What went wrong, or ''.
     """
 
-    def __init__(
-        self, config: ArmConfig, position: Array, toggles: Mask, expected: Array | None = None
-    ) -> None:
+    def __init__(self, config: ArmConfig, position: Array, toggles: Mask, expected: Array) -> None:
         self.command = CommandBuffer.standstill(config.n)
         self.fault = ''
         self._names = config.joint_names
-        if expected is None:
-            rest = np.array(config.rest_position)
-            expected = DriveTrain(config).joint_to_motor_position(rest)
         self._expected = expected.copy()
         self._sign = config.column('sign')
         self._start = position.copy()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
 from aerarm_ros.hardware.boards.homing import Homing
+from aerarm_ros.hardware.gate.command_buffer import Array
 
 
 class ZeroSearch:
@@ -29,9 +30,12 @@ class ZeroSearch:
         """Whether the zeros are searched, or will be."""
         return self._waits or self._homing is not None
 
-    def begin(self) -> None:
-        """Begin now, at the rest posture."""
-        self._homing = Homing(self._config, self._state.reported_position, self._state.index_toggle)
+    def begin(self, expected: Array) -> Homing:
+        """Begin now, with the motors at these angles (n,) [rad], to within a third of a turn."""
+        state = self._state
+        homing = Homing(self._config, state.reported_position, state.index_toggle, expected)
+        self._homing, self._waits = homing, False
+        return homing
 
     def wait(self) -> None:
         """Begin with the next update: the zeros are already known to a third of a motor turn."""
@@ -44,11 +48,6 @@ class ZeroSearch:
     def update(self) -> Homing:
         """Take the last measurements, with aligned motors; return what homing says."""
         state = self._state
-        homing = self._homing
-        if homing is None:
-            homing = self._homing = Homing(
-                self._config, state.reported_position, state.index_toggle, state.motor_position
-            )
-            self._waits = False
+        homing = self._homing or self.begin(state.motor_position)
         homing.update(state.reported_position, state.index_toggle, state.interval)
         return homing

@@ -12,6 +12,8 @@ class BridgeSettings:
 
     Attributes
     ----------
+    period
+        Time between two cycles [s].
     command_timeout
         Age of the last accepted command, since its receipt, at which the arm is damped [s].
     stamp_age_max
@@ -51,6 +53,8 @@ class BridgeSettings:
     # stop which it belongs to would never come.
     BOUNDS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
         {
+            # The barriers at the limits learn nothing from states that are further apart.
+            'period': (0.0005, 0.004),
             'command_timeout': (0.002, 1.0),
             'stamp_age_max': (0.002, 1.0),
             'board_timeout': (0.001, 0.255),  # its byte in the frame; 0 would mean never
@@ -71,6 +75,7 @@ class BridgeSettings:
         }
     )
 
+    period: float = 1e-3
     command_timeout: float = 0.05
     stamp_age_max: float = 0.05
     board_timeout: float = 0.04

@@ -38,7 +38,6 @@ _RECOVERY_TIME = 1.0
 _GAP_SHARE = 1.1
 _GAP_FASTEST = 700.0
 _GAP_ROOM_SHARE = 0.05  # of the speed limit, for a joint that is as fast already
-_CYCLE = 1e-3  # [s]
 # A joint beyond its limit is led back at no more than this share of the speed limit.
 _RETURN_SHARE = 0.05
 
@@ -59,7 +58,7 @@ class JointBarrier:
     joint
         Limits.
     settings
-        `soft_zone`, `velocity_lag` and `board_timeout` are used here.
+        `period`, `soft_zone`, `velocity_lag` and `board_timeout` are used here.
     deceleration
         That the joint can be relied on for, with any load [rad/s^2].
     inertia_max
@@ -89,6 +88,7 @@ class JointBarrier:
         '_acceleration',
         '_approach',
         '_corner',
+        '_cycle',
         '_deceleration',
         '_disturbance',
         '_disturbance_max',
@@ -134,6 +134,7 @@ class JointBarrier:
         self._unhindered = self._fastest = _SPEED_SHARE * joint.velocity_max
         self._return = _RETURN_SHARE * joint.velocity_max
         self._lag = settings.velocity_lag
+        self._cycle = settings.period
         self._disturbance_max = _DISTURBANCE_SHARE * joint.effort_max
         self._turned_max = _TURNED_SHARE * joint.effort_max
         self._gap_time = settings.board_timeout
@@ -243,9 +244,10 @@ class JointBarrier:
 
     def mean_filtered(self, torque: float) -> float:
         """Return the mean of the board's filtered speed [rad/s] in a cycle under a torque [Nm]."""
-        time = _CYCLE / self._lag
-        followed = 1.0 - (1.0 - self._share_kept(_CYCLE)) / time
-        led = (torque - self.load) / self.inertia * _CYCLE * (0.5 - followed / time)
+        cycle = self._cycle
+        time = cycle / self._lag
+        followed = 1.0 - (1.0 - self._share_kept(cycle)) / time
+        led = (torque - self.load) / self.inertia * cycle * (0.5 - followed / time)
         return self.filtered + followed * (self.dq - self.filtered) + led
 
     def _take(self, dq: float, inertia: float, interval: float) -> None:

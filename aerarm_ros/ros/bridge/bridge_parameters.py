@@ -49,8 +49,9 @@ _SETTINGS = {
 BRIDGE_PARAMETERS = (
     *ARM_FILES,
     DRONE_FILE,
-    # The barriers at the limits learn nothing from states that are further apart.
-    Parameter('period', 0.001, 'time between two cycles', 's', 0.0005, 0.004),
+    Parameter(
+        'period', _DEFAULTS.period, 'time between two cycles', 's', *BridgeSettings.BOUNDS['period']
+    ),
     Parameter('autostart', True, 'configure and activate by itself, without a lifecycle manager'),
     *REAL_TIME_PARAMETERS,
     Parameter(
@@ -110,7 +111,7 @@ BRIDGE_PARAMETERS = (
 
 def bridge_settings(values: SimpleNamespace) -> BridgeSettings:
     """Return the cycle's settings out of a node's parameter values."""
-    return BridgeSettings(**{name: getattr(values, name) for name in _SETTINGS})
+    return BridgeSettings(**{name: getattr(values, name) for name in ('period', *_SETTINGS)})
 
 
 def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:

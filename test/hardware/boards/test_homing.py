@@ -190,10 +190,10 @@ def test_disabling_and_faults_end_it(rig):
     assert rig.bridge.mode == 'idle'
 
 
-def test_the_multiple_of_a_turn_follows_from_the_rest_position(config):
+def test_the_multiple_of_a_turn_follows_from_what_is_expected(config):
     reported = np.array([0.4, -0.6, 0.2, 0.1])
-    homing = Homing(config, reported, np.zeros(4, dtype=bool))
     expected = np.array(switched_on_at(config, config.rest_position))
+    homing = Homing(config, reported, np.zeros(4, dtype=bool), expected)
     met = reported + [0.0, 1.0, -0.3, 0.2]
     homing.update(met, np.ones(4, dtype=bool))
     assert homing.is_done
