@@ -30,7 +30,7 @@ _SETTLING = 0.15  # [s] after a change was found, in which the filter still hold
 _DECISION = 0.35  # [s] in which it shows whether a change was a put-down
 _FAST = 2.0  # [s] after a change, in which nothing is forgotten and noise isn't measured
 _TARE_TIME = 1.0  # [s] of motion without a sign of a payload, by which there is none
-_SIGNIFICANT = 3.0  # standard deviations that a payload must weigh
+_SIGNIFICANT = 3.0  # standard deviations by which a payload must be more than nothing
 _NOISE_TIME = 3.0  # [s] over which the unexplained torque is measured
 _LARGEST = 5.0  # standard deviations from which on an error counts less
 _SMALL_SHARE = 0.02  # standard deviation of load friction, where the model has none
@@ -188,7 +188,12 @@ class PayloadEstimator:
             self._measure_noise(error, rows, row)
         if now - self._phase.since > _SETTLING:
             self._take(rows, row, error, now)
-        return self._tell(now)
+        told = self._tell(now)
+        if told.carries and now - told.since > _FAST and _is_nothing(told.payload):
+            # Something else was felt: a knock, or an error of the model.
+            self._begin(False, now)
+            told = self._tell(now)
+        return told
 
     def _rows(self, row: MotionRow) -> Array:
         """Return what the n torques are, by the filter's parameters."""
@@ -299,3 +304,9 @@ class PayloadEstimator:
             np.sqrt(self._noise),
         )
         return self.estimate
+
+
+def _is_nothing(payload: Payload) -> bool:
+    """Whether the body that was found explains no more than noise does."""
+    body = payload.inertial
+    return float(body @ np.linalg.solve(payload.covariance, body)) < _SIGNIFICANT**2

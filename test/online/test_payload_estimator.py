@@ -83,7 +83,21 @@ def test_viscous_coulomb_and_load_friction_are_told_apart(robot: Robot) -> None:
     worn[0, 0] *= 3.0
     worn[1, 2] *= 1.3
     worn[2, 1] *= 2.0
-    time = np.arange(0.0, 15.0, 0.01)[:, np.newaxis, np.newaxis]
+    estimator = KnownArm(robot, plant.rotor_inertia, known).estimator()
+    (*_, last) = feed(estimator, swinging(robot, plant.rotor_inertia, worn, 15.0))
+    assert not last.carries
+    changed = worn != known
+    found = (last.friction - known)[changed] / (worn - known)[changed]
+    assert found == pytest.approx(1.0, abs=0.25)
+    assert (np.abs(last.friction - worn) < 3.0 * last.friction_std).all()
+    assert (np.abs(worn - known) > 3.0 * last.friction_std)[changed].all()
+
+
+def swinging(
+    robot: Robot, rotor_inertia: np.ndarray, friction: np.ndarray, seconds: float
+) -> list[tuple[float, ArmState]]:
+    """Return a hundred states a second of an arm that swings and carries nothing."""
+    time = np.arange(0.0, seconds, 0.01)[:, np.newaxis, np.newaxis]
     rate = 2.0 * np.pi * np.array([[0.21, 0.63], [0.17, 0.47], [0.31, 0.83], [0.37, 0.97]])
     swing = np.array([[0.6, 0.25], [0.5, 0.25], [0.5, 0.3], [0.6, 0.3]])
     q = np.array([0.0, 1.2, 0.3, -0.4]) + (swing * np.sin(rate * time)).sum(axis=2)
@@ -91,19 +105,26 @@ def test_viscous_coulomb_and_load_friction_are_told_apart(robot: Robot) -> None:
     ddq = -(swing * rate**2 * np.sin(rate * time)).sum(axis=2)
     data = robot.model.createData()
     links = np.array([pin.rnea(robot.model, data, *x) for x in zip(q, dq, ddq, strict=True)])
-    dry = (worn[1] + worn[2] * np.abs(links)) * np.tanh(dq / 0.01)
-    tau = links + plant.rotor_inertia * ddq + worn[0] * dq + dry
+    dry = (friction[1] + friction[2] * np.abs(links)) * np.tanh(dq / 0.01)
+    tau = links + rotor_inertia * ddq + friction[0] * dq + dry
     tau += 0.02 * np.random.default_rng(0).normal(size=tau.shape)
     during = 0.5 * (tau[1:] + tau[:-1])
-    estimator = KnownArm(robot, plant.rotor_inertia, known).estimator()
-    states = [(0.01 * k, ArmState(q[k + 1], dq[k + 1], row)) for k, row in enumerate(during)]
-    (*_, last) = feed(estimator, states)
-    assert not last.carries
-    changed = worn != known
-    found = (last.friction - known)[changed] / (worn - known)[changed]
-    assert found == pytest.approx(1.0, abs=0.25)
-    assert (np.abs(last.friction - worn) < 3.0 * last.friction_std).all()
-    assert (np.abs(worn - known) > 3.0 * last.friction_std)[changed].all()
+    return [(0.01 * k, ArmState(q[k + 1], dq[k + 1], row)) for k, row in enumerate(during)]
+
+
+def test_a_knock_is_not_carried_for_long(robot: Robot) -> None:
+    plant = PlantParameters.nominal(load_arm_config(), robot)
+    friction = np.array([plant.viscous, plant.coulomb, plant.load_friction])
+    states = swinging(robot, plant.rotor_inertia, friction, 7.0)
+    knock = np.array([0.0, 2.0, 0.5, 0.0])  # [Nm], for a tenth of a second
+    knocked = [
+        (now, state._replace(tau=state.tau + (3.0 <= now < 3.1) * knock)) for now, state in states
+    ]
+    told = list(feed(KnownArm(robot, plant.rotor_inertia, friction).estimator(), knocked))
+    carrying = [estimate.time for estimate in told if estimate.carries]
+    assert 3.0 < carrying[0] < 3.2
+    assert 1.9 < carrying[-1] - carrying[0] < 2.5
+    assert told[-1].payload.mass == SPECK
 
 
 def test_what_is_carried_from_the_start_is_told_and_not_weighed(run: CarryingRun) -> None:
