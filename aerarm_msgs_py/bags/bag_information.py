@@ -1,5 +1,6 @@
 """What the metadata.yaml beside a bag's files says of them."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,8 +17,12 @@ _LARGEST = 2**20  # bytes; that of a thousand topics has half of it
 _DEEPEST = 16
 _LONGEST_NAME = 255  # bytes that a file's name may have
 _MOST_MESSAGES = 2**53
+_LONGEST_NUMBER = 64  # characters
+_NUMBER = re.compile(r'[-+]?[0-9][0-9a-fA-FxXob_:.+-]*')
 _OPENING = (yaml.MappingStartEvent, yaml.SequenceStartEvent)
 _CLOSING = (yaml.MappingEndEvent, yaml.SequenceEndEvent)
+# What PyYAML raises for a value that isn't what its form or its tag says: an empty !!int.
+_OF_A_TAG = (TypeError, AttributeError, LookupError, RecursionError, OverflowError)
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,7 @@ def read_information(path: Path) -> BagInformation:
         document = yaml.load(text, _LOADER)
     except FileNotFoundError:
         raise
-    except (OSError, yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
+    except (OSError, yaml.YAMLError, ValueError, *_OF_A_TAG) as error:
         raise ValueError(' '.join(str(error).split())[:200]) from None
     try:
         return _information(document['rosbag2_bagfile_information'])
@@ -68,7 +73,7 @@ def read_information(path: Path) -> BagInformation:
 
 
 def _check_plain(text: str) -> None:
-    """Refuse what lets a small text become large or deep: aliases and nesting."""
+    """Refuse what lets a small text become large, deep or slow: aliases, nesting, numbers."""
     depth = 0
     for event in yaml.parse(text, _LOADER):
         if isinstance(event, yaml.AliasEvent) or getattr(event, 'anchor', None):
@@ -76,6 +81,17 @@ def _check_plain(text: str) -> None:
         depth += isinstance(event, _OPENING) - isinstance(event, _CLOSING)
         if depth > _DEEPEST:
             raise ValueError(f'it is nested more than {_DEEPEST} deep')
+        if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
+            raise ValueError(f'it has a number of {len(event.value)} characters')
+
+
+def _is_long_number(event: Any) -> bool:
+    """Tell whether a text may be a number, by its form or its tag, that takes long to read.
+
+    One in base 60 takes a time with the square of its length.
+    """
+    long = len(event.value) > _LONGEST_NUMBER
+    return long and (event.tag is not None or _NUMBER.fullmatch(event.value) is not None)
 
 
 def _information(document: Any) -> BagInformation:

@@ -92,12 +92,14 @@ def _check_events(text: str) -> None:
         depth += isinstance(event, _OPENING) - isinstance(event, _CLOSING)
         if depth > _DEEPEST:
             reason = f'nested more than {_DEEPEST} deep'
-        if isinstance(event, yaml.ScalarEvent) and _is_long_number(event.value):
+        if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
             reason = f'a number of {len(event.value)} characters'
         if reason:
             line = event.start_mark.line + 1 if event.start_mark else 0
             raise ConfigError(f'line {line}: {reason}')
 
 
-def _is_long_number(text: str) -> bool:
-    return len(text) > _LONGEST_NUMBER and _NUMBER.fullmatch(text) is not None
+def _is_long_number(event: Any) -> bool:
+    """Tell whether a text is a long number by its form, or may be one by its tag."""
+    long = len(event.value) > _LONGEST_NUMBER
+    return long and (event.tag is not None or _NUMBER.fullmatch(event.value) is not None)

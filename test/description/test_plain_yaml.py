@@ -34,6 +34,7 @@ REFUSED = {
     'digits': ('a: ' + '9' * 1_000_000, 'a number of 1000000 characters'),
     'hexadecimal digits': ('a: 0x' + 'f' * 100_000, 'a number of 100002 characters'),
     'base 60': ('a: ' + '59:' * 30_000 + '59', 'a number of 90002 characters'),
+    'base 60 by a tag': (f'a: !!int "_1{":1" * 500_000}"', 'a number of 1000002 characters'),
     'a long file': ('a: ' + 'b' * 2_000_000, 'has more than 1048576 bytes'),
     'no date': ('a: 2001-99-99', 'month must be in 1..12'),
     'no number': ('a: !!int x', 'not valid YAML'),
