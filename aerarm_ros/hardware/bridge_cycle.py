@@ -319,7 +319,8 @@ class BridgeCycle:
             gate.look_away()
             return False
         references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
-        times, tells = state.age(now, now - elapsed), self._encoders.tells_position
+        # A barrier that leads a joint which nobody hears would drive it.
+        times, tells = state.age(now, now - elapsed), self._encoders.tells_position & state.heard
         q, dq = state.believed(tells)
         gate.watch(q, dq, references.torques(q, dq), *times)
         followed = self._follow(now, min(elapsed, _STEP_MAX))

@@ -12,6 +12,14 @@ def spin(rig):
     return Offer(velocity=[1.0, 0.0, -1.0, 1.0])
 
 
+def fling(rig):
+    return Offer(velocity=[5.0, -1.0, 5.0, 5.0])
+
+
+def push(rig):
+    return Offer(velocity=[5.0, -1.0, np.nan, np.nan], effort=[np.nan, np.nan, 3.0, 3.0])
+
+
 def sent_since(rig, board, time):
     """Return what was sent to a board after a true time [s]."""
     late = rig.frames.times(board) > time
@@ -54,6 +62,28 @@ def test_the_unheard_board_is_told_to_damp_and_nothing_falls(
     texts = ' '.join(rig.bridge.faults)
     assert f'board{board}: 10 frames in a row were bad' in texts
     assert f'board{board} is not heard, and told to damp its joints in case it hears' in texts
+
+
+@pytest.mark.parametrize('source', [fling, push], ids=['velocity', 'effort'])
+@pytest.mark.parametrize('board', [0, 1])
+def test_at_full_speed_what_is_not_heard_is_not_driven_and_the_other_board_holds_its_limits(
+    config, robot, source, board
+):
+    # Its last speed says nothing any more: a barrier that led the joint on by it would drive it.
+    rig = AttackRig(config, robot, posture=[-0.6, -0.2, 0.3, 0.0], payload=0.2, seed=4).bring_up()
+    rig.run(0.25, source)
+    assert np.abs(rig.log.dq[-1]).max() > 2.5
+    at = cut(rig, 'mute_board', board)
+    log = rig.run(0.9, source)
+    assert rig.bridge.mode == 'fault'
+    late = sent_since(rig, board, at + 0.012)
+    assert late['enable_system'].all()
+    assert not late['velocity'].any()
+    assert not late['current'].any()
+    assert not late['kp'].any()
+    assert np.abs(log.dq[-600:, 2 * board : 2 * board + 2]).max() < 1.0
+    heard = [joint.board != board for joint in config.joints]
+    assert log.beyond(config)[heard].max() < 0.02
 
 
 def test_until_somebody_disables_it(config, robot):

@@ -29,6 +29,8 @@ class ArmMeasurements:
         (n,) bits that flip at an encoder's index pulse.
     fresh
         (n,) whether the motor's board answered in the last cycle.
+    heard
+        (n,) False once a board has been silent for so long that it counts as not heard.
     driven
         (n,) whether the motor's board drove its motors, aligned, when it last answered.
     interval, interval_max
@@ -46,6 +48,7 @@ class ArmMeasurements:
         self.reported_position = unknown()
         self.index_toggle: Mask = np.zeros(config.n, dtype=bool)
         self.fresh: Mask = np.zeros(config.n, dtype=bool)
+        self.heard: Mask = np.zeros(config.n, dtype=bool)
         self.driven: Mask = np.zeros(config.n, dtype=bool)
         self.interval, self.interval_max = unknown(), unknown()
         self._measured_at: Array = np.full(config.n, -np.inf)  # begin of that cycle [s]
@@ -96,6 +99,7 @@ class ArmMeasurements:
             state = link.state
             for joint, channel in link.joints:
                 self.fresh[joint] = link.fresh
+                self.heard[joint] = not link.monitor.is_silent
                 self.driven[joint] = link.is_aligned
                 if link.fresh:
                     self.reported_position[joint] = state.position[channel]
