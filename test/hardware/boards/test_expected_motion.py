@@ -55,6 +55,8 @@ class Joint:
 
 def watch(joint: Joint, torque: Callable[[float, Joint], float], seconds: float = 1.0) -> float:
     """Return when the joint was found to have turned without telling so [s], inf if never."""
+    # A parameter is the same joint each time that its test runs.
+    joint.q = joint.dq = joint.time = joint.reading = 0.0
     motion = ExpectedMotion((1.5 * 4.7 + 0.4) / PER_AMPERE, LARGEST / PER_AMPERE, PER_AMPERE, RATIO)
     for _ in range(round(seconds / CYCLE)):
         asked = max(min(torque(joint.time, joint), LARGEST), -LARGEST)
