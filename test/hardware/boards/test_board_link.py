@@ -1,11 +1,14 @@
 """One board as the bridge drives it, on a wire to an emulated board whose motors turn nothing."""
 
+import math
+
 import numpy as np
 import pytest
 
 from aerarm_ros.hardware.boards.board_link import make_links
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
+from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 
@@ -17,24 +20,34 @@ SETTINGS = BridgeSettings()
 class LoneBoards:
     """A `Transport` to boards whose shafts stand still; what was sent is kept."""
 
-    def __init__(self, config):
+    def __init__(self, config, profile=PROFILE):
         motors = [[None, None], [None, None]]
         for joint in config.joints:
             motors[joint.board][joint.channel] = joint.motor
-        self.boards = [EmulatedBoard(PROFILE, pair, SUBSTEP, seed=1) for pair in motors]
+        self.profile = profile
+        self.boards = [EmulatedBoard(profile, pair, SUBSTEP, seed=1) for pair in motors]
         self.now, self.duration, self.trouble = 10.0, 40e-6, ''
+        self.frames = [[], []]
 
     def exchange(self, board, frame):
+        self.frames[board].append(frame)
         return self.boards[board].exchange(frame)
 
     def exchange_time(self, board):
+        assert board in (0, 1)
         return self.duration
 
     def exchanged_at(self, board):
+        assert board in (0, 1)
         return self.now
 
     def problem(self, board):
+        assert board in (0, 1)
         return self.trouble
+
+    def commands(self, board):
+        """Return what the frames to a board say."""
+        return [FrameCodec(self.profile).decode_command(frame) for frame in self.frames[board]]
 
     def wait(self, seconds=1e-3):
         """Let time pass, for boards and host."""
@@ -158,3 +171,46 @@ def test_an_answer_of_a_board_that_was_off_says_so_once(links, wire, references)
     assert 'did it restart?' in links[1].monitor.fault
     talk(links, wire, references, 1)
     assert not any(link.restarted for link in links)
+
+
+def test_before_the_first_answer_nothing_is_known(links):
+    for number, link in enumerate(links):
+        assert link.monitor.name == f'board{number}'
+        assert not link.fresh
+        assert not link.restarted
+        assert not link.may_be_damped
+        assert link.interval == link.interval_max == math.inf
+
+
+def test_every_frame_has_its_number_and_what_ends_a_motion(config, links, wire, references):
+    drive(links, wire, references)
+    talk(links, wire, references, 2)
+    for board, link in enumerate(links):
+        link.switch_off()
+        link.switch_off()
+        sent = wire.commands(board)
+        assert [command.index for command in sent] == list(range(1, len(sent) + 1))
+        strongest = [
+            min(joint.effort_max / joint.torque_per_ampere, joint.motor.current_max)
+            for joint in config.joints
+            if joint.board == board
+        ]
+        for command in sent:
+            assert command.timeout == pytest.approx(SETTINGS.board_timeout)
+            assert command.current_saturation == pytest.approx(strongest, rel=0.01)
+            assert command.enable_motor == [command.enable_system] * 2
+        driven = [command.enable_system for command in sent]
+        assert driven == [False] * 10 + [True] * 5 + [False] * 4
+
+
+def test_an_integral_gain_is_sent_where_the_frame_carries_it(config):
+    profile = load_profile('laas_power')
+    wire = LoneBoards(config, profile)
+    references = MotorReferences(config, profile, reach_max=0.5)
+    references.set_gains(1.0, 0.6, 2.0)
+    for motor in references.motors:
+        motor.track(0.1, 0.0, math.nan, 0.1, 1e-3)
+    links = make_links(config, profile, SETTINGS, wire)
+    talk(links, wire, references, 1, enable=True)
+    for board in (0, 1):
+        assert wire.commands(board)[-1].integral_gain == pytest.approx([2.0, 2.0], rel=0.01)

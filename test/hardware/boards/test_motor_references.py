@@ -143,6 +143,37 @@ def test_a_joint_at_its_barrier_gets_the_torque_that_passes(references, drive, c
     assert references.torques(Q, np.full(4, 0.1))[1:] == pytest.approx(torques[1:] - 0.1 * damping)
 
 
+def test_a_braked_joint_is_held_where_it_is_with_the_load_that_is_known(references, drive, config):
+    zero = np.array([0.2, -0.3, 0.4, 0.5])
+    references.set_zero(zero)
+    barriers = make_barriers(config, q=Q, highest=[0.5] * 4)
+    for number, barrier in enumerate(barriers):
+        barrier.load, barrier.noise = 0.1 + number, 0.3 + number
+    references.track(command(tau=2.0), Q, DT)
+    assert references.keep_within(barriers, TRUSTED)
+    assert get(references, 'position') == pytest.approx(drive.joint_to_motor_position(Q) + zero)
+    loads, noises = np.arange(4) + 0.1, np.arange(4) + 0.3
+    assert get(references, 'believed') == pytest.approx(drive.effort_to_current(loads))
+    assert get(references, 'noise') == pytest.approx(np.abs(drive.effort_to_current(noises)))
+    references.track(command(tau=0.2), Q, DT)
+    references.keep_within(barriers, TRUSTED)
+    assert get(references, 'believed') == pytest.approx(drive.effort_to_current(np.full(4, 0.2)))
+    assert not get(references, 'noise').any()
+
+
+def test_a_braking_torque_too_large_for_a_held_up_host_is_damped_about_the_speed_to_come(
+    references, config
+):
+    barriers = make_barriers(config, q=Q, highest=[5.0] * 4)
+    for barrier in barriers:
+        barrier.inertia, barrier.dq, barrier.filtered = 0.01, 1.0, 0.9
+    references.track(command(tau=8.0), Q, DT)
+    assert references.keep_within(barriers, TRUSTED)
+    mean = np.array([barrier.mean_filtered(5.0) for barrier in barriers])
+    assert (np.abs(mean - 0.9) > 0.05).all()
+    assert references.torques(Q, mean) == pytest.approx(5.0)
+
+
 def test_what_passes_a_barrier_is_left_as_it_is(references, config):
     references.track(command(q=Q, dq=0.1, tau=1.0), Q, DT)
     before = [get(references, name) for name in ('position', 'velocity', 'current', 'kp', 'kd')]
@@ -196,6 +227,21 @@ def test_the_integral_of_a_velocity_does_not_wind_up_at_a_barrier(references, co
     # So it is followed back at once.
     references.track(command(dq=-1.0), Q, DT)
     assert references.torques(Q, np.zeros(4))[2] < 0.5
+
+
+def test_at_a_barrier_an_integrated_reference_goes_back_to_the_torque_that_passes(
+    references, config
+):
+    barriers = make_barriers(config, q=Q, highest=[0.5] * 4)
+    for _ in range(20):
+        references.track(command(dq=0.5), Q, DT)
+    assert references.keep_within(barriers, TRUSTED)
+    references.track(command(dq=0.5), Q, 0.0)
+    assert references.torques(Q, np.zeros(4)) == pytest.approx(0.5)
+    # A position is the sender's: it stays where it was asked for.
+    references.track(command(q=Q + 0.3), Q, DT)
+    assert references.keep_within(barriers, TRUSTED)
+    assert get(references, 'joint_position') == pytest.approx(Q + 0.3)
 
 
 def test_a_boards_integral_counts_as_torque(config, drive):
