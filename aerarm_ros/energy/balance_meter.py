@@ -75,9 +75,10 @@ class BalanceMeter:
         dt = time - begun
         q, dq = 0.5 * (first.q + state.q), 0.5 * (first.dq + state.dq)
         model = self._model
-        rigid = model.dynamics.inverse(q, dq, (state.dq - first.dq) / dt)
+        ddq = (state.dq - first.dq) / dt
+        rigid = model.dynamics.inverse(q, dq, ddq)
         weight = model.dynamics.gravity(q)
-        friction = model.friction.torque(dq, rigid)
+        friction = model.friction_torque(dq, ddq, rigid)
         tau = self._impulse / dt
         rows = (dq, tau, rigid - weight, weight, friction)
         interval = model.split(dt, *(row[np.newaxis] for row in rows))

@@ -71,11 +71,25 @@ class EnergyModel:
         """Return the same friction, spread over other velocities about rest [rad/s]."""
         return FrictionCompensation(*self._dry_and_viscous, width, load_share=self.load_friction)
 
+    def friction_torque(self, dq: FloatArray, ddq: FloatArray, rigid: FloatArray) -> FloatArray:
+        """Return the friction (..., n) [Nm] of a motion.
+
+        Gears pass on what the links take: what turns the rotors does not go through them.
+
+        Parameters
+        ----------
+        dq, ddq : (..., n) ndarray
+            [rad/s], [rad/s^2]
+        rigid : (..., n) ndarray
+            Inverse dynamics, rotors included [Nm].
+        """
+        return self.friction.torque(dq, rigid - self.dynamics.rotor_inertia * ddq)
+
     def power(self, motion: JointMotion, times: FloatArray) -> FloatArray:
         """Return the electrical power of each motor (M, n) [W] at times (M,) [s]."""
         q, dq, ddq = motion.evaluate(times)
         rigid = np.array([self.dynamics.inverse(*row) for row in zip(q, dq, ddq, strict=True)])
-        return self.drives.electrical(rigid + self.friction.torque(dq, rigid), dq)
+        return self.drives.electrical(rigid + self.friction_torque(dq, ddq, rigid), dq)
 
     def balance(self, motion: JointMotion) -> EnergyBalance:
         """Return what a motion will take, from its begin to its end."""
@@ -83,7 +97,7 @@ class EnergyModel:
         dt = motion.duration / steps
         q, dq, ddq = motion.evaluate((np.arange(steps) + 0.5) * dt)
         rigid, weight = self.torques(q, dq, ddq)
-        friction = self.friction.torque(dq, rigid)
+        friction = self.friction_torque(dq, ddq, rigid)
         tau = rigid + friction
         return self.split(dt, dq, tau, rigid - weight, weight, friction)
 

@@ -175,7 +175,7 @@ class ExperimentBench:
         if case.parameters == CAD:
             inertia = self._config.column('reflected_inertia')
             viscous, coulomb = robot.viscous, robot.coulomb
-            load_share = np.zeros(robot.n)
+            load_share = robot.load_friction
         else:
             robot = robot.with_inertial_parameters(truth.inertial_parameters)
             inertia, viscous, coulomb = truth.rotor_inertia, truth.viscous, truth.coulomb

@@ -113,6 +113,7 @@ def _truth(
         inertial_parameters=np.array(identified.inertial_parameters),
         viscous=np.array(identified.viscous),
         coulomb=np.array(identified.coulomb),
+        load_friction=np.array(identified.load_friction),
     )
     return truth, f'identified model {options.identified.name}'
 

@@ -25,11 +25,12 @@ from std_msgs.msg import String
 from aerarm_msgs_py import topics
 from aerarm_ros.control.checks.joint_limits import JointLimits
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.float_array import FloatArray
 from aerarm_ros.planner.motion_plan import MotionPlan
 from aerarm_ros.planner.plan_error import PlanError
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
-from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD
+from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, payload_problem
 from aerarm_ros.ros.controllers.planner_parameters import (
     PLANNER_PARAMETERS,
     make_planner,
@@ -68,8 +69,9 @@ class MotionPlannerNode:
         self.status = 0
         self._node = rclpy.create_node(NAME)
         self._requests: deque[Callable[[], None]] = deque()
-        self._values = PARAMETERS.declare(self._node, self._on_parameter)
+        self._values = PARAMETERS.declare(self._node, self._on_parameter, payload_problem)
         config, robot = load_arm(self._values)
+        Kinematics(robot, self._values.frame)  # refuses a link that the arm has not
         self._limits = JointLimits.from_config(config)
         self._base = robot.base_link
         self._names = config.joint_names

@@ -49,13 +49,16 @@ class DriveTerm:
             rigid[k], slopes[0, k], slopes[1, k], slopes[2, k] = self._dynamics.inverse_with_slopes(
                 q[k], dq[k], ddq[k]
             )
-        tau = rigid + self._friction.torque(dq, rigid)
+        rotors = self._dynamics.rotor_inertia
+        load = rigid - rotors * ddq  # what turns the rotors does not go through the gears
+        tau = rigid + self._friction.torque(dq, load)
         value, by_tau, by_dq = self._density(tau, dq)
-        friction_by_dq, friction_by_load = self._friction.slopes(dq, rigid)
-        by_rigid = dt * by_tau * (1.0 + friction_by_load)
+        friction_by_dq, friction_by_load = self._friction.slopes(dq, load)
+        by_load = dt * by_tau * friction_by_load
+        by_rigid = dt * by_tau + by_load
         by_q, by_dq_of_rigid, by_ddq = np.einsum('mi,dmij->dmj', by_rigid, slopes)
         by_dq = dt * (by_dq + by_tau * friction_by_dq) + by_dq_of_rigid
-        return TermValue(dt * value, by_q, by_dq, by_ddq)
+        return TermValue(dt * value, by_q, by_dq, by_ddq - by_load * rotors)
 
     def _density(self, tau: FloatArray, dq: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return the sum over the instants of cost a second, and its slopes by torque, velocity."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from energy_moves.energy_bench import Taken
+from energy_moves.energy_bench import SETTLE, Taken
 from energy_moves.move import PLANNED, TRAPEZOID
 
 from aerarm_ros.planner.plan_settings import QUINTIC
@@ -47,7 +47,8 @@ class EnergyFigures:
 
     def battery_minutes(self, shape: str, standby: float, watt_hours: float) -> float:
         """Return how long a pack moves the arm alone, boards and all [min]."""
-        power = self.column(shape, 'measured').sum() / self.column(shape, 'duration').sum()
+        seconds = (self.column(shape, 'duration') + SETTLE).sum()  # in which that was taken
+        power = self.column(shape, 'measured').sum() / seconds
         return float(60.0 * watt_hours / (power + standby))
 
     def rows(self, standby: float, watt_hours: float) -> list[tuple[Any, ...]]:

@@ -42,6 +42,15 @@ def test_recovery_takes_from_what_is_burnt_and_standby_is_added(config, robot) -
     np.testing.assert_allclose(half.motors, none.motors - half.recovered)
 
 
+def test_gears_pass_on_what_the_links_take_and_nothing_of_the_rotors(config, robot) -> None:
+    light, heavy = (
+        EnergyModel(config, robot, rotors, load_friction=0.1).balance(MOTION)
+        for rotors in (np.zeros(4), np.full(4, 2.0))
+    )
+    np.testing.assert_allclose(heavy.friction, light.friction, rtol=1e-9)
+    assert heavy.copper.sum() > 2.0 * light.copper.sum()
+
+
 def test_a_payload_costs(model, config, robot) -> None:
     laden = EnergyModel(config, robot)
     laden.carry([0.2, 0.02, 0, 0, 0, 0, 2e-3, 0, 0, 2e-3])

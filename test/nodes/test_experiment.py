@@ -18,6 +18,7 @@ from aerarm_ros.experiment.experiment_case import (
     ExperimentCase,
     all_cases,
 )
+from aerarm_ros.identification.files.identified_urdf import identified_urdf
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes import experiment
 from aerarm_ros.simulation.base_profile import MOVING
@@ -119,6 +120,25 @@ def test_writes_table_and_page(tmp_path, capsys, monkeypatch) -> None:
     page = (tmp_path / 'controllers.html').read_text()
     assert only in page
     assert 'Path of the tool' in page
+
+
+def test_an_identified_arm_has_the_friction_of_its_file_and_no_other(tmp_path, monkeypatch) -> None:
+    robot, load = load_robot(), np.array([0.01, 0.05, 0.03, 0.07])
+    file = tmp_path / 'identified.urdf'
+    inertial, zero = robot.inertial_parameters, np.zeros(4)
+    file.write_text(identified_urdf(robot, inertial, zero, zero, load).text)
+    simulated = []
+
+    def bench(config: object, robot: object, truth: PlantParameters, motion: object) -> None:
+        simulated.append(truth)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(experiment, 'ExperimentBench', bench)
+    monkeypatch.setattr(experiment, 'FUNDAMENTAL', 0.4)
+    with pytest.raises(KeyboardInterrupt):
+        experiment.main(['--identified', str(file), '--amplitude', '0.05', '--out', str(tmp_path)])
+    assert np.array_equal(simulated[0].load_friction, load)
+    assert not simulated[0].coulomb.any()
 
 
 def test_a_missing_model_is_one_clear_line(tmp_path, capsys) -> None:

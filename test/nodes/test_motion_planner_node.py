@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from forked_executable import run
 from geometry_msgs.msg import PointStamped
 from quick_spinning import spin_once
 from rcl_interfaces.srv import SetParameters
@@ -73,7 +74,7 @@ class Desk:
             assert len(self.sent) == sent
         return self.told[-1]
 
-    def set(self, name: str, value: float) -> bool:
+    def set(self, name: str, value: float | list[float]) -> bool:
         """Return whether a parameter was set."""
         client = self.node.create_client(SetParameters, 'motion_planner/set_parameters')
         assert client.wait_for_service(60.0)
@@ -123,7 +124,15 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
     assert "given in 'camera'" in desk.ask(topics.TOOL_GOAL, point)['text']
     assert 'needs 4 positions' in desk.ask(topics.JOINT_GOAL, JointState(name=NAMES))['text']
     assert 'elbow' in desk.ask(topics.JOINT_GOAL, JointState(name=['elbow']))['text']
+    assert not desk.set('payload.inertial_parameters', [-1.0, *[0.0] * 9])  # of no body
     desk.dq = np.array([0.0, 0.3, 0.0, 0.0])
     desk.wait(
         lambda: 'the arm moves at 0.30 rad/s' in desk.ask(topics.JOINT_GOAL, goal)['text'], 'motion'
     )
+
+
+def test_a_tool_that_the_arm_has_not_is_refused_at_the_start(ros_domain: dict[str, str]) -> None:
+    refused = run('motion_planner', parameters={'frame': 'hand'})
+    assert refused.returncode == 1
+    assert "motion_planner: there is no link 'hand': the links are" in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1

@@ -56,6 +56,7 @@ class DenseCheck:
         assert surroundings.ground_height is not None
         self._arm = MujocoArm(robot, rotor_inertia, surroundings.ground_height)
         self._friction = robot.viscous, robot.coulomb, np.asarray(load_friction)
+        self._rotors = rotor_inertia
         self._required = surroundings.self_clearance, surroundings.ground_clearance
         low, high = config.column('position_min'), config.column('position_max')
         self._middle, self._half = (low + high) / 2, (high - low) / 2
@@ -80,5 +81,5 @@ class DenseCheck:
     def _torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         viscous, coulomb, load = self._friction
         torque = np.array([self._arm.effort(*row) for row in zip(q, dq, ddq, strict=True)])
-        rigid = torque - viscous * dq - coulomb * np.sign(dq)
-        return torque + load * np.abs(rigid) * np.sign(dq)
+        links = torque - viscous * dq - coulomb * np.sign(dq) - self._rotors * ddq
+        return torque + load * np.abs(links) * np.sign(dq)

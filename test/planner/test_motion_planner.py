@@ -101,7 +101,7 @@ def test_friction_of_loaded_gears_counts_for_the_limit_of_torque(setup, robot) -
     times = np.linspace(0.0, quickest.path.duration, 500)
     q, dq, ddq = quickest.path.evaluate(times)
     rigid, _ = lossy.torques(q, dq, ddq)
-    needed = np.abs(rigid + lossy.friction.torque(dq, rigid))[:, 1].max()
+    needed = np.abs(rigid + lossy.friction_torque(dq, ddq, rigid))[:, 1].max()
     assert margins['torque'].reached == pytest.approx(needed, rel=0.01)
 
 

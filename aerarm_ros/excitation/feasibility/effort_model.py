@@ -53,7 +53,9 @@ class EffortModel:
         rigid = np.array(
             [inverse(*sample) for sample in zip(position, velocity, acceleration, strict=True)]
         ).reshape(-1, self._n)
-        dry = self._coulomb + self._load_friction * np.abs(rigid)
+        # What turns the rotors does not go through the gears.
+        load = rigid - self._dynamics.rotor_inertia * acceleration
+        dry = self._coulomb + self._load_friction * np.abs(load)
         return rigid + viscous_coulomb(velocity, self._viscous, dry)
 
     def current(self, effort: FloatArray) -> FloatArray:

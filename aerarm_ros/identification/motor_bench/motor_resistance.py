@@ -44,12 +44,10 @@ def find_resistance(supply: MotorSupply, board_uncertainty: float) -> MotorResis
     board_uncertainty : float
         Relative standard deviation of a resistance that a board reports [-].
     """
-    measured = _fit(supply)
-    if measured is not None and measured.std < _KNOWN * measured.ohm:
-        return measured
-    if supply.reported > 0.0:
-        std = board_uncertainty * supply.reported
-        return MotorResistance(supply.reported, std, BOARD)
+    stated = supply.reported
+    for found in (_fit(supply), MotorResistance(stated, board_uncertainty * stated, BOARD)):
+        if found is not None and 0.0 <= found.std < _KNOWN * found.ohm:  # not of NaN
+            return found
     return None
 
 

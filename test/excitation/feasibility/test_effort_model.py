@@ -41,6 +41,15 @@ def test_a_loaded_gear_takes_a_share_of_its_load_more(robot: Robot) -> None:
     assert (more[:, [0, 2, 3]] == 0.0).all()
 
 
+def test_what_turns_the_rotors_loads_no_gear(robot: Robot) -> None:
+    q, dq, ddq = np.full((3, 1, 4), 0.3)
+    light, heavy = (
+        EffortModel(robot, rotors, load_friction=0.1).effort(q, dq, ddq)
+        for rotors in (np.zeros(4), np.full(4, 2.0))
+    )
+    np.testing.assert_allclose(heavy - light, 2.0 * ddq)
+
+
 def test_current_follows_the_drive_train(
     robot: Robot, arm: ArmConfig, setup: ExcitationSetup
 ) -> None:

@@ -41,6 +41,7 @@ def test_without_voltages_it_is_what_the_board_states() -> None:
     stated = MotorSupply(NOTHING, NOTHING, NOTHING, NOTHING, reported=0.5)
     assert find_resistance(stated, 0.25) == MotorResistance(0.5, 0.125, BOARD)
     assert find_resistance(replace(stated, reported=np.nan), 0.25) is None
+    assert find_resistance(stated, 0.4) is None  # nobody trusts it
 
 
 def test_currents_that_tell_nothing_are_no_measurement() -> None:
