@@ -54,6 +54,8 @@ def read_information(path: Path) -> BagInformation:
     ValueError
         If it can't be read, is too large, isn't plain YAML or isn't metadata of a bag.
     """
+    if path.exists() and not path.is_file():
+        raise ValueError('it is no file')  # a pipe would let its reader wait for ever
     try:
         with path.open('rb') as stream:
             content = stream.read(_LARGEST + 1)

@@ -216,7 +216,7 @@ def test_true_parameters_are_written_for_the_report(client: BridgeClient, tmp_pa
         ({'config': '/nowhere/arm.yaml'}, 'arm.yaml'),
         ({'urdf': '/nowhere/arm.urdf'}, 'arm.urdf'),
         ({'period': 5.0}, 'period'),
-        ({'truth_file': '/nowhere/truth.yaml'}, 'truth.yaml'),
+        ({'truth_file': '/nowhere/truth.yaml'}, 'parameter truth_file'),
         (
             {'initial_position': [0.1]},
             'initial_position has 1 angles: give one for each of joint1',

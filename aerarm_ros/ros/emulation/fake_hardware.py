@@ -96,7 +96,10 @@ class FakeHardware(HardwareBridge):
         self._drone = self._make_drone(config, robot, transport)
         if values.truth_file:
             text = yaml.safe_dump(transport.plant.true_parameters(), sort_keys=False)
-            Path(values.truth_file).write_text(text)
+            try:
+                Path(values.truth_file).write_text(text)
+            except OSError as error:
+                raise ValueError(f'parameter truth_file: {error}') from None
         if values.fault:
             FaultRequest.parse(values.fault, len(transport.boards)).apply(transport)
         return transport

@@ -1,5 +1,6 @@
 """metadata.yaml as anybody may have written it."""
 
+import os
 import time
 import tracemalloc
 import warnings
@@ -53,6 +54,13 @@ def test_what_could_fill_memory_or_time_is_refused(tmp_path: Path, name: str) ->
     tracemalloc.stop()
     assert '\n' not in str(caught.value)
     assert len(str(caught.value)) <= 200
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    pipe = tmp_path / 'metadata.yaml'
+    os.mkfifo(pipe)
+    with pytest.raises(ValueError, match='no file'):
+        read_information(pipe)
 
 
 def test_a_missing_file_is_told_from_a_broken_one(tmp_path: Path) -> None:
