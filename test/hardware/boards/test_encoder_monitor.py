@@ -329,3 +329,59 @@ def test_feedback_that_turns_round_moves_a_joint_under_any_load(flying):
         angle = np.full(4, 0.002 * (cycle < 1))
         faults.append(flying.check(angle, feedback, FRESH, cycle * 1e-3, NONE) != '')
     assert faults.index(True) == pytest.approx(150, abs=1)
+
+
+CURRENT, INERTIA = 3.0, 0.05  # [A], [kg m^2]
+
+
+def driven(monitor, config, stuck_after=0.05, pause=0.0, noise=0.0, load=lambda time: 0.0):
+    """Drive joint 4 from rest by a current, until it is doubted; return what is said, and when.
+
+    Its encoder sticks after a time [s], with a pause [s] there; the others stand.
+    """
+    joint = config.joints[3]
+    rate = CURRENT * joint.torque_per_ampere / INERTIA / joint.gear.ratio  # [rad/s^2] motor side
+    count = 2.0 * np.pi / 4096.0
+    time, current, noises = 0.0, np.array([0.0, 0.0, 0.0, CURRENT]), np.array([0, 0, 0, noise])
+    while time < stuck_after + 0.04:
+        time += pause if pause and stuck_after <= time < stuck_after + 0.0015 else 1e-3
+        angle = np.floor(0.5 * rate * min(time, stuck_after) ** 2 / count) * count
+        position = np.array([0.0, 0.0, 0.0, angle])
+        loads = [0.0, 0.0, 0.0, load(time)]
+        known = {'inertias': [0.3, 0.3, 0.05, INERTIA], 'loads': loads}
+        text = monitor.check(position, current, FRESH, time, None, noises, **known)
+        if text:
+            return text, time - stuck_after
+    return '', np.inf
+
+
+def test_an_encoder_that_sticks_under_a_constant_current_is_found_by_what_it_drives(
+    monitor, config
+):
+    text, after = driven(monitor, config)
+    assert text.startswith('joint4 does not move although its speed and its current of 3.0 A')
+    assert 2e-3 < after < 8e-3
+    assert monitor.trusted.tolist() == [True, True, True, False]
+
+
+def test_what_a_sound_encoder_tells_of_the_same_motion_is_believed(monitor, config):
+    assert driven(monitor, config, stuck_after=0.1)[1] > 0.0
+
+
+def test_a_load_that_the_model_knows_to_change_may_hold_it(monitor, config):
+    torque = CURRENT * config.joints[3].torque_per_ampere
+    assert driven(monitor, config, load=lambda time: 30.0 * torque * (time > 0.0505))[0] == ''
+
+
+def test_a_load_that_stays_what_it_is_explains_nothing(monitor, config):
+    torque = CURRENT * config.joints[3].torque_per_ampere
+    assert driven(monitor, config, load=lambda time: 30.0 * torque)[1] < 8e-3
+
+
+def test_noise_of_a_braked_joint_may_be_what_holds_it(monitor, config):
+    assert driven(monitor, config, noise=20.0 * CURRENT)[0] == ''
+
+
+def test_after_a_pause_a_motor_may_have_come_to_rest_and_starts_anew(monitor, config):
+    # From rest it takes 17 ms to have turned clearly.
+    assert 0.02 < driven(monitor, config, pause=8e-3)[1] < 0.035
