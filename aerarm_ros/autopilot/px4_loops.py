@@ -4,8 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from aerarm_ros.autopilot.px4_gains import Px4Gains
+from aerarm_ros.control.base.frame_conversion import quaternion
 from aerarm_ros.description.drone_config import GRAVITY
 
 Array = npt.NDArray[np.float64]
@@ -140,7 +142,7 @@ class Px4Loops:
         # What is left is a turn about the body's z.
         left = reduced.T @ wanted
         turn = np.arctan2(left[1, 0], left[0, 0])
-        around = _turned(np.array([0.0, 0.0, _YAW_WEIGHT * turn]))
+        around = pin.exp3(np.array([0.0, 0.0, _YAW_WEIGHT * turn]))
         error = _sine_vector(rotation.T @ (reduced @ around))
         gains = self._gains
         rates: Array = error * [gains.mc_att_p, gains.mc_att_p, gains.mc_yaw_p / _YAW_WEIGHT]
@@ -157,33 +159,11 @@ def _attitude(down: Array, yaw: float) -> Array:
 
 def _between(start: Array, end: Array) -> Array:
     """Return the rotation that turns one unit vector to another by the shortest way."""
-    axis = np.cross(start, end)
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-9:
-        return np.eye(3)
-    return _turned(axis / sine * np.arctan2(sine, float(start @ end)))
-
-
-def _turned(vector: Array) -> Array:
-    """Return the rotation by a vector [rad]."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned: Array = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-    return turned
+    return np.array(pin.Quaternion.FromTwoVectors(start, end).toRotationMatrix())
 
 
 def _sine_vector(rotation: Array) -> Array:
     """Return twice the quaternion's vector part of a rotation, its scalar part positive."""
-    w = 0.5 * np.sqrt(max(0.0, 1.0 + float(np.trace(rotation))))
-    off = np.array(
-        [
-            rotation[2, 1] - rotation[1, 2],
-            rotation[0, 2] - rotation[2, 0],
-            rotation[1, 0] - rotation[0, 1],
-        ]
-    )
-    vector: Array = off / (2.0 * max(w, 1e-3))
+    x, y, z, w = quaternion(rotation)
+    vector: Array = np.copysign(2.0, w) * np.array([x, y, z])
     return vector

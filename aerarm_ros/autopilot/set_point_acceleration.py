@@ -2,6 +2,7 @@
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from aerarm_ros.control.checks.gains import non_negative_number
 from aerarm_ros.description.drone_config import GRAVITY
@@ -63,7 +64,7 @@ class SetPointAcceleration:
         dt : float
             Time since the last call [s].
         """
-        level = _turned_about_up(yaw_of(rotation))
+        level = pin.exp3(yaw_of(rotation) * _UP)
         acceleration = -level @ arm.wrench[:3] / arm.body.mass
         if self._attitude_gain == 0.0:
             return np.asarray(acceleration)
@@ -91,8 +92,3 @@ class SetPointAcceleration:
         share = 1.0 - np.exp(-self._integral_rate * dt)
         self._lasting = self._lasting + share * (moment - self._lasting)
         return moment - self._lasting
-
-
-def _turned_about_up(yaw: float) -> Array:
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -19,12 +19,10 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.flight.flight_estimator import FlightEstimator
 from aerarm_ros.flight.flight_path import FlightPath
 from aerarm_ros.flight.flight_target import FlightTarget
-from aerarm_ros.flight.mass_properties import MassProperties
 from aerarm_ros.flight.odometry_sample import OdometrySample
 from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
@@ -34,8 +32,9 @@ from aerarm_ros.ros.flight.flight_parameters import (
     arm_feed_forward,
     flight_control,
 )
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
-from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
+from aerarm_ros.ros.flight.flown_drone import load_flown_drone
+from aerarm_ros.ros.parameters.arm_files import ARM_FILES
+from aerarm_ros.ros.parameters.drone_file import DRONE_FILE
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
 from aerarm_ros.ros.process.exit_status import print_account
@@ -69,13 +68,7 @@ class FlightControlNode:
         self.status = 0
         self.node = rclpy.create_node(NAME)
         self.values = values = PARAMETERS.declare(self.node, self._on_parameter)
-        if not values.drone_file:
-            raise ValueError('parameter drone_file is empty: name the drone, as config/drone.yaml')
-        config, robot = load_arm(values)
-        drone = load_drone(values, config, robot)
-        assert drone is not None
-        arm = MovingBaseDynamics(robot).composite_inertia(np.array(config.rest_position))
-        body = MassProperties.of(drone, *arm)
+        config, drone, body = load_flown_drone(values)
         self._law = flight_control(values, drone, body)
         self._arm = arm_feed_forward(values, drone, body)
         self._estimator = FlightEstimator(drone)

@@ -24,9 +24,9 @@ class ComputedTorque(InverseDynamicsLaw):
     along the reference velocity.
 
     That holds for a torque that acts at once and a velocity that is the present one. With `delay`
-    and `velocity_lag` the model is asked for the torque that is due when it acts, and the
-    reference's velocity is compared as the filter would tell it. Only the reference is looked
-    ahead on: the loop stays what it is.
+    and `velocity_lag` the model is asked for the torque that is due when it acts, but for the
+    change of the acceleration until then, and measured velocities are led on by what the filter
+    holds back. Only the reference is looked ahead on: the loop stays what it is.
 
     Parameters
     ----------
@@ -81,11 +81,12 @@ class ComputedTorque(InverseDynamicsLaw):
         q, dq, _ = state
         error = reference.q - q
         a = reference.ddq + self.kp * error
-        a += self.kd * (reference.dq - self._lag * reference.ddq - dq)
+        dq = dq + self._lag * reference.ddq  # what the low-pass has not told yet
+        a += self.kd * (reference.dq - dq)
         if self._integral is not None:
             a += self._integral.update(error, dt)
         # Friction along the reference: measured noise stays out.
-        due = reference._replace(dq=reference.dq + self._delay * reference.ddq)
+        gained = self._delay * reference.ddq
+        due = reference._replace(dq=reference.dq + gained)
         q = q + self._delay * reference.dq
-        dq = dq + (self._delay + self._lag) * reference.ddq
-        return JointCommand(tau=self._torque(q, dq, a, due, base))
+        return JointCommand(tau=self._torque(q, dq + gained, a, due, base))

@@ -10,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'flight_inputs': ['ArmTopics', 'to_path', 'to_target'],
+        'flown_drone': ['load_flown_drone'],
         'flight_parameters': ['FLIGHT_PARAMETERS', 'arm_feed_forward', 'flight_control'],
     },
 )

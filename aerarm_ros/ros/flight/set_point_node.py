@@ -14,14 +14,13 @@ from rclpy.qos import qos_profile_sensor_data
 
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.frame_conversion import rotation_matrix
-from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
-from aerarm_ros.flight.mass_properties import MassProperties
 from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.flight.flight_inputs import ArmTopics
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
-from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
+from aerarm_ros.ros.flight.flown_drone import load_flown_drone
+from aerarm_ros.ros.parameters.arm_files import ARM_FILES
+from aerarm_ros.ros.parameters.drone_file import DRONE_FILE
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.stop_signals import StopSignals
@@ -88,13 +87,7 @@ class SetPointNode:
         self.status = 0
         self.node = rclpy.create_node(name)
         self.values = values = parameters.declare(self.node, self._on_parameter)
-        if not values.drone_file:
-            raise ValueError('parameter drone_file is empty: name the drone, as config/drone.yaml')
-        config, robot = load_arm(values)
-        drone = load_drone(values, config, robot)
-        assert drone is not None
-        arm = MovingBaseDynamics(robot).composite_inertia(np.array(config.rest_position))
-        body = MassProperties.of(drone, *arm)
+        config, drone, body = load_flown_drone(values)
         self._arm = ArmFeedForward(drone, body, lead=values.feed_lead)
         self._acceleration = SetPointAcceleration(
             values.attitude_gain, values.rate_gain, values.integral_rate

@@ -57,10 +57,15 @@ class MotorReadings:
         rows = self._rows if self._told.get(POWER_FROM) == 'voltage' else []
         table = np.array(rows).reshape(len(rows), 1 + 3 * len(self._names))
         current, speed, power = np.split(table[:, 1:], 3, axis=1)
-        reported = self._told.get(resistance_key(self._names[joint]), 'nan')
         return MotorSupply(
-            table[:, 0], current[:, joint], speed[:, joint], power[:, joint], float(reported)
+            table[:, 0], current[:, joint], speed[:, joint], power[:, joint], self._reported(joint)
         )
+
+    def _reported(self, joint: int) -> float:
+        try:
+            return float(self._told[resistance_key(self._names[joint])])
+        except (KeyError, ValueError):  # whoever may publish diagnostics
+            return float('nan')
 
     def destroy(self) -> None:
         """Destroy the subscriptions of the fast topics."""

@@ -53,7 +53,7 @@ class Motors:
 def test_states_and_power_of_the_same_cycle_are_read_by_joint(ros_node: Node) -> None:
     motors = Motors(ros_node)
     readings = motors.readings
-    motors.tell('voltage', joint2='0.15000')
+    motors.tell('voltage', joint1='not known', joint2='0.15000')
     motors.wait(lambda: readings.supply(1).reported == 0.15, 'diagnostics')
     for k in range(1, 6):
         motors.cycle(k)
