@@ -78,6 +78,8 @@ DISTURBANCE = Topic('disturbance', JointState, NEWEST)
 WEIGHT_WRENCH = Topic('base_wrench_weight', WrenchStamped, NEWEST)
 MOTION_WRENCH = Topic('base_wrench_motion', WrenchStamped, NEWEST)
 FEEDFORWARD_ACCELERATION = Topic('feedforward_acceleration', AccelStamped, NEWEST)
+# Of what else touches drone or arm.
+CONTACT_WRENCH = Topic('contact_wrench', WrenchStamped, NEWEST)
 STATIC_WRENCH = Topic('base_wrench_static', WrenchStamped, NEWEST)
 ROBOT_DESCRIPTION = Topic('robot_description', String, LATCHED)
 RECORDER_STATUS = Topic('recorder_status', String, LATCHED)
@@ -116,6 +118,7 @@ TOPICS = MappingProxyType(
             WEIGHT_WRENCH,
             MOTION_WRENCH,
             FEEDFORWARD_ACCELERATION,
+            CONTACT_WRENCH,
             DISTURBANCE,
             TOOL_PATH,
             ROBOT_DESCRIPTION,

@@ -78,6 +78,20 @@ class Robot:
         full = self.prefix + name
         return full if self.model.existFrame(full) else name
 
+    def frame_of(self, link: str) -> Any:
+        """Return the pinocchio.Frame of a link, named with prefix or without.
+
+        Raises
+        ------
+        ValueError
+            If there is no such link.
+        """
+        links = [f.name for f in self.model.frames if f.type == pin.FrameType.BODY]
+        name = self.full_name(link)
+        if name not in links:
+            raise ValueError(f'there is no link {name!r}: the links are {", ".join(links)}')
+        return self.model.frames[self.model.getFrameId(name, pin.FrameType.BODY)]
+
     def own_name(self, name: str) -> str:
         """Return the name that a link or joint has in the arm's files."""
         return name.removeprefix(self.prefix)

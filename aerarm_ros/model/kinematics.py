@@ -92,13 +92,9 @@ class Kinematics:
 
     def __init__(self, robot: Robot, frame: str = 'tool0') -> None:
         self._model = robot.model
-        links = [f.name for f in self._model.frames if f.type == pin.FrameType.BODY]
-        frame = robot.full_name(frame)
-        if frame not in links:
-            raise ValueError(f'there is no link {frame!r}: the links are {", ".join(links)}')
         self.robot = robot
-        self.frame = frame
-        self._id = self._model.getFrameId(frame, pin.FrameType.BODY)
+        self.frame = robot.frame_of(frame).name
+        self._id = self._model.getFrameId(self.frame, pin.FrameType.BODY)
         self._data = self._model.createData()
 
     def transform(self, q: Array) -> Array:

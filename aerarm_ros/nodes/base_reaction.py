@@ -3,7 +3,8 @@
 Everything is in base_link's axes, moments about its origin. `base_wrench` is the wrench of
 the arm on the drone; `base_wrench_static` is its part due to gravity. What a drone may feed
 forward: mass properties, `base_wrench_weight`, `base_wrench_motion` and, with a drone_file, the
-`feedforward_acceleration` against that motion. `energy` tells what it takes from the battery,
+`feedforward_acceleration` against that motion, and, while odometry and rotor_command come, the
+`contact_wrench` of what else acts on drone and arm. `energy` tells what it takes from the battery,
 and for what.
 """
 
@@ -20,6 +21,7 @@ from aerarm_ros.control.base.free_base_estimator import FREE
 from aerarm_ros.control.control_loop import LONGEST_GAP
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.ros.controllers.contact_topic import BANDWIDTH, CONTACT_PARAMETERS, ContactTopic
 from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS
 from aerarm_ros.ros.controllers.energy_topic import EnergyTopic
 from aerarm_ros.ros.controllers.load_topics import LOAD_PARAMETERS, LoadTopics, wrench_message
@@ -34,6 +36,7 @@ PARAMETERS = state_node_parameters(
     Parameter('rate', 100.0, 'how often the whole wrench is published', 'Hz', 1.0, 1000.0),
     Parameter('cutoff', 20.0, 'low-pass of the measured joint acceleration', 'Hz', 0.1, 500.0),
     *LOAD_PARAMETERS,
+    *CONTACT_PARAMETERS,
     *ENERGY_PARAMETERS,
 )
 
@@ -65,6 +68,7 @@ class BaseReactionNode(StateNode):
         self._static = self.advertise(topics.STATIC_WRENCH)
         self._loads = LoadTopics(self.node, self.arm, self.values)
         self.listen(topics.PLANNED_MOTION, self._loads.take_plan)
+        self._contact = ContactTopic(self.node, self.arm, self.values, self.reject, self.act)
         self._energy = EnergyTopic(self.node, self.arm, self.values)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
@@ -81,6 +85,7 @@ class BaseReactionNode(StateNode):
         ddq = self._acceleration.update(state.dq, dt)
         self._energy.add(now, state)
         self._loads.add(stamp_ns, JointReference(state.q, state.dq, ddq))
+        self._contact.add(stamp_ns, state)
         if now < self._due:
             return
         self._due = now + self._period
@@ -89,17 +94,26 @@ class BaseReactionNode(StateNode):
         self.count_answer()
 
     def silence(self) -> float:
-        """Let what is told of the arm's motion fade."""
-        return self._loads.fade() or super().silence()
+        """Let what is told of the arm's motion fade, and of contact."""
+        pauses = self._loads.fade(), self._contact.fade()
+        return min((pause for pause in pauses if pause), default=super().silence())
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change the lead."""
-        self._loads.forecast.lead = value
+        """Change the lead, or the bandwidth."""
+        if name == BANDWIDTH:
+            self._contact.set_bandwidth(value)
+        else:
+            self._loads.forecast.lead = value
+
+    def warning(self) -> str:
+        """Name what the base's motion or the contact lacks."""
+        return super().warning() or self._contact.problem()
 
     def describe(self) -> dict[str, object]:
         """Tell whose motion is told, and the joules."""
         motion = self._loads.forecast.problem or 'planned'
-        return {**super().describe(), 'motion ahead': motion, **self._energy.describe()}
+        others = {**self._contact.describe(), **self._energy.describe()}
+        return {**super().describe(), 'motion ahead': motion, **others}
 
     def _send(self, stamp_ns: int, result: BaseReaction.ArmReaction) -> None:
         header = base_header(stamp_ns, self.arm.robot.base_link)

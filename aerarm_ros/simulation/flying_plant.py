@@ -58,6 +58,8 @@ class FlyingPlant(FreeBasePlant):
         self._centre = np.array(drone.centre_of_mass)
         self._place = np.zeros(3)
         self._turn = np.array([1.0, 0.0, 0.0, 0.0])
+        self._robot = robot
+        self._touched: tuple[int, Array, Array] | None = None
         super().__init__(robot, parameters, position, _body(robot, drone))
         data = self._data
         self._pose, self._twist, self._push = data.qpos[:7], data.qvel[:6], data.qfrc_applied[:6]
@@ -95,6 +97,38 @@ class FlyingPlant(FreeBasePlant):
         """Give a drone that was let go a velocity (6,): in the world [m/s], in the body [rad/s]."""
         self._twist[:] = twist
 
+    def touch(self, force: ArrayLike, link: str = '') -> None:
+        """Pull with a force (3,) in the world [N] from now on, none if it is zero.
+
+        It acts at the origin of a link's frame, or at that of the drone's body if none is named.
+
+        Raises
+        ------
+        ValueError
+            If the arm has no such link.
+        """
+        force, (body, place) = np.array(force, dtype=float), self.place_on(link)
+        if self._touched is not None:
+            self._data.xfrc_applied[self._touched[0]] = 0.0
+        self._touched = (body, place, force) if force.any() else None
+
+    def place_on(self, link: str) -> tuple[int, Array]:
+        """Return the engine's body that a link is part of, and its frame's place in that [m].
+
+        Raises
+        ------
+        ValueError
+            If the arm has no such link; the drone's body has no name.
+        """
+        body = self._model.body('base').id
+        if not link:
+            return body, np.zeros(3)
+        frame = self._robot.frame_of(link)
+        place = np.array(frame.placement.translation)
+        if frame.parentJoint == 0:  # fixed to the drone
+            return body, self._body.mount + self._body.mount_rotation @ place
+        return int(self._model.jnt_bodyid[frame.parentJoint]), place
+
     def step(self) -> None:
         """Advance by one sub-step."""
         wrench = self.rotors.step()
@@ -105,6 +139,8 @@ class FlyingPlant(FreeBasePlant):
                 self._place_base()
         if not self.is_held:
             self._drive(wrench)
+        if self._touched is not None:
+            self._pull(*self._touched)
         super().step()
 
     def true_parameters(self) -> dict[str, Any]:
@@ -121,6 +157,12 @@ class FlyingPlant(FreeBasePlant):
         data = self._data
         data.qpos[:3], data.qpos[3:7] = self._place, self._turn
         data.qvel[:6] = data.qfrc_applied[:6] = 0.0
+
+    def _pull(self, body: int, place: Array, force: Array) -> None:
+        data = self._data
+        lever = data.xpos[body] - data.xipos[body] + data.xmat[body].reshape(3, 3) @ place
+        data.xfrc_applied[body, :3] = force
+        data.xfrc_applied[body, 3:] = np.cross(lever, force)
 
     def _drive(self, wrench: Array) -> None:
         """Apply the rotors' wrench, given in body axes at the origin, and the wind."""

@@ -100,7 +100,7 @@ class FlightBench:
 
     def fly(self, program: FlightProgram) -> FlightRecord:
         """Return what drone and arm did; the program begins at 0, a little after the record."""
-        begin = self._wait_until_still() + QUICK_LEAD
+        begin = self.wait_until_still() + QUICK_LEAD
         names, motion = load_arm_config().joint_names, program.motion
         self.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
         self.listener.forget()
@@ -110,12 +110,15 @@ class FlightBench:
         while now < begin + motion.duration and self.listener.farthest < LOST:
             now, _ = self.listener.next()
             if payloads and now > begin + payloads[0][0]:
-                _, payload = payloads.pop(0)
-                kind = Parameter.Type.DOUBLE_ARRAY
-                self._world.set_parameters([Parameter('payload', kind, payload)])
+                self.tell_world('payload', payloads.pop(0)[1])
         return self.listener.record().shifted(begin)
 
-    def _wait_until_still(self) -> float:
+    def tell_world(self, name: str, numbers: list[float]) -> None:
+        """Change a parameter of the emulated world, and do not wait for it."""
+        kind = Parameter.Type.DOUBLE_ARRAY
+        self._world.set_parameters([Parameter(name, kind, numbers)])
+
+    def wait_until_still(self) -> float:
         """Return the time [s] when the drone hovers still, or has had long enough for that."""
         self.listener.forget()
         begin, _ = self.listener.next()

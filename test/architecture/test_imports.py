@@ -28,6 +28,7 @@ ALLOWED = {
     'control': {'motion', 'model', 'description'},
     'flight': {'control', 'motion', 'model', 'description'},
     'autopilot': {'flight', 'control', 'motion', 'model', 'description'},
+    'contact': {'flight', 'control', 'motion', 'model', 'description'},
     'energy': {'control', 'motion', 'model', 'description'},
     'excitation': {'pages', 'motion', 'model', 'description'},
     'identification': {'energy', 'pages', 'model', 'description'},

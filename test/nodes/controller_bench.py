@@ -102,7 +102,8 @@ class ControllerBench:
         )
         future = client.call_async(request)
         assert spin_until(self.node, future.done, LIMIT)
-        assert future.result().results[0].successful
+        (result,) = future.result().results
+        assert result.successful, result.reason
 
     def _on_state(self, message: JointState) -> None:
         self.q, self.dq = np.array(message.position), np.array(message.velocity)

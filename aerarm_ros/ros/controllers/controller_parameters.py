@@ -220,6 +220,12 @@ class ControlledArm:
         payload = getattr(values, PAYLOAD, [])
         return largest_feedback_gain(self._whole(values, self.drone, payload))
 
+    def whole_body(self, values: SimpleNamespace, drone: DroneConfig) -> WholeBodyDynamics:
+        """Return the model of arm and drone as one body; it is told what the arm carries."""
+        whole = self._whole(values, drone)
+        self.load(whole, values)
+        return whole
+
     def _free_base(self, values: SimpleNamespace) -> FreeBaseEstimator:
         drone = self.drone
         if drone is None:
@@ -227,12 +233,10 @@ class ControlledArm:
                 "base_motion 'free' needs the drone's mass and rotors: give drone_file, as "
                 'config/drone.yaml'
             )
-        whole = self._whole(values, drone)
-        self.load(whole, values)
         return FreeBaseEstimator(
             self.robot.gravity_in_base,
             RotorWrench(drone, values.imu_hold_time, values.rotor_latency),
-            whole,
+            self.whole_body(values, drone),
             self._mount(values) or Mount.aligned(),
             AnswerCorrection(values.correction_cutoff, values.accelerometer_bias),
             values.imu_hold_time,

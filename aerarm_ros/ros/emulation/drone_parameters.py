@@ -17,6 +17,8 @@ from aerarm_ros.simulation.random_drift import RandomDrift
 _GUST_PERIOD = 1e-3  # [s]
 _IMU_SEED, _ODOMETRY_SEED, _GUST_SEED = range(3)
 
+CONTACT = 'contact_force', 'contact_link'
+
 DRONE_PARAMETERS = grouped(
     'The emulated drone',
     Parameter(
@@ -67,6 +69,23 @@ DRONE_PARAMETERS = grouped(
         'gust_force', 0.0, 'standard deviation of the wind on the drone, each axis', 'N', 0.0, 1e3
     ),
     Parameter('gust_time', 1.0, 'time in which the wind changes', 's', 0.01, 100.0),
+    Parameter(
+        'contact_force',
+        [],
+        'force on the drone or its arm: x, y, z in the world, at the origin of contact_link; none '
+        'if empty',
+        'N',
+        -1000.0,
+        1000.0,
+        element=float,
+        live=True,
+    ),
+    Parameter(
+        'contact_link',
+        '',
+        "link of the URDF that contact_force acts on, as tool0; the drone's body if empty",
+        live=True,
+    ),
 )
 
 
@@ -98,6 +117,13 @@ def gust(values: SimpleNamespace) -> RandomDrift | None:
         return None
     random = np.random.default_rng(_seed(values, _GUST_SEED))
     return RandomDrift(values.gust_force, values.gust_time, _GUST_PERIOD, random)
+
+
+def contact(values: SimpleNamespace, plant: FlyingPlant) -> tuple[list[float], str]:
+    """Return force [N] and link of the contact; raises ValueError for one that cannot be."""
+    force = _numbers(values, 'contact_force', 3) if values.contact_force else [0.0, 0.0, 0.0]
+    plant.place_on(values.contact_link)
+    return force, values.contact_link
 
 
 def _numbers(values: SimpleNamespace, name: str, count: int) -> list[float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from aerarm_ros.ros.bridge.bridge_streams import Command
 from aerarm_ros.ros.bridge.cycle_requests import Action
 from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
 from aerarm_ros.ros.emulation import drone_parameters
-from aerarm_ros.ros.emulation.drone_parameters import DRONE_PARAMETERS
+from aerarm_ros.ros.emulation.drone_parameters import CONTACT, DRONE_PARAMETERS
 from aerarm_ros.ros.emulation.emulated_drone import EmulatedDrone
 from aerarm_ros.ros.emulation.emulated_world import (
     LAG,
@@ -41,6 +42,7 @@ from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
 from aerarm_ros.ros.parameters.drone_file import load_drone
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
+from aerarm_ros.simulation.flying_plant import FlyingPlant
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 PARAMETERS = ParameterTable(
@@ -52,6 +54,7 @@ _CYCLES_OF_A_WAIT = 10
 _STILL = 0.05  # [rad/s] joints slower than this
 _FAULT_TIME = 1.0  # [s] world time in which a fault shows
 _FALL_TIME = 2.0  # [s] by then an arm whose motors are off has begun to fall
+_NO_DRONE = 'contact_force acts on a drone that flies: give drone_file'
 
 
 class FakeHardware(HardwareBridge):
@@ -110,6 +113,8 @@ class FakeHardware(HardwareBridge):
         values = self.values
         profile, drone = values.base_motion_profile, load_drone(values, config, robot)
         if drone is None:
+            if values.contact_force:
+                raise ValueError(_NO_DRONE)
             if profile == STILL:
                 return None
             base = mount_on_base(transport, robot, BASE_PROFILES[profile])
@@ -121,6 +126,7 @@ class FakeHardware(HardwareBridge):
             )
         wind = drone_parameters.gust(values)
         plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
+        plant.touch(*drone_parameters.contact(values, plant))
         sensors = (drone_parameters.imu(values, plant), drone_parameters.odometry(values, plant))
         return FlyingDrone(self, plant, *sensors, LAG[values.pace], robot.prefix)
 
@@ -206,6 +212,8 @@ class FakeHardware(HardwareBridge):
                 self._made(changes['payload'])
             except ValueError as error:
                 return f'parameter payload: {error}'
+        if problem := self._contact_problem(changes):
+            return problem
         return super().check_parameters(changes)
 
     def on_parameter(self, name: str, value: Any) -> None:
@@ -215,6 +223,8 @@ class FakeHardware(HardwareBridge):
             self.requests.post(self._inject_fault)
         elif name == 'payload':
             self.requests.post(self._grasp)
+        elif name in CONTACT:
+            self.requests.post(self._touch)
 
     def _is_still(self, mode: str, since: float) -> bool:
         cycle, boards = self._cycle, self._boards
@@ -268,6 +278,26 @@ class FakeHardware(HardwareBridge):
             return Answer(False, 'the bridge is not configured')
         self._boards.plant.grasp(self._made(self.values.payload))
         self._awake_until = self._now + _FAULT_TIME
+        return Answer(True, '')
+
+    def _contact_problem(self, changes: Mapping[str, Any]) -> str:
+        plant = None if self._boards is None else self._boards.plant
+        if plant is None or not changes.keys() & set(CONTACT):
+            return ''
+        if not isinstance(plant, FlyingPlant):
+            return _NO_DRONE
+        try:
+            drone_parameters.contact(SimpleNamespace(**{**vars(self.values), **changes}), plant)
+        except ValueError as error:
+            return f'contact: {error}'
+        return ''
+
+    def _touch(self, cycle: BridgeCycle) -> Answer:
+        """Let the contact of the parameters act from now on."""
+        plant = None if self._boards is None else self._boards.plant
+        if not isinstance(plant, FlyingPlant):
+            return Answer(False, _NO_DRONE)
+        plant.touch(*drone_parameters.contact(self.values, plant))
         return Answer(True, '')
 
     def _home(self, cycle: BridgeCycle) -> Answer:

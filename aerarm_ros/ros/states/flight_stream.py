@@ -51,22 +51,11 @@ class FlightStream:
 
         The content is None if it cannot be used, which is reported.
         """
-        raw = self._reader.take_newest(_ODOMETRY)
-        if raw is None:
+        message = newest_odometry(self._reader, self._reject, _ODOMETRY)
+        if message is None:
             return None
-        try:
-            message = deserialize_message(raw[0], Odometry)
-        except RuntimeError as error:  # RMWError: no message at all
-            self._reject(f'odometry: {error}')
-            return None
-        stamp = message.header.stamp
         self.frame = message.header.frame_id
-        stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-        try:
-            return stamp_ns, to_odometry_sample(message)
-        except RejectedInputError as error:
-            self._reject(str(error))
-            return stamp_ns, None
+        return checked_odometry(message, self._reject)
 
     def imu_samples(self) -> list[ImuSample]:
         """Return the IMU samples that wait; faulty ones are rejected."""
@@ -83,6 +72,31 @@ class FlightStream:
     def destroy(self) -> None:
         """Destroy the subscriptions."""
         self._reader.destroy()
+
+
+def newest_odometry(
+    reader: RawReader, reject: Callable[[str], None], index: int = 0
+) -> Odometry | None:
+    """Return the newest odometry that waits at a reader, None if there is none."""
+    raw = reader.take_newest(index)
+    try:
+        return None if raw is None else deserialize_message(raw[0], Odometry)
+    except RuntimeError as error:  # RMWError: no message at all
+        reject(f'odometry: {error}')
+        return None
+
+
+def checked_odometry(
+    message: Odometry, reject: Callable[[str], None]
+) -> tuple[int, OdometrySample | None]:
+    """Return stamp [ns] and sample of a message, None for one that cannot be used."""
+    stamp = message.header.stamp
+    stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+    try:
+        return stamp_ns, to_odometry_sample(message)
+    except RejectedInputError as error:
+        reject(str(error))
+        return stamp_ns, None
 
 
 def to_odometry_sample(message: Odometry) -> OdometrySample:

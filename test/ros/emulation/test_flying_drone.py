@@ -5,19 +5,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controller_bench import ControllerBench
+from controller_bench import ControllerBench, trajectory
 from forked_executable import run
+from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from quick_spinning import spin_once
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
 from sensor_msgs.msg import Imu, JointState
 
 from aerarm_msgs_py import topics
+from aerarm_ros.control.base.frame_conversion import rotation_matrix
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 DRONE = resource('config', 'drone.yaml')
+DRONE_CONFIG = load_drone_config()
 HOVER = (3.0 + 1.487) * 9.81 / 6  # [N] a rotor
 
 
@@ -27,9 +32,12 @@ class DroneBench(ControllerBench):
     def __init__(self, folder: Path, node: Node, **arm: object) -> None:
         super().__init__(folder, node, drone_file=DRONE, **arm)
         self.path: list[tuple[float, np.ndarray]] = []
+        self.attitude = np.eye(3)
+        self.pushes: list[np.ndarray] = []
         self.keep(topics.IMU)
         self.keep(topics.ROBOT_DESCRIPTION)
         self.listen(topics.ODOMETRY, self._on_odometry)
+        self.listen(topics.CONTACT_WRENCH, self._on_contact)
         self.answer: Callable[[Odometry], JointState] | None = None
         topic = topics.ROTOR_COMMAND
         self.rotors = node.create_publisher(topic.type, topic.name, topic.qos)
@@ -52,8 +60,20 @@ class DroneBench(ControllerBench):
     def flight_control(self, **parameters: object) -> NodeProcess:
         return self.controller('flight_control', drone_file=DRONE, **parameters)
 
+    def feels(self, force: np.ndarray) -> bool:
+        """Return whether the last twenty words on contact were that force, within a tenth."""
+        errors = np.linalg.norm(np.array(self.pushes[-20:]) - force, axis=-1)
+        return len(errors) == 20 and bool(errors.max() < 0.1 * np.linalg.norm(force))
+
+    def _on_contact(self, message: WrenchStamped) -> None:
+        force = message.wrench.force
+        in_body = DRONE_CONFIG.mount.rotation @ [force.x, force.y, force.z]
+        self.pushes.append(self.attitude @ in_body)
+
     def _on_odometry(self, message: Odometry) -> None:
         stamp, p = message.header.stamp, message.pose.pose.position
+        q = message.pose.pose.orientation
+        self.attitude = rotation_matrix(np.array([q.x, q.y, q.z, q.w]))
         self.path.append((stamp.sec + 1e-9 * stamp.nanosec, np.array([p.x, p.y, p.z])))
         if self.answer is not None:
             command = self.answer(message)
@@ -63,27 +83,59 @@ class DroneBench(ControllerBench):
 
 @pytest.fixture
 def bench(tmp_path: Path, ros_node: Node) -> Iterator[DroneBench]:
-    bench = DroneBench(tmp_path, ros_node, gust_force=0.5, gust_time=0.3)
+    bench = DroneBench(tmp_path, ros_node, gust_force=0.05, gust_time=0.3, contact_link='tool0')
     with bench.hardware:
         yield bench
 
 
+class ArmSwinger:
+    """Lets the arm swing to and fro, and pulls at its tool; it is made while the world stands."""
+
+    def __init__(self, bench: DroneBench) -> None:
+        self._bench = bench
+        self._swing = bench.publisher(topics.JOINT_TRAJECTORY)
+        self._world = AsyncParameterClient(bench.node, 'fake_hardware')
+        bench.wait(self._world.services_are_ready, 'its parameters')
+
+    def swing(self) -> None:
+        message = trajectory([0.6, 1.2, 0.5, -0.5], 1.0)
+        for turn in range(1, 20):
+            point = trajectory([0.6 * (turn % 2), 1.2 + 0.4 * (turn % 2), 0.0, 0.5], 1.0).points[0]
+            point.time_from_start.sec = 1 + turn
+            message.points.append(point)
+        self._swing.publish(message)
+        self._bench.wait(lambda: np.abs(self._bench.dq).max() > 0.1, 'the swing')
+
+    def pull_is_found(self, force: list[float]) -> None:
+        bench, wanted = self._bench, np.array(force)
+        self._world.set_parameters([Parameter('contact_force', value=force)])
+        bench.wait(lambda: bench.feels(wanted) and np.abs(bench.dq).max() > 0.1, f'{force} N')
+
+
 def test_it_hovers_under_its_controller_and_falls_without(bench: DroneBench) -> None:
-    with bench.controller('gravity_compensation'):
+    contact = {'drone_file': DRONE, 'contact_bandwidth': 2.0}
+    with (
+        bench.controller('gravity_compensation'),
+        bench.controller('base_reaction', **contact),
+    ):
         with bench.flight_control() as flight:
             bench.wait(lambda: 'waiting for odometry' not in bench.problems[-3:], 'flight_control')
+            arm = ArmSwinger(bench)
             bench.start()
             bench.wait(lambda: bench.mode == 'running', 'commands')
-            begun = bench.time
-            bench.wait_until(begun + 4.0)
-            flown = np.array([place for time, place in bench.path if time > begun])
-            assert 1e-3 < np.linalg.norm(flown, axis=1).max() < 0.2  # the wind moves it
+            bench.wait(lambda: np.abs(bench.place).max() > 1e-4, 'the wind')
+            bench.wait_until(bench.time + 0.5)
+            flown = np.array([place for _, place in bench.path])
+            assert np.linalg.norm(flown, axis=1).max() < 0.2
             assert bench.mode == 'running', flight.tail()
             imu = bench.heard['imu']
             assert isinstance(imu, Imu)
             assert imu.header.frame_id == 'drone_imu'
             assert 'drone_mount' in bench.heard['robot_description'].data
             assert imu.linear_acceleration.z == pytest.approx(9.81, abs=2.0)
+            arm.swing()
+            for force in ([2.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, -10.0]):
+                arm.pull_is_found(force)
         # No more rotor commands: nobody waits for ever, the rotors stop.
         bench.wait(lambda: bench.place[2] < -2.0, 'the fall')
     bench.call('disable')
@@ -120,6 +172,8 @@ def test_a_weak_drone_and_two_kinds_of_base_are_refused(
         ({'drone_file': tmp_path / 'none.yaml'}, 'No such file'),
         ({'drone_file': DRONE, 'base_motion_profile': 'moving'}, 'leave one of the two out'),
         ({'drone_file': DRONE, 'imu_noise': [0.1]}, 'imu_noise has 1 numbers, not 2'),
+        ({'contact_force': [1.0, 0.0, 0.0]}, 'a drone that flies: give drone_file'),
+        ({'drone_file': DRONE, 'contact_link': 'nowhere'}, "there is no link 'nowhere'"),
     ):
         done = run('fake_hardware', parameters=parameters)
         assert done.returncode == 1

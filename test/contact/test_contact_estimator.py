@@ -1,0 +1,189 @@
+"""What pushes drone or arm is found while the arm swings, on the physics engine."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from flown_arm import HANGING, ROBOT, Flight
+
+from aerarm_ros.contact.contact_estimator import ContactEstimator
+from aerarm_ros.contact.contact_observer import ContactObserver
+from aerarm_ros.control.base.drone_in_base import carrier_parameters
+from aerarm_ros.control.base.rotor_wrench import RotorWrench
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.flight.odometry_sample import OdometrySample
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+
+DRONE = load_drone_config(resource('config', 'drones', 'tilted_hexarotor.yaml'))
+TOOL = Kinematics(ROBOT)
+SWING, W = np.array([0.8, 0.5, 0.8, 0.7]), 2.0 * np.pi * np.array([0.5, 0.6, 0.75, 0.9])
+BANDWIDTH = 4.0  # [Hz]
+START = 100.0  # [s] of the clock
+STEP = 0.004
+
+
+def swing(time: float) -> tuple[np.ndarray, np.ndarray]:
+    return HANGING + SWING * np.sin(W * time), SWING * W * np.cos(W * time)
+
+
+def estimator_of(drone: DroneConfig) -> ContactEstimator:
+    whole = WholeBodyDynamics(ROBOT, carrier=carrier_parameters(drone))
+    return ContactEstimator(drone, ContactObserver(drone, whole, BANDWIDTH), RotorWrench(drone))
+
+
+class TouchedFlight(Flight):
+    """A drone that swings its arm, and what is thought to touch it."""
+
+    def __init__(self, believed: DroneConfig = DRONE) -> None:
+        super().__init__(DRONE)
+        self.plant.reset(HANGING, SWING * W)
+        self.plant.let_go()
+        self.estimator = estimator_of(believed)
+        # It has flown for long.
+        self.plant.rotors.thrust[:] = self.control.update(self.state, self.target, 0.0)
+
+    @property
+    def clock(self) -> float:
+        return START + self.time
+
+    @property
+    def base(self) -> np.ndarray:
+        """Return the attitude of the arm's base."""
+        return self.state.rotation @ DRONE.mount.rotation
+
+    def tell(self) -> tuple[float, np.ndarray] | None:
+        self.estimator.offer_joints(self.clock, self.plant.position, self.plant.velocity)
+        self.estimator.offer_odometry(OdometrySample(self.clock, *self.plant.odometry))
+        return self.estimator.update()
+
+    def go(self, seconds: float) -> Iterator[np.ndarray]:
+        """Fly on, and yield what is told."""
+        for _ in range(round(seconds / STEP)):
+            told = self.tell()
+            if told is not None:
+                assert told[0] == self.clock
+                yield told[1]
+            self.fly()
+
+    def fly(self) -> None:
+        stamp = self.clock
+        self.step(swing)
+        self.estimator.offer_rotors(DRONE.rotor_names, self.thrust, stamp)
+
+
+def test_known_forces_are_found_while_the_arm_moves() -> None:
+    flight = TouchedFlight()
+    untouched = list(flight.go(0.2))
+    assert np.abs(untouched).max() < 0.1
+    for link, force in (
+        ('tool0', np.array([0.0, 2.0, 0.0])),
+        ('', np.array([0.0, 0.0, -5.0])),
+        ('tool0', np.array([-8.0, 0.0, 6.0])),
+    ):
+        flight.plant.touch(force, link)
+        for _ in flight.go(0.25):
+            pass
+        for wrench in flight.go(0.08):
+            in_base = force @ flight.base
+            np.testing.assert_allclose(wrench[:3], in_base, atol=0.02 * np.linalg.norm(force))
+            # Where it acts: at the tool, or at the drone's origin.
+            body = DRONE.mount.rotation.T @ -np.array(DRONE.mount.position)
+            place = TOOL.position(flight.plant.position) if link else body
+            # The low-pass is late for what turns with the arm.
+            moment = np.cross(place, in_base)
+            np.testing.assert_allclose(wrench[3:], moment, atol=0.1 * np.linalg.norm(force))
+
+
+def test_it_rises_as_a_first_order_low_pass() -> None:
+    flight = TouchedFlight()
+    list(flight.go(0.1))
+    flight.plant.touch([0.0, 5.0, 0.0])
+    rise = [wrench[:3] @ flight.base.T[:, 1] for wrench in flight.go(0.2)]
+    times = STEP * np.arange(len(rise))
+    expected = 5.0 * (1.0 - np.exp(-2.0 * np.pi * BANDWIDTH * times))
+    np.testing.assert_allclose(rise, expected, atol=0.05)
+
+
+def test_a_wrong_mass_is_felt_as_its_weight() -> None:
+    flight = TouchedFlight(DRONE.with_errors(1.1))
+    *_, wrench = flight.go(0.3)
+    missing = 0.1 * DRONE.mass * 9.81
+    assert flight.base[2] @ wrench[:3] == pytest.approx(missing, rel=0.1)
+
+
+def test_what_falls_silent_fades_and_what_comes_back_begins_anew() -> None:
+    flight = TouchedFlight()
+    flight.plant.touch([5.0, 0.0, 0.0])
+    *_, wrench = flight.go(0.2)
+    size = np.linalg.norm(wrench)
+    sizes = []
+    for _ in range(85):  # a third of a second without odometry
+        flight.estimator.offer_joints(flight.clock, flight.plant.position, flight.plant.velocity)
+        if (told := flight.estimator.update()) is not None:
+            sizes.append(np.linalg.norm(told[1]))
+        flight.fly()
+    assert 'no good odometry for 0.3' in flight.estimator.problem()
+    assert len(sizes) > 10
+    np.testing.assert_allclose(np.diff([size, *sizes]), -size / 20, rtol=1e-6)
+    assert sizes[-1] == 0.0
+    first, *_ = flight.go(0.05)
+    assert np.linalg.norm(first) == 0.0
+    assert flight.estimator.problem() == ''
+    # No joint states any more: told from outside.
+    assert flight.estimator.fade(0.01) is not None
+
+
+def test_odometry_that_was_lost_in_between_does_no_harm() -> None:
+    flight = TouchedFlight()
+    told = []
+    for lost in range(8):
+        told += flight.go(0.04)
+        for _ in range(lost % 4):
+            flight.fly()
+    assert np.abs(told).max() < 0.15
+
+
+@pytest.fixture
+def estimator() -> ContactEstimator:
+    return estimator_of(DRONE)
+
+
+def odometry(stamp: float, height: float = 0.0) -> OdometrySample:
+    place = np.array([0.0, 0.0, height])
+    return OdometrySample(stamp, place, np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3))
+
+
+def test_nothing_is_told_before_all_is_known(estimator: ContactEstimator) -> None:
+    assert estimator.problem() == 'no joint states yet'
+    assert estimator.update() is None
+    estimator.offer_joints(START, HANGING, np.zeros(4))
+    assert estimator.problem() == 'no odometry yet'
+    estimator.offer_odometry(odometry(START))
+    assert estimator.problem() == 'no rotor commands yet'
+    assert estimator.update() is None
+    assert estimator.fade(0.01) is None
+    estimator.offer_rotors(DRONE.rotor_names, np.full(6, 7.0), START)
+    assert estimator.problem() == ''
+    estimator.offer_odometry(odometry(START))  # told again
+
+
+def test_what_is_wrong_is_refused(estimator: ContactEstimator) -> None:
+    estimator.offer_joints(START, HANGING, np.zeros(4))
+    refused: list[tuple[Callable[[], None], str]] = [
+        (lambda: estimator.offer_odometry(odometry(0.0)), r'stamped -100 s .*synchronise'),
+        (lambda: estimator.offer_rotors(['a'], np.ones(1), START), 'rotors'),
+        (lambda: estimator.offer_rotors(DRONE.rotor_names, np.full(6, np.nan), START), 'NaN'),
+        (lambda: estimator.offer_rotors(DRONE.rotor_names, np.ones(6), 0.0), 'one clock'),
+    ]
+    for action, reason in refused:
+        with pytest.raises(RejectedInputError, match=reason):
+            action()
+    estimator.offer_odometry(odometry(START))
+    with pytest.raises(RejectedInputError, match='position jumps'):
+        estimator.offer_odometry(odometry(START + STEP, 3.0))
+    assert estimator.update() is None
+    with pytest.raises(ValueError, match='contact_bandwidth'):
+        ContactObserver(DRONE, WholeBodyDynamics(ROBOT), 0.0)
