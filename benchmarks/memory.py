@@ -5,7 +5,9 @@
 seconds, and its proportional and resident set size (PSS, RSS: the first also changes with whoever
 else shares its libraries). After a warm-up a line is fitted to each. Its uncertainty is twice the
 standard error, widened for samples that depend on each other. Pictures are counted by who looks.
-For an endurance test: `--minutes 60`.
+For an endurance test: `--minutes 60`. On a computer that others work on: `--priority 0`,
+`--period 0.004`, of which only every fourth message comes, and `--page-only`, which leaves out
+recorder and base_reaction.
 """
 
 import argparse
@@ -13,7 +15,7 @@ import os
 import socket
 import tempfile
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +27,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.ros.executors.spinning import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
-from aerarm_ros.ros.requests.arm_client import ArmClient
+from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
 PERIOD = 2.0  # [s] between two looks
 WARM_UP = 0.25  # share of the run
@@ -38,6 +41,12 @@ def memory(pid: int) -> tuple[float, ...]:
     lines = Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines()[1:]
     sizes = {line.split(':')[0]: float(line.split()[1]) for line in lines}
     return sizes['Private_Clean'] + sizes['Private_Dirty'], sizes['Pss'], sizes['Rss']
+
+
+def processor(pid: int) -> float:
+    """Return what a process has used of the processor so far [s]."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def slope(times: np.ndarray, size: np.ndarray) -> tuple[float, float]:
@@ -83,7 +92,7 @@ class ToAndFro:
 
 
 def start(
-    node: Node, folder: Path, stack: ExitStack
+    node: Node, arm: ArmClient, folder: Path, stack: ExitStack, options: argparse.Namespace
 ) -> tuple[dict[str, NodeProcess], ToAndFro, Onlooker]:
     """Start the nodes, take hold of the arm, and look at the page."""
     with socket.socket() as probe:
@@ -95,14 +104,15 @@ def start(
         log = folder / f'{name}.log'
         nodes[name] = stack.enter_context(NodeProcess(name, (), parameters, log=log))
 
-    arm = ArmClient(node, ['fake_hardware'])
-    run('recorder', bag=folder / 'bag')
-    run('fake_hardware', realtime_priority=80)
+    if not options.page_only:
+        run('recorder', bag=folder / 'bag')
+    run('fake_hardware', period=options.period, realtime_priority=options.priority)
     arm.wait_for_mode(['idle'], 60.0)
     arm.call('enable')
     arm.wait_for_mode(['ready'], 60.0)
-    run('computed_torque', realtime_priority=79)
-    run('base_reaction')
+    run('computed_torque', realtime_priority=max(0, options.priority - 1))
+    if not options.page_only:
+        run('base_reaction')
     run('view', port=port)
     arm.wait_for_mode(['running'], 60.0)
     swing = ToAndFro(node)
@@ -114,51 +124,69 @@ def start(
     return nodes, swing, Onlooker(port)
 
 
-def watch(nodes: dict[str, NodeProcess], swing: ToAndFro, minutes: float) -> dict[str, np.ndarray]:
-    """Swing the arm; return (k, 4) time [min] and memory [KiB] of each node."""
+def watch(
+    nodes: dict[str, NodeProcess], node: Node, arm: ArmClient, swing: ToAndFro, minutes: float
+) -> dict[str, np.ndarray]:
+    """Swing the arm; return (k, 5) of each node: time [min], memory [KiB], processor [s].
+
+    An arm that was damped, because commands came late, is held again: what rests is no picture.
+    """
+    held = 0
     samples: dict[str, list[tuple[float, ...]]] = {name: [] for name in nodes}
     begun = time.monotonic()
     while (passed := (time.monotonic() - begun) / 60.0) < minutes:
         swing.turn()
-        for name, node in nodes.items():
-            if node.returncode is not None:
-                raise SystemExit(f'memory: {name} has ended:\n{node.tail()}')
-            samples[name].append((passed, *memory(node.pid)))
-        time.sleep(PERIOD)
+        for name, process in nodes.items():
+            if process.returncode is not None:
+                raise SystemExit(f'memory: {name} has ended:\n{process.tail()}')
+            samples[name].append((passed, *memory(process.pid), processor(process.pid)))
+        if spin_until(node, lambda: arm.mode == 'damping', PERIOD):
+            with suppress(ArmClientError):  # it may be damped no more
+                arm.call('hold')
+                held += 1
+    print(f'the arm is {arm.mode}; it was damped {held} times, and held again')
     return {name: np.array(rows) for name, rows in samples.items()}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--minutes', type=float, default=3.0, help='how long is looked')
+    parser.add_argument('--period', type=float, default=1e-3, help='of the bridge [s]')
+    parser.add_argument(
+        '--priority', type=int, default=80, help='SCHED_FIFO, of the bridge; 0: as all others'
+    )
+    parser.add_argument('--page-only', action='store_true', help='no recorder, no base_reaction')
     options, _ = parser.parse_known_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rclpy.init(args=[])
     node = rclpy.create_node('bench')
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        nodes, swing, onlooker = start(node, Path(folder), stack)
+        arm = ArmClient(node, ['fake_hardware'])
+        nodes, swing, onlooker = start(node, arm, Path(folder), stack, options)
         begun = time.monotonic() + 60.0 * WARM_UP * options.minutes
-        samples = watch(nodes, swing, options.minutes)
+        samples = watch(nodes, node, arm, swing, options.minutes)
         mean, worst = onlooker.rates(begun)
         seen = f'{mean:.1f} pictures a second, {worst:.1f} in the worst 10 s'
         if not onlooker.is_there:
             seen = 'who looked was let go: the computer was too busy to count pictures'
         for process in reversed(nodes.values()):
             process.stop()
-        print(nodes['fake_hardware'].tail(1))
-        print(nodes['recorder'].tail(1))
+        for name in ('fake_hardware', 'recorder'):
+            print(nodes[name].tail(1) if name in nodes else f'no {name}')
     node.destroy_node()
     rclpy.shutdown()
     print(f'page: {seen}')
-    print(f'{"":16} {"own":>8}  slope, MiB an hour: {"own":>5} {"PSS":>18} {"RSS":>18}')
+    print(f'{"":16} {"own":>8}  slope, MiB an hour: {"own":>5} {"PSS":>18} {"RSS":>18}  processor')
     for name, rows in samples.items():
-        minutes, *sizes = rows[rows[:, 0] >= WARM_UP * options.minutes].T
+        minutes, *sizes, used = rows[rows[:, 0] >= WARM_UP * options.minutes].T
         slopes = [
             f'{rate:+9.1f} ± {error:6.1f}'
             for rate, error in (slope(minutes / 60.0, x / 1024.0) for x in sizes)
         ]
-        print(f'{name:16} {sizes[0][-1] / 1024:4.1f} MiB {"":7} {" ".join(slopes)}')
+        share = (used[-1] - used[0]) / (60.0 * (minutes[-1] - minutes[0]))
+        own = f'{sizes[0][-1] / 1024:4.1f} MiB'
+        print(f'{name:16} {own} {"":7} {" ".join(slopes)} {share:9.1%}')
 
 
 if __name__ == '__main__':

@@ -176,7 +176,11 @@ class View:
             self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
 
     def _update(self, now_ns: int, index: int) -> None:
-        now = now_ns * 1e-9
+        # As one message: waking the server's thread costs more than all that is in it.
+        with self._server.atomic():
+            self._show_all(now_ns * 1e-9, index)
+
+    def _show_all(self, now: float, index: int) -> None:
         feed = self._feed
         if feed.update(now) and feed.posture is not None:
             if feed.pose is not None:
@@ -198,7 +202,7 @@ class View:
             diagnostics.way_out(now),
             self._requests.is_emulated,
         )
-        self._controls.show(feed.posture, self._scene.tool)
+        self._controls.show(now, feed.posture, self._scene.tool)
         self._panel.show_diagnostics(diagnostics.timing_html(now), diagnostics.status_html(now))
 
     def _on_mode(self, message: String) -> None:

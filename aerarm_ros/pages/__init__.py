@@ -21,6 +21,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             'table',
         ],
         'page_origin': ['origin'],
-        'plots': ['figure_html', 'plain_text', 'plotting_script'],
+        'plots': ['figure_html', 'plain_text', 'plotly_figure', 'plotting_script'],
     },
 )

@@ -21,19 +21,31 @@ p.lead { font-size: 1.1rem; max-width: 60rem; }
 dl.origin { color: var(--soft); display: grid; grid-template-columns: max-content 1fr;
             gap: 0 1rem; margin: .2rem 0 1rem; }
 dl.origin dd { margin: 0; overflow-wrap: anywhere; }
-nav ul { columns: 16rem; padding-left: 1.2rem; margin: .3rem 0 1rem; }
-.scroll { overflow-x: auto; }
+nav ul { columns: 16rem; column-gap: 2.5rem; padding-left: 1.2rem; margin: .3rem 0 1rem; }
+/* A shadow at the side to which there is more. */
+.scroll { overflow-x: auto; background:
+  linear-gradient(90deg, var(--paper) 30%, transparent) left / 3rem 100% no-repeat local,
+  linear-gradient(270deg, var(--paper) 30%, transparent) right / 3rem 100% no-repeat local,
+  linear-gradient(90deg, var(--line), transparent) left / .8rem 100% no-repeat,
+  linear-gradient(270deg, var(--line), transparent) right / .8rem 100% no-repeat; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .6rem 0; }
 th, td { padding: .22rem .5rem; border-bottom: 1px solid var(--line); text-align: right;
          white-space: nowrap; }
 th { border-bottom: 2px solid var(--line); font-weight: 600; white-space: normal;
      vertical-align: bottom; max-width: 9rem; overflow-wrap: break-word; }
 th:first-child, td:first-child, .text { text-align: left; }
-td.text { white-space: normal; } tr.best td { color: var(--good); font-weight: 600; }
+td.text { white-space: normal; } td.long { min-width: 8rem; }
+tr.best td { color: var(--good); font-weight: 600; }
 ul.warnings { border-left: 4px solid #c77700; padding: .5rem 2rem; background: var(--warn); }
 th .role { color: var(--soft); font-weight: 400; }
 details { margin: .6rem 0; } summary { cursor: pointer; color: var(--soft); }
 .figure { width: 100%; }
+/* The plotting library knows no dark page. */
+.updatemenu-item-rect, .updatemenu-header { fill: var(--paper) !important; }
+.updatemenu-item-rect { stroke: var(--line) !important; }
+.updatemenu-item-text { fill: var(--ink) !important; }
+.slider-grip-rect { fill: var(--soft) !important; }
+.slider-rail-rect { fill: var(--line) !important; }
 @media (max-width: 40em) {
   body { margin: .8rem auto; padding: 0 .8rem; } h1 { font-size: 1.35rem; }
   ul.warnings { padding: .5rem 1.2rem; } .figure { overflow-x: auto; }
@@ -42,6 +54,7 @@ details { margin: .6rem 0; } summary { cursor: pointer; color: var(--soft); }
 """
 # As wide as a digit, and as a point.
 _DIGIT, _POINT = '\N{FIGURE SPACE}', '\N{PUNCTUATION SPACE}'
+_LONG = 24  # characters of a text that is not to be one word a line on a phone
 _FEW = 3  # sections that need no list of contents
 _HEADING = re.compile('<h2>(.*?)</h2>', re.DOTALL)
 
@@ -183,7 +196,8 @@ def _is_text(value: object) -> bool:
 
 
 def _cell(value: object, tag: str, as_text: bool) -> str:
-    kind = ' class="text"' if as_text else ''
+    is_long = as_text and tag == 'td' and len(str(value)) > _LONG
+    kind = ' class="text long"' if is_long else ' class="text"' if as_text else ''
     shown = number(value) if value is None or isinstance(value, float) else markup(value)
     if tag == 'th':
         shown = shown.replace('_', '_<wbr>')  # names of joints and bags may break there

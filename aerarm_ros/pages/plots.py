@@ -11,48 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from aerarm_ros.pages.html_text import Html
-
-# Packed, the library is 2 of its 5 MB. It is run as a classic script, as it asks for, once it is
-# unpacked; figures wait for that, those too that plotly wrote. They are drawn in the colours that
-# the reader's system likes, also when these change.
-_UNPACK = """
-const waiting = [];
-window.Plotly = {newPlot: (...call) => new Promise(done => waiting.push([call, done]))};
-const theme = () => {
-  const style = getComputedStyle(document.documentElement);
-  const [ink, line, paper] = ['--ink', '--line', '--paper'].map(
-    name => style.getPropertyValue(name).trim());
-  const none = 'rgba(0,0,0,0)';
-  const axis = {color: ink, gridcolor: line, zerolinecolor: line, linecolor: line};
-  const side = {...axis, backgroundcolor: none};
-  return {layout: {
-    paper_bgcolor: none, plot_bgcolor: none, xaxis: axis, yaxis: axis,
-    font: {color: ink, family: 'system-ui, sans-serif'}, legend: {bgcolor: none},
-    hoverlabel: {bgcolor: paper, font: {color: ink}},
-    modebar: {bgcolor: none, color: line, activecolor: ink},
-    colorway: ['#d9722e', '#3b82c4', '#3aa655', '#a45cc4', '#d04a4a', '#1a9aa8', '#c99a1f'],
-    scene: {xaxis: side, yaxis: side, zaxis: side},
-  }};
-};
-const plotting = (async () => {
-  const bytes = Uint8Array.from(atob('PACKED'), (letter) => letter.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
-  const script = document.createElement('script');
-  script.textContent = await new Response(stream).text();
-  document.head.append(script);
-  const plot = Plotly.newPlot;
-  const draw = (place, traces, layout, options) =>
-    plot(place, traces, {...layout, template: theme()}, options);
-  Plotly.newPlot = draw;
-  for (const [call, done] of waiting) done(draw(...call));
-})();
-plotting.catch(() => document.body.prepend(
-  'The figures need a browser of 2023 or later: Chrome 80, Firefox 113, Safari 16.4.'));
-matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {
-  for (const place of document.querySelectorAll('.js-plotly-plot'))
-    Plotly.relayout(place, {template: theme()});
-});
-"""
+from aerarm_ros.pages.plot_script import SCRIPT
 
 
 def figure_html(identifier: str, traces: list[dict[str, Any]], layout: dict[str, Any]) -> Html:
@@ -73,6 +32,12 @@ def figure_html(identifier: str, traces: list[dict[str, Any]], layout: dict[str,
     )
 
 
+def plotly_figure(figure: Any) -> Html:
+    """Return a figure that was made by plotly as a part of a page."""
+    drawn = figure.to_html(full_html=False, include_plotlyjs=False)
+    return Html(f'<div class="figure">{drawn}</div>\n')
+
+
 def plotting_script() -> Html:
     """Return the plotting library as an inline script, so that the page needs no network.
 
@@ -87,7 +52,7 @@ def plotting_script() -> Html:
         raise ValueError('plotly is not installed: install the package again')
     path = Path(found.submodule_search_locations[0]) / 'package_data' / 'plotly.min.js'
     packed = base64.b64encode(_compressed(path)).decode()
-    return Html(f'<script>{_UNPACK.replace("PACKED", packed)}</script>\n')
+    return Html(f'<script>{SCRIPT.replace("PACKED", packed)}</script>\n')
 
 
 @lru_cache(maxsize=1)

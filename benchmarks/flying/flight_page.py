@@ -10,7 +10,7 @@ from flying.flight_way import load_drone
 
 from aerarm_ros.pages.html_text import Html, bullets, page, paragraph, section, table
 from aerarm_ros.pages.page_origin import origin
-from aerarm_ros.pages.plots import figure_html, plotting_script
+from aerarm_ros.pages.plots import figure_html, plotly_figure, plotting_script
 
 _THINNED = 8  # one in so many states is drawn
 
@@ -33,7 +33,7 @@ def flight_page(results: FlightResults, note: str) -> str:
             for (name, part), limit in GOALS.items()
             if name == drone
         ]
-        ratios = [', '.join(row) for row in results.ratios(drone)]
+        ratios = [_told(row) for row in results.ratios(drone)]
         body.append(section(f'{drone}: how much better "{BEST}" is', bullets(ratios + goals)))
         body.append(section(f'{drone}: figures', _table(results, drone)))
         places = {way: 1e3 * np.linalg.norm(x.places, axis=1) for way, x in flown.items()}
@@ -47,12 +47,15 @@ def flight_page(results: FlightResults, note: str) -> str:
         )
         shown = {way: flown[way] for way in (BASELINE, BEST) if way in flown}
         if shown:
-            drawn = replay(shown, load_drone(drone)).to_html(
-                full_html=False, include_plotlyjs=False
-            )
+            drawn = plotly_figure(replay(shown, load_drone(drone)))
             text = 'Where the drones are, and how they lean, is drawn ten times as large as it is.'
-            body.append(section(f'{drone}: replay', paragraph(text, 'note'), Html(drawn)))
+            body.append(section(f'{drone}: replay', paragraph(text, 'note'), drawn))
     return page('An arm moves, and its drone stays', plotting_script(), body, origin())
+
+
+def _told(row: tuple[str, ...]) -> str:
+    """Return a row without what was not flown."""
+    return ', '.join(text for text in row if not text.startswith('-'))
 
 
 def _table(results: FlightResults, drone: str) -> Html:

@@ -125,7 +125,7 @@ class ArmAnimation:
 def scene() -> dict[str, object]:
     """Return the layout of a scene in the base frame that shows all of its axes' box."""
     axes = {f'{axis}axis_title': f'{axis} [m]' for axis in 'xyz'}
-    camera = {'eye': {'x': 1.5, 'y': 1.5, 'z': 0.9}, 'center': {'x': 0.0, 'y': 0.0, 'z': -0.12}}
+    camera = {'eye': {'x': 1.9, 'y': 1.9, 'z': 1.1}, 'center': {'x': 0.0, 'y': 0.0, 'z': -0.12}}
     return {'aspectmode': 'data', 'camera': camera, **axes}
 
 

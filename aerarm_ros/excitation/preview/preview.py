@@ -15,9 +15,9 @@ from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.preview.arm_animation import ArmAnimation, scene
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
 from aerarm_ros.motion.float_array import FloatArray
-from aerarm_ros.pages.html_text import Html, bullets, page, paragraph, section, table
+from aerarm_ros.pages.html_text import bullets, page, paragraph, section, table
 from aerarm_ros.pages.page_origin import origin
-from aerarm_ros.pages.plots import plotting_script
+from aerarm_ros.pages.plots import plotly_figure, plotting_script
 
 _STEP = 0.02
 _COLOURS = ('#1f77b4', '#d9722e', '#2ca02c', '#9467bd', '#8c564b', '#e377c2', '#17becf')
@@ -57,21 +57,21 @@ class Preview:
 
     def _page(self) -> str:
         sections = [
-            ('Trajectory', self._trajectory(), 'One period with run-in and run-out. Dashed: what '
+            ('Trajectory', [self._trajectory()], 'One period with run-in and run-out. Dashed: what '
              'an excitation may use of the limits. Click a joint to hide it.'),
-            ('Workspace', self._workspace(), f'Path of {self._animation.tool_name} in the base '
-             'frame, and the share of each joint range that is covered.'),
-            ('Excitation of each parameter', self._deviations(), 'Expected standard deviation of '
+            ('Workspace', [self._path(), self._coverage()], 'Path of '
+             f'{self._animation.tool_name} in the base frame, and the share of each joint range '
+             'that is covered.'),
+            ('Excitation of each parameter', [self._deviations()], 'Expected standard deviation of '
              'the part of each parameter that can be identified, after one period at 1 kHz with '
              'white torque noise. Smaller is better; a parameter without a bar cannot be seen by '
              'any motion of this arm.'),
-            ('Animation', self._animation.figure(self._times, self._states.q),
+            ('Animation', [self._animation.figure(self._times, self._states.q)],
              'Collision shapes in the postures of the trajectory.'),
         ]  # fmt: skip
         body: list[str] = [*self._summary()]
-        for title, figure, text in sections:
-            drawn = figure.to_html(full_html=False, include_plotlyjs=False)
-            body.append(section(title, paragraph(text, 'note'), Html(drawn)))
+        for title, figures, text in sections:
+            body.append(section(title, paragraph(text, 'note'), *map(plotly_figure, figures)))
         return page('Excitation trajectory', plotting_script(), body, origin())
 
     def _summary(self) -> list[str]:
@@ -131,26 +131,27 @@ class Preview:
         figure.update_layout(height=900, margin={'t': 20})
         return figure
 
-    def _workspace(self) -> go.Figure:
+    def _path(self) -> go.Figure:
         path = self._animation.tool_path(self._states.q)
-        limits, names = self._setup.limits, list(self._setup.limits.joint_names)
-        figure = make_subplots(
-            rows=1, cols=2, column_widths=[0.62, 0.38], specs=[[{'type': 'scene'}, {'type': 'xy'}]]
-        )
+        figure = go.Figure()
         figure.add_scatter3d(
             x=path[:, 0], y=path[:, 1], z=path[:, 2], mode='lines', showlegend=False,
             line={'width': 4, 'color': self._times, 'colorscale': 'Viridis', 'showscale': True,
                   'colorbar': {'title': 't [s]', 'x': 0.0, 'xanchor': 'left', 'len': 0.7}},
-            row=1, col=1,
         )  # fmt: skip
-        position = self._states.q
+        figure.update_layout(scene=scene(), height=480, margin={'l': 0, 'r': 0, 't': 20, 'b': 0})
+        return figure
+
+    def _coverage(self) -> go.Figure:
+        limits, names = self._setup.limits, list(self._setup.limits.joint_names)
         span = np.minimum(limits.position_max - limits.position_min, 2.0 * np.pi)
-        covered = 100.0 * np.ptp(position, axis=0) / span
+        covered = 100.0 * np.ptp(self._states.q, axis=0) / span
+        figure = go.Figure()
         figure.add_bar(x=np.round(covered, 1), y=names, orientation='h', showlegend=False,
-                       marker_color='#5b8fb9', row=1, col=2)  # fmt: skip
+                       marker_color='#5b8fb9')  # fmt: skip
         figure.update_xaxes(title_text='covered share of the joint range [%]', range=[0, 100])
-        figure.update_yaxes(autorange='reversed', row=1, col=2)
-        figure.update_layout(scene=scene(), height=480, margin={'t': 20})
+        figure.update_yaxes(autorange='reversed', type='category')
+        figure.update_layout(height=90 + 30 * len(names), margin={'t': 10, 'b': 60})
         return figure
 
     def _deviations(self) -> go.Figure:

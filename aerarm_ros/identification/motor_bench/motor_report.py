@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.motor_bench.motor_resistance import BOARD
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
-from aerarm_ros.pages.html_text import bullets, page, paragraph, section, table
+from aerarm_ros.pages.html_text import Html, bullets, page, paragraph, section, table
 from aerarm_ros.pages.page_origin import origin
 from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 
@@ -54,7 +54,7 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
     parts = [
         paragraph('Friction (4.12)-(4.14) of each drive, with standard deviations.', 'lead'),
         bullets(warnings, 'warnings') if warnings else '',
-        section('Parameters', table(_HEADINGS, [_cells(result) for result in results])),
+        section('Parameters', table(_HEADINGS, map(_page_row, results))),
         paragraph(
             'b_eq and J_m at the motor, f at the joint. J_m in brackets is not told apart from '
             'what the joint carries; K_i in brackets is the stated one. R of a phase: by the '
@@ -84,6 +84,12 @@ def _cells(result: MotorResult) -> tuple[str, ...]:
         _with_std(constant) if constant else f'({result.torque_constant_stated:.4f})',
         resistance,
     )
+
+
+def _page_row(result: MotorResult) -> list[str]:
+    """Return cells of which numbers stay in one line."""
+    joint, motor, *numbers = _cells(result)
+    return [joint, motor, *map(Html, numbers)]
 
 
 def _with_std(value: tuple[float, float]) -> str:

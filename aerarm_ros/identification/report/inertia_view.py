@@ -20,7 +20,7 @@ _TRIANGLES = np.array(
         *((2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
     ]
 )
-_EYE = {'x': 2.4, 'y': 2.4, 'z': 0.8}  # far enough to see all of an upright arm
+_EYE = {'x': 2.9, 'y': 2.9, 'z': 1.0}  # far enough to see all of an upright arm
 _BEFORE, _AFTER, _ARM = '#d0672b', '#0b62c4', '#1c2430'
 
 

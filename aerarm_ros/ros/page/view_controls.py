@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 _STEP = 0.01  # [rad] of a slider
 _TARGET_SCALE = 0.25
+_LOOK_PERIOD = 1.0  # [s] between two looks for trajectories: a folder may hold many files
 
 
 class ViewControls:
@@ -50,6 +51,7 @@ class ViewControls:
         self._limits = limits
         self._posture: Array | None = None
         self._tool = np.zeros(3)
+        self._looked = -np.inf
         gui = server.gui
         with gui.add_folder('Control'):
             self._controller = gui.add_dropdown('controller', CONTROLLERS)
@@ -77,8 +79,18 @@ class ViewControls:
         )
         self._connect()
 
-    def show(self, posture: Array | None, tool: Array) -> None:
-        """Show what the programs say; posture (n,) [rad] and tool (3,) [m] in the base are now."""
+    def show(self, now: float, posture: Array | None, tool: Array) -> None:
+        """Show what the programs say.
+
+        Parameters
+        ----------
+        now
+            Monotonic time [s].
+        posture
+            (n,) [rad] where the arm is, or None.
+        tool
+            (3,) [m] where its tool is, in the base.
+        """
         if self._posture is None and posture is not None:
             self._posture = posture
             self._take_posture()
@@ -110,9 +122,11 @@ class ViewControls:
             button.label = stop if program.runs else start
             button.disabled = program.is_ending
             words.content = indented(escape(program.last_words()))
-        files = self._programs.trajectories()
-        if tuple(self._file.options) != files:
-            self._file.options = files
+        if now - self._looked >= _LOOK_PERIOD:
+            self._looked = now
+            files = self._programs.trajectories()
+            if tuple(self._file.options) != files:
+                self._file.options = files
 
     def _connect(self) -> None:
         programs = self._programs

@@ -59,9 +59,9 @@ class ViewScene:
         self._base = self._scene.add_frame('/arm', show_axes=False)
         self._base_pose = pin.SE3.Identity()
         self.tool: Array = np.zeros(3)
-        self._joints = [
-            self._scene.add_frame(f'/arm/{name}', show_axes=False) for name in robot.model.names
-        ]
+        # Each joint in the one before it: a turn is all that most of them have to be told.
+        self._paths = _paths(robot.model)
+        self._joints = [self._scene.add_frame(path, show_axes=False) for path in self._paths[1:]]
         for shape in _shapes(robot):
             self._add(shape)
         self._path: deque[Array] = deque(maxlen=_TRAIL_POINTS)
@@ -78,8 +78,10 @@ class ViewScene:
     def update(self, q: Array) -> None:
         """Move the links to joint angles q (n,) [rad]."""
         pin.forwardKinematics(self._model, self._data, q)
-        for handle, placement in zip(self._joints, self._data.oMi, strict=True):
-            handle.position, handle.wxyz = placement.translation, _wxyz(placement.rotation)
+        for handle, placement in zip(self._joints, list(self._data.liMi)[1:], strict=True):
+            if not np.array_equal(handle.position, placement.translation):
+                handle.position = placement.translation
+            handle.wxyz = _wxyz(placement.rotation)
         tool_in_base = pin.updateFramePlacement(self._model, self._data, self._tool)
         self.tool = tool_in_base.translation.copy()
         tool = self._base_pose.act(self.tool)
@@ -110,7 +112,7 @@ class ViewScene:
     def _add(self, shape: pin.GeometryObject) -> None:
         """Draw one shape, fixed to its joint."""
         solid, scene = shape.geometry, self._scene
-        name = f'/arm/{self._model.names[shape.parentJoint]}/{shape.name}'
+        name = f'{self._paths[shape.parentJoint]}/{shape.name}'
         placed: dict[str, Any] = {
             'wxyz': _wxyz(shape.placement.rotation),
             'position': shape.placement.translation,
@@ -126,6 +128,14 @@ class ViewScene:
             triangles = [list(solid.tri_indices(k)) for k in range(solid.num_tris)]
             vertices = np.array(solid.vertices()) * shape.meshScale
             scene.add_mesh_simple(name, vertices, np.array(triangles), side='double', **placed)
+
+
+def _paths(model: pin.Model) -> list[str]:
+    """Return where each joint is in the scene, by its place in the model; first the base."""
+    paths = ['/arm']
+    for name, parent in zip(list(model.names)[1:], list(model.parents)[1:], strict=True):
+        paths.append(f'{paths[parent]}/{name}')
+    return paths
 
 
 def _shapes(robot: Robot) -> list[pin.GeometryObject]:

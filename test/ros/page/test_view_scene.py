@@ -5,12 +5,14 @@ from contextlib import redirect_stdout
 from io import StringIO
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import viser
 
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.page.view_scene import ViewScene
 
 HANGING = np.array([0.0, np.pi / 2, 0.0, 0.0])
@@ -36,3 +38,16 @@ def test_the_tool_s_path_follows_the_drone(server: viser.ViserServer) -> None:
     expected = [before[0], -before[2], 1.0 + before[1]]
     np.testing.assert_allclose(scene._path[-1], expected, atol=1e-9)
     np.testing.assert_allclose(scene._base.position, [0.0, 0.0, 1.0])
+
+
+def test_every_joint_is_drawn_where_the_kinematics_have_it(server: viser.ViserServer) -> None:
+    robot = load_robot()
+    scene = ViewScene(server, robot, 'tool0')
+    for q in (HANGING, np.array([0.4, -0.7, 1.1, -0.3])):
+        scene.update(q)
+        placed = pin.SE3.Identity()
+        for handle, link in zip(scene._joints, robot.link_names, strict=True):
+            placed *= pin.SE3(pin.Quaternion(*handle.wxyz).matrix(), np.array(handle.position))
+            expected = Kinematics(robot, link).transform(q)
+            np.testing.assert_allclose(placed.homogeneous, expected, atol=1e-9)
+        assert [handle.name.count('/') for handle in scene._joints] == [2, 3, 4, 5]
