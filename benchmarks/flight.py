@@ -103,7 +103,7 @@ def main() -> int:
     parser.add_argument('--latency', type=float, default=0.0, help='of odometry and IMU [s]')
     parser.add_argument('--out', type=Path, help='folder for the page')
     options, _ = parser.parse_known_args()
-    arm = ArmModel.true()
+    arm, program = ArmModel.true(), FlightProgram()
     context = get_context('spawn')
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -123,7 +123,7 @@ def main() -> int:
             for number, name in enumerate(options.drones)
         }
         records = {name: flight.result() for name, flight in flights.items()}
-    results = FlightResults(FlightProgram(), records)
+        results = FlightResults(program, records, arm.law.get('urdf'))
     note = (
         f'Drones of 3 kg that carry an arm of 1.5 kg, the arm {options.model}; '
         f'sensors {1e3 * options.latency:g} ms late.'

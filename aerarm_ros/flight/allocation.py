@@ -3,13 +3,15 @@
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
+from aerarm_ros.flight.mass_properties import MassProperties
 
 Array = npt.NDArray[np.float64]
 
 # What a drone needs first: lift, and the moments that keep it upright.
 _FIRST = np.array([False, False, True, True, True, False])
-_HALVINGS = 6
+_HALVINGS = 10
+_TURN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1e3])  # [Nm] more than any rotors give
 
 
 class Allocation:
@@ -52,14 +54,26 @@ class Allocation:
         thrusts: Array = np.clip(first + share * rest, self._min, self._max)
         return thrusts
 
+    def turning_moment(self, body: MassProperties) -> float:
+        """Return the largest moment about the vertical that a body that hovers gets [Nm]."""
+        weight = body.mass * GRAVITY
+        force = np.array([0.0, 0.0, weight])
+        hover = np.concatenate([force, np.cross(body.centre, force)])
+        most = [abs(self.matrix[5] @ self.thrusts(hover + turn)) for turn in (-_TURN, _TURN)]
+        return float(min(most))
+
     def _first(self, lift: Array, tilt: Array) -> Array:
         """Return lift and tilting moment, as much as can be given of them."""
+        if (scale := self._scale(lift, tilt)) is not None:
+            return scale * lift + tilt
+        thrusts: Array = np.clip(lift, self._min, self._max)
+        share, step = 0.0, 0.5
         for _ in range(_HALVINGS):
-            scale = self._scale(lift, tilt)
-            if scale is not None:
-                return scale * lift + tilt
-            tilt = 0.5 * tilt
-        return np.clip(lift, self._min, self._max)
+            if (scale := self._scale(lift, (share + step) * tilt)) is not None:
+                share += step
+                thrusts = scale * lift + share * tilt
+            step *= 0.5
+        return thrusts
 
     def _scale(self, lift: Array, tilt: Array) -> float | None:
         """Return the factor nearest to 1 on the lift that leaves room for the moment."""

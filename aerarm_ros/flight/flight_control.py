@@ -1,5 +1,7 @@
 """Position and attitude of a drone with its arm, on SE(3)."""
 
+from typing import TypeVar
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,6 +16,7 @@ from aerarm_ros.flight.mass_properties import MassProperties
 from aerarm_ros.flight.rotor_estimate import RotorEstimate
 
 Array = npt.NDArray[np.float64]
+Value = TypeVar('Value', float, npt.NDArray[np.float64])
 
 _UP = np.array([0.0, 0.0, 1.0])
 _SIDEWAYS = np.array([1.0, 1.0, 0.0])
@@ -22,8 +25,10 @@ _SIDEWAYS = np.array([1.0, 1.0, 0.0])
 _CORRECTION = 4.0
 _CORRECTION_LEVER = 0.2
 # Rotors turn a drone about the vertical by little more than their drag: what they cannot do must
-# neither tilt it [rad] nor be remembered [m].
+# neither tilt it [rad] nor be remembered [m], and the heading takes a share of it at most, since
+# feedback that asks for more only switches from limit to limit.
 _YAW_STEP, _YAW_LEVER = 0.2, 0.01
+_YAW_SHARE = 0.25
 _YAW_MISSED = 0.01  # [rad/s^2]
 _LIFT_MIN = 0.2  # share of the weight
 _SINK = 0.97  # share of the weight that is lifted where the height is not known
@@ -36,12 +41,13 @@ class FlightControl:
     target: the body itself moves aside as it leans. With the wrench f, m of the joints' motion::
 
         F = m (g + a_d + Kp e + Kd de + Ki int e) - f - d
-        M = J (a_R + Kp e_R + Kd e_w + Ki int e_R) - m - d_R      about the centre of mass
+        M = J (a_R + Kp e_R + Kd e_w) + w x J w + Ki int e_R - m - d_R    about the centre of mass
 
     `e_R` is the attitude's error on SO(3) (Lee, Leok and McClamroch, CDC 2010). A drone with rotors
     in one plane turns its z axis along the force, and `e_w` and `a_R` follow from the rate at which
-    a planned force turns; a fully actuated one stays level. `d` is what a `Disturbance` estimates.
-    Where rotors cannot give the moment about the vertical, the heading gives way, and nothing else.
+    a planned force turns, by itself and with the heading; a fully actuated one stays level. `d` is
+    what a `Disturbance` estimates. Where rotors cannot give the moment about the vertical, the
+    heading gives way, and nothing else; it is held no more stiffly than they can turn the drone.
 
     Parameters
     ----------
@@ -69,8 +75,12 @@ class FlightControl:
         self._position_gains = _pid(
             gains.position_frequency, gains.position_damping, gains.position_integral
         )
+        stiffness = self._allocation.turning_moment(body) / (body.inertia[2, 2] * _YAW_STEP)
+        heading = min(gains.attitude_frequency, float(np.sqrt(_YAW_SHARE * stiffness)))
         self._attitude_gains = _pid(
-            gains.attitude_frequency, gains.attitude_damping, gains.attitude_integral
+            np.array([*[gains.attitude_frequency] * 2, heading]),
+            gains.attitude_damping,
+            gains.attitude_integral,
         )
         self._moment_max = _CORRECTION_LEVER * body.mass * GRAVITY
         self._yaw_max = _YAW_LEVER * body.mass * GRAVITY
@@ -104,7 +114,11 @@ class FlightControl:
         ahead = self._bounded(body.mass * feedback - level @ arm.wrench[:3], body.mass)
         if self._is_full:
             return self._thrusts(state, arm, ahead, _attitude(_UP, yaw), np.zeros((2, 3)), dt)
-        turning = _turning(now, -level @ arm.force_rate, -level @ arm.force_curvature)
+        # What is planned in axes of the body turns with its heading.
+        turn = _heading_rate(state)
+        rate = arm.force_rate + np.cross(turn, arm.wrench_now[:3])
+        passing = np.cross(turn, 2.0 * arm.force_rate + np.cross(turn, arm.wrench[:3]))
+        turning = _turning(now, -level @ rate, -level @ (arm.force_curvature + passing))
         return self._thrusts(state, arm, ahead, _attitude(now, yaw), turning, dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
@@ -135,7 +149,7 @@ class FlightControl:
         lever = state.rotation @ body.centre
         velocity = state.velocity + state.rotation @ np.cross(state.rate, body.centre)
         # With its heading turns where the centre belongs.
-        turn = float(state.rotation[2] @ state.rate) * _UP
+        turn = _heading_rate(state)
         moving = np.cross(turn, level @ body.centre)
         error = target.position + level @ body.centre - (state.position + lever)
         error = _limited(error, self._gains.speed_max * kd / kp)
@@ -166,11 +180,15 @@ class FlightControl:
         """Return the thrusts for a force in the world and a turn to an attitude."""
         kp, kd, ki = self._attitude_gains
         rotation, body = state.rotation, arm.body
+        inertia = body.inertia
         turn = rotation.T @ wanted - wanted.T @ rotation
         error = 0.5 * np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
         rate, spin = turning @ rotation  # in body axes
-        self._integrate(ki * dt * (body.inertia @ error))
-        moment = body.inertia @ (spin + kp * error + kd * (rate - state.rate))
+        # Axis by axis: an error of the heading that stays must not lean it by products of inertia.
+        self._integrate(ki * dt * np.diag(inertia) * error)
+        spin = spin - np.cross(state.rate, rate)
+        moment = inertia @ (spin + kp * error + kd * (rate - state.rate))
+        moment = moment + np.cross(state.rate, inertia @ state.rate)
         about_centre = arm.wrench[3:] - np.cross(body.centre, arm.wrench[:3])
         moment = moment + self._moment - about_centre - self._felt[3:]
         in_body = rotation.T @ force
@@ -178,10 +196,10 @@ class FlightControl:
             in_body = in_body * _UP
         wrench = np.concatenate([in_body, moment + np.cross(body.centre, in_body)])
         thrusts = self._allocation.thrusts(wrench)
-        missing = (self._allocation.matrix[5] @ thrusts - wrench[5]) / body.inertia[2, 2]
+        missing = (self._allocation.matrix[5] @ thrusts - wrench[5]) / inertia[2, 2]
         if abs(missing) > _YAW_MISSED:
             # It turns about the vertical otherwise than wanted, and shall not lean for that.
-            wrench[3:5] += missing * body.inertia[:2, 2]
+            wrench[3:5] += missing * inertia[:2, 2]
             thrusts = self._allocation.thrusts(wrench)
         self._rotors.command(thrusts)
         return thrusts
@@ -192,7 +210,12 @@ def _turned(angle: float) -> float:
     return float(np.arctan2(np.sin(angle), np.cos(angle)))
 
 
-def _pid(frequency: float, damping: float, integral: float) -> tuple[float, float, float]:
+def _heading_rate(state: FlightState) -> Array:
+    """Return the angular velocity (3,) about the vertical [rad/s]."""
+    return float(state.rotation[2] @ state.rate) * _UP
+
+
+def _pid(frequency: Value, damping: float, integral: float) -> tuple[Value, Value, Value]:
     """Return gains per mass or inertia: [1/s^2], [1/s], [1/s^3]."""
     kp = frequency**2
     return kp, 2.0 * damping * frequency, integral * frequency * kp

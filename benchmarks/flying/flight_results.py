@@ -1,10 +1,12 @@
 """The figures of a campaign of flights."""
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from flying.flight_program import FlightProgram
 from flying.flight_record import FlightFigures, FlightRecord
 from flying.flight_way import load_drone
+from flying.lean_limit import lean_limit
 
 COLUMNS = (
     'place RMS [mm]',
@@ -35,14 +37,20 @@ class FlightResults:
     program : FlightProgram
     records : mapping
         By drone and way: what was seen, or why nothing was.
+    leans : dict
+        By drone: `lean_limit`, of the arm with that URDF.
     figures : dict
         By drone, way and part; None where the drone was lost.
     """
 
     def __init__(
-        self, program: FlightProgram, records: Mapping[str, Mapping[str, FlightRecord | str]]
+        self,
+        program: FlightProgram,
+        records: Mapping[str, Mapping[str, FlightRecord | str]],
+        urdf: Path | None = None,
     ) -> None:
         self.program, self.records = program, records
+        self.leans = {name: lean_limit(load_drone(name), program, urdf) for name in records}
         self.figures: dict[tuple[str, str, str], FlightFigures | None] = {}
         for drone, flights in records.items():
             config = load_drone(drone)
@@ -72,11 +80,13 @@ class FlightResults:
             lines += [f'{drone}, {", ".join(row)}' for row in self.ratios(drone)]
         return '\n'.join(lines)
 
-    def ratios(self, drone: str) -> list[tuple[str, str, str]]:
-        """Return for each part how much better the best way is than the others."""
+    def ratios(self, drone: str) -> list[tuple[str, ...]]:
+        """Return for each part how much better the best way is than the others, and its limit."""
         rows = []
         for part in list(self.program.windows)[1:]:
             over = [self.ratio(drone, part, ways) for ways in ((BASELINE,), OBSERVERS)]
             shown = ['-' if value is None else f'{value:.1f}' for value in over]
-            rows.append((part, f'{shown[0]} times the integral', f'{shown[1]} times an observer'))
+            row = part, f'{shown[0]} times the integral', f'{shown[1]} times an observer'
+            lean = self.leans[drone].get(part)
+            rows.append(row if lean is None else (*row, f'the lean alone takes {lean:.1f} mm'))
         return rows

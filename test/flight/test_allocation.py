@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
-from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.flight.allocation import Allocation
+from aerarm_ros.flight.mass_properties import MassProperties
 
 DRONES = [
     load_drone_config(),
@@ -49,3 +51,29 @@ def test_lift_gives_way_to_the_moments_that_keep_it_upright(drone: DroneConfig) 
     made = drone.allocation @ Allocation(drone).thrusts(wanted)
     assert made[3] == pytest.approx(2.0, abs=1e-3)
     assert 0.3 * strongest < made[2] < 0.99 * strongest
+
+
+@names
+def test_as_much_is_given_of_the_moments_that_keep_it_upright_as_can_be(drone: DroneConfig) -> None:
+    """By more or less lift, if that helps: the same problem, solved as a linear program."""
+    low, high = drone.column('thrust_min'), drone.column('thrust_max')
+    allocation, hover = Allocation(drone), np.array([0.0, 0.0, HOVER, 0.0, 0.0, 0.0])
+    tilt = np.array([0.0, 0.0, 0.0, 12.0, 30.0, 0.0])
+    lift = allocation.thrusts(hover)
+    ways = np.column_stack([lift, 100.0 * (allocation.thrusts(hover + 0.01 * tilt) - lift)])
+    limits = np.concatenate([high, -low])
+    best = linprog([0.0, -1.0], np.vstack([ways, -ways]), limits, bounds=[(0, None), (0, 1)])
+    made = drone.allocation @ allocation.thrusts(hover + tilt)
+    np.testing.assert_allclose(made[3:5], best.x[1] * tilt[3:5], rtol=0.01)
+    assert 0.05 < best.x[1] < 0.9
+
+
+@names
+def test_the_largest_turning_moment_is_what_is_given(drone: DroneConfig) -> None:
+    body = MassProperties(HOVER / GRAVITY, np.array([0.02, 0.0, -0.1]), 0.1 * np.eye(3))
+    most = Allocation(drone).turning_moment(body)
+    for turn, is_given in ((0.99 * most, True), (1.5 * most, False)):
+        force = np.array([0.0, 0.0, HOVER])
+        wanted = np.concatenate([force, np.cross(body.centre, force) + [0.0, 0.0, turn]])
+        made = drone.allocation @ Allocation(drone).thrusts(wanted)
+        assert (abs(made[5] - turn) < 1e-6) == is_given
