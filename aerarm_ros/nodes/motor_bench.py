@@ -1,4 +1,4 @@
-"""Measures friction, rotor inertia, torque constant and resistance of the drives, thesis 4.4.
+"""Measures friction, inertia, torque constant, resistance and backlash of the drives, thesis 4.4.
 
 Usage: ros2 run aerarm_ros motor_bench --ros-args -p joints:="[joint4]" -p out:=DIRECTORY
 """
@@ -62,6 +62,9 @@ PARAMETERS = ParameterTable(
     Parameter('acceleration_share', _PLAN.acceleration_share, 'share of acceleration_max that '
               'ramps and acceleration runs reach', '', 0.01, 1.0),
     Parameter('runs', _PLAN.runs, 'acceleration runs of a joint, forth and back', '', 0, 100),
+    Parameter('swings', _PLAN.swings, 'sine waves of a joint about the posture, which tell its '
+              "gear's backlash; 0 for none", '', 0, 1000),
+    Parameter('amplitude', _PLAN.amplitude, 'of the swings', 'rad', 0.01, 3.0),
     Parameter('known_mass', 0.0, 'hung on the arm or lever to measure the torque constants; 0 for '
               'none', 'kg', 0.0, 100.0),
     Parameter('known_mass_position', [0.0, 0.0, 0.0], 'its centre in the frame of the last '
@@ -122,7 +125,13 @@ class MotorBenchNode:
             span=values.span,
             acceleration_share=values.acceleration_share,
             runs=values.runs,
+            swings=values.swings,
+            amplitude=values.amplitude,
         )
+        if values.swings and not values.mounted:
+            raise ExcitationError(
+                'swings tell the backlash by what a gear drives: a bare motor drives nothing'
+            )
         if len(values.posture) not in (0, len(names)):
             raise ExcitationError(
                 f'posture has {len(values.posture)} angles: give {len(names)} or none'

@@ -16,6 +16,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'arm_plant': ['ArmPlant', 'PlantError'],
+        'backlash_plant': ['BacklashPlant'],
         'base_profile': ['BaseProfile', 'BaseState'],
         'delayed_sensor': ['DelayedSensor'],
         'faulty_imu': ['FaultyImu', 'ImuErrors'],

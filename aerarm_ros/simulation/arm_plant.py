@@ -172,7 +172,7 @@ class ArmPlant:
         moments, axes = np.linalg.eigh(barycentric_inertia(pi))
         if np.linalg.det(axes) < 0.0:
             axes[:, 0] = -axes[:, 0]
-        model, body = self._model, self._model.jnt_bodyid[-1]
+        model, body = self._model, self._last_link()
         model.body_mass[body] = pi[0]
         model.body_ipos[body] = pi[1:4] / pi[0]
         model.body_inertia[body] = moments
@@ -204,6 +204,10 @@ class ArmPlant:
     def _engine_model(self, robot: Robot) -> Any:
         return _fixed_base_model(robot, self.parameters)
 
+    def _last_link(self) -> int:
+        """Return the engine's number of the last link."""
+        return int(self._model.jnt_bodyid[-1])
+
     def _set_gravity(self) -> None:
         """Let the engine's gravity be what nobody carries."""
         self._model.opt.gravity = (1.0 - self._support) * self._gravity
@@ -233,7 +237,7 @@ class ArmPlant:
 
 def _fixed_base_model(robot: Robot, parameters: PlantParameters) -> Any:
     try:
-        model = mujoco.MjModel.from_xml_string(_bare_urdf(robot, parameters))
+        model = mujoco.MjModel.from_xml_string(bare_urdf(robot, parameters))
     except ValueError as error:
         raise PlantError(f'the physics engine rejects the arm: {error}') from None
     names = [model.joint(index).name for index in range(model.njnt)]
@@ -255,7 +259,7 @@ def _fixed_base_model(robot: Robot, parameters: PlantParameters) -> Any:
     return model
 
 
-def _bare_urdf(robot: Robot, parameters: PlantParameters) -> str:
+def bare_urdf(robot: Robot, parameters: PlantParameters) -> str:
     """Return the URDF with kinematics as they are, the given inertia, and nothing else.
 
     Shapes go because there are no contacts, friction because the plant has its own, and the

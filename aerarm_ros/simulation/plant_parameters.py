@@ -64,6 +64,11 @@ class PlantParameters:
         (n,) the K_i that the configuration states [Nm/A].
     seed
         Seed of the deviations, None for an arm as drawn.
+    backlash
+        (n,) how far each link may turn while its rotor rests [rad]; None for gears without play,
+        and only `BacklashPlant` has any.
+    backlash_wear
+        Growth of it per energy that the gear passes on [rad/J].
     """
 
     joint_names: tuple[str, ...]
@@ -76,6 +81,8 @@ class PlantParameters:
     motor_torque_constant: Array
     motor_torque_constant_nominal: Array
     seed: int | None = None
+    backlash: Array | None = None
+    backlash_wear: float = 0.0
 
     @classmethod
     def nominal(cls, config: ArmConfig, robot: Robot) -> 'PlantParameters':
@@ -182,6 +189,7 @@ class PlantParameters:
             for joint, value in zip(self.joint_names, values, strict=True):
                 parameters[f'{prefix}_{joint}'] = float(value)
         ratio = self.motor_torque_constant_nominal / self.motor_torque_constant
+        play = {} if self.backlash is None else {'backlash': np.asarray(self.backlash).tolist()}
         return {
             'seed': self.seed,
             'joint_names': list(self.joint_names),
@@ -190,4 +198,5 @@ class PlantParameters:
             'load_friction': self.load_friction.tolist(),
             'motor_torque_constant': self.motor_torque_constant.tolist(),
             'measured_per_true_torque': ratio.tolist(),
+            **play,
         }

@@ -11,6 +11,8 @@ from aerarm_ros.excitation.planning.bench_measurement import split
 from aerarm_ros.excitation.planning.bench_motion import BenchMotion
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan
 from aerarm_ros.excitation.settings.motion_limits import MotionLimits
+from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
+from aerarm_ros.excitation.trajectory.transfer import transfer
 from aerarm_ros.identification.motor_bench.motor_run import MotorRun
 from aerarm_ros.identification.motor_bench.motor_supply import MotorSupply
 from aerarm_ros.simulation.plant_parameters import PlantParameters
@@ -38,8 +40,7 @@ def measure(
 ) -> tuple[list[MotorRun], MotorSupply]:
     """Return the runs of one joint, and what its motor took."""
     arm = EmulatedArm(config, robot, truth, np.array(posture))
-    limits = MotionLimits.of_arm(config)
-    motion = BenchMotion(plan, limits, arm.posture, np.array(posture), [joint])
+    motion = BenchMotion(plan, MotionLimits.of_arm(config), arm.posture, np.array(posture), [joint])
     fields = ('q', 'dq', 'tau', 'current', 'speed', 'power')
     rows = [
         (1e-9 * state.stamp_ns, state.path_time, *(getattr(state, f)[joint] for f in fields))
@@ -47,7 +48,34 @@ def measure(
     ]
     time, path_time, q, dq, tau, *motor = np.array(rows).T
     runs = [
-        MotorRun(measurement.speed, path_time[part], q[part], dq[part], tau[part])
+        MotorRun(
+            measurement.speed, path_time[part], q[part], dq[part], tau[part], measurement.swings
+        )
         for measurement, part in split(motion.measurements, path_time)
     ]
     return runs, MotorSupply(time, *motor)
+
+
+def swing(
+    config: ArmConfig,
+    robot: Robot,
+    truth: PlantParameters,
+    joint: int,
+    posture: Sequence[float],
+    plan: BenchPlan,
+) -> MotorRun:
+    """Return the swings of one joint alone, of a plan that has steps too."""
+    arm = EmulatedArm(config, robot, truth, np.array(posture))
+    motion = BenchMotion(plan, MotionLimits.of_arm(config), arm.posture, np.array(posture), [joint])
+    (index,) = [i for i, stage in enumerate(motion.sequence.stages) if 'swings' in stage.name]
+    stage, begin = motion.sequence.stages[index], motion.sequence.boundaries[index]
+    (measurement,) = [measurement for measurement in motion.measurements if measurement.swings]
+    way = transfer(arm.posture, stage.motion.evaluate(0.0).q, 0.5)
+    rows = [
+        (state.path_time, state.q[joint], state.dq[joint], state.tau[joint])
+        for state in arm.play(MotionSequence([Stage('transfer', way), stage]))
+    ]
+    time, *values = np.array(rows).T
+    time = time - way.duration + begin
+    part = (time >= measurement.start) & (time < measurement.end)
+    return MotorRun(None, time[part], *(value[part] for value in values), swings=True)

@@ -1,5 +1,7 @@
 """Runs of a drive whose parameters are known, without noise unless asked for."""
 
+from math import copysign, cos, sin, tanh
+
 import numpy as np
 
 from aerarm_ros.identification.motor_bench.motor_run import MotorRun
@@ -35,3 +37,33 @@ def acceleration(**options) -> MotorRun:
     w = np.pi
     q, dq, ddq = np.sin(w * time), w * np.cos(w * time), -(w**2) * np.sin(w * time)
     return MotorRun(None, time, q, dq, torque(q, dq, ddq, **options))
+
+
+def swings(
+    play: float, gravity: tuple[float, float] = (0.1, -0.02), seconds: float = 2.0
+) -> MotorRun:
+    """Return a motor that follows a sine stiffly, and a link between flanks that only push.
+
+    0.0095 kg m^2 and 0.1 Nm of dry friction are the motor's, 0.004 kg m^2 the link's.
+    """
+    rotor, links, step, rate, amplitude = 0.0095, 0.004, 2e-4, 11.0, 0.25
+    count = 2.0 * np.pi / 4096 / 27
+    random = np.random.default_rng(0)
+    q = x = 0.0
+    dq = dx = amplitude * rate
+    rows = []
+    for number in range(round(seconds / step)):
+        time = number * step
+        wanted = amplitude * sin(rate * time), amplitude * rate * cos(rate * time)
+        tau = 40.0 * (wanted[0] - q) + 2.0 * (wanted[1] - dq)
+        weight = gravity[0] * sin(x) + gravity[1] * cos(x)
+        side, deep = copysign(1.0, x - q), abs(x - q) - 0.5 * play
+        flank = -side * max(2e3 * deep + 3.0 * side * (dx - dq), 0.0) if deep > 0.0 else 0.0
+        dry = (0.1 + LOAD * abs(flank)) * tanh(dq / 1e-2)
+        if number % 5 == 0:
+            measured = tau + 0.012 * random.standard_normal()
+            rows.append((time, count * np.floor(q / count), dq, measured))
+        dq += step * (tau - VISCOUS * dq - dry - flank) / rotor
+        dx += step * (flank - weight) / links
+        q, x = q + step * dq, x + step * dx
+    return MotorRun(None, *np.array(rows).T, swings=True)

@@ -19,15 +19,18 @@ class BenchMeasurement:
     joint : int
         The one that moves.
     speed : float or None
-        Commanded velocity [rad/s], signed; None in an acceleration run.
+        Commanded velocity [rad/s], signed; None in an acceleration run and in swings.
     start, end : float
         Time along the motion [s].
+    swings : bool
+        Whether the joint swings about the posture, for the gear's play.
     """
 
     joint: int
     speed: float | None
     start: float
     end: float
+    swings: bool = False
 
 
 def split(

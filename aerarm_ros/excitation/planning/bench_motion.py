@@ -1,4 +1,4 @@
-"""The motion of a motor bench: velocity steps and acceleration runs, one joint at a time."""
+"""The motion of a motor bench: velocity steps, acceleration runs, swings, one joint at a time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from aerarm_ros.excitation.planning.bench_plan import BenchPlan
 from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.excitation.settings.motion_limits import MotionLimits
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
 from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
+from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
 from aerarm_ros.excitation.trajectory.steady_stroke import SteadyStroke
 from aerarm_ros.excitation.trajectory.transfer import transfer
 from aerarm_ros.motion.float_array import FloatArray
@@ -101,6 +103,8 @@ class BenchMotion:
                 self._run(joint, end, name)
         if plan.runs:
             self.measurements.append(BenchMeasurement(joint, None, begin, self._time))
+        if plan.swings:
+            self._swing(joint, name)
 
     def _stroke(self, joint: int, travel: float, speed: float, name: str) -> None:
         acceleration = self._plan.acceleration_share * float(self._limits.acceleration[joint])
@@ -129,6 +133,22 @@ class BenchMotion:
             minimum=0.1,
         )
         self._add(f'{name} acceleration', transfer(self._at, end, duration))
+
+    def _swing(self, joint: int, name: str) -> None:
+        plan, limits = self._plan, self._limits
+        fastest = plan.velocity_share * limits.velocity[joint] / plan.amplitude
+        hardest = plan.acceleration_share * limits.acceleration[joint] / plan.amplitude
+        frequency = float(min(fastest, np.sqrt(hardest))) / (2.0 * np.pi)
+        sine = np.zeros((len(self._posture), 1))
+        sine[joint] = plan.amplitude
+        wave = FourierTrajectory(frequency, self._posture, sine, np.zeros_like(sine))
+        swings = RampedExcitation(wave, plan.swings, wave.period)
+        self._move(swings.evaluate(0.0).q)
+        begin = self._time + swings.ramp_time
+        self.measurements.append(
+            BenchMeasurement(joint, None, begin, begin + swings.periodic_duration, swings=True)
+        )
+        self._add(f'{name} swings', swings)
 
     def _move(self, end: FloatArray) -> None:
         """Go to a posture without measuring."""

@@ -3,6 +3,7 @@
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
+from aerarm_ros.simulation.arm_plant import ArmPlant
 from aerarm_ros.simulation.base_profile import BaseProfile
 from aerarm_ros.simulation.flying_plant import FlyingPlant
 from aerarm_ros.simulation.moving_base_plant import MovingBasePlant
@@ -28,7 +29,7 @@ def mount_on_base(
     MovingBasePlant
         The transport's plant from now on, with the parameters of the one before.
     """
-    before = transport.plant
+    before = _without_play(transport)
     plant = MovingBasePlant(robot, before.parameters, before.position, profile)
     transport.plant = plant
     transport.carry()
@@ -56,8 +57,16 @@ def mount_on_drone(
     FlyingPlant
         The transport's plant from now on, with the arm's parameters of the one before.
     """
-    before = transport.plant
+    before = _without_play(transport)
     plant = FlyingPlant(robot, before.parameters, before.position, drone, rotor_timeout, gust)
     transport.plant = plant
     transport.carry()
+    return plant
+
+
+def _without_play(transport: EmulatedTransport) -> ArmPlant:
+    """Return the transport's plant, which must have no play: no base but a still one knows any."""
+    plant = transport.plant
+    if plant.parameters.backlash is not None:
+        raise ValueError('backlash is emulated on a base that stands still only: leave it out')
     return plant

@@ -12,6 +12,7 @@ from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
 from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant
+from aerarm_ros.simulation.backlash_plant import BacklashPlant
 from aerarm_ros.simulation.plant_parameters import PlantParameters, Spread
 
 # Stands in for the motor of a channel to which no joint is connected.
@@ -61,7 +62,8 @@ def make_emulated_transport(
         parameters = PlantParameters.nominal(config, robot)
         if seed is not None:
             parameters = parameters.perturbed(seed, spread)
-    plant = ArmPlant(robot, parameters, config.rest_position if position is None else position)
+    made = ArmPlant if parameters.backlash is None else BacklashPlant
+    plant = made(robot, parameters, config.rest_position if position is None else position)
     motors = [[_NO_MOTOR, _NO_MOTOR] for _ in config.boards]
     zeros = [[0.0, 0.0] for _ in config.boards]
     for i, joint in enumerate(config.joints):

@@ -9,6 +9,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        'motor_backlash': ['fit_backlash', 'is_told'],
         'motor_bench': ['Earlier', 'KnownMass', 'MotorBench'],
         'motor_files': ['bench_yaml', 'config_yaml', 'load_earlier'],
         'motor_friction': ['MotorFriction', 'fit_motor_friction'],

@@ -8,6 +8,8 @@ import numpy.typing as npt
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.motor_bench.loose_joints import loose_joints
+from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_told
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, fit_motor_friction
 from aerarm_ros.identification.motor_bench.motor_inertia import fit_inertia
 from aerarm_ros.identification.motor_bench.motor_resistance import find_resistance
@@ -22,6 +24,8 @@ Array = npt.NDArray[np.float64]
 
 _ROUNDS = 2  # steps give gravity to the runs, which give inertia to the steps
 _SAME_POSTURE = 0.02  # [rad]
+_LEAST_SPREAD = 0.05  # of the links' inertia, however sure the URDF is
+_ROTOR_SPREAD = 0.3  # relative standard deviation of a rotor's inertia in the configuration
 
 
 @dataclass(frozen=True)
@@ -120,7 +124,8 @@ class MotorBench:
         """
         drive = self._config.joints[joint]
         steps = [run for run in runs if run.speed is not None]
-        accelerations = [run for run in runs if run.speed is None]
+        accelerations = [run for run in runs if run.speed is None and not run.swings]
+        swings = [run for run in runs if run.swings]
         hanging = self._robot is not None or self._known is not None
         carried = self._carried_inertia(joint)
         inertia = (drive.reflected_inertia + carried[0], np.inf)
@@ -138,6 +143,7 @@ class MotorBench:
             carried_inertia=carried,
             torque_ratio=self._torque_ratio(joint, friction),
             resistance=find_resistance(supply, self._resistance_uncertainty) if supply else None,
+            backlash=self._backlash(joint, swings, friction, inertia if accelerations else None),
         )
         if result.inertia is not None and not result.rotor_inertia_known:
             self.warnings.append(
@@ -146,6 +152,48 @@ class MotorBench:
                 'it in a posture with less inertia about its axis, or as a bare motor'
             )
         return result
+
+    def _backlash(
+        self,
+        joint: int,
+        swings: Sequence[MotorRun],
+        friction: MotorFriction,
+        inertia: tuple[float, float] | None,
+    ) -> tuple[float, float] | None:
+        """Return what swings tell of the gear's play; None if that would be another joint's too."""
+        if not swings or self._robot is None:
+            return None
+        drive, posture = self._config.joints[joint], self._posture
+        dynamics = Dynamics(_carrying(self._robot, self._known) if self._known else self._robot)
+        amplitude = 0.5 * max(float(np.ptp(run.q)) for run in swings)
+        fastest = max(float(np.abs(run.dq).max()) for run in swings)
+        loose = loose_joints(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
+        if loose:
+            others = ', '.join(self._config.joint_names[other] for other in loose)
+            self.warnings.append(
+                f'{drive.name}: backlash not measured: {others} would rattle along, and its play '
+                'count as well: choose a posture in which gravity presses it, or in which it is '
+                'not moved'
+            )
+            return None
+        carried = self._carried_inertia(joint)
+        links = (carried[0], max(carried[1], _LEAST_SPREAD * carried[0]))
+        rotor = drive.reflected_inertia
+        found = fit_backlash(
+            swings,
+            friction,
+            links,
+            (rotor, _ROTOR_SPREAD * rotor),
+            None if inertia is None else inertia[0],
+            drive.name,
+        )
+        if not is_told(found):
+            self.warnings.append(
+                f'{drive.name}: backlash {1e3 * found[0]:.1f} ± {1e3 * found[1]:.1f} mrad is not '
+                'told from none: if that is too coarse, choose a posture in which its links are '
+                'heavy about its axis and gravity does not press them to one side'
+            )
+        return found
 
     def _check_known(self, known: KnownMass) -> None:
         if not known.mass > 0.0:

@@ -19,9 +19,9 @@ Array = npt.NDArray[np.float64]
 _HEADER = """\
 # Drives measured on the motor bench, thesis section 4.4. SI units, each number with its standard
 # deviation. b_eq [Nms/rad] and rotor_inertia [kg m^2]: motor side; coulomb [Nm] and viscous
-# [Nms/rad]: joint side. resistance [ohm]: of a phase, by the voltages that the board reports, or as
-# the board states it (resistance_from). gravity: a, b of g(q) = a sin q + b cos q [Nm], as measured
-# with the stated torque constant, at `posture` of the other joints.
+# [Nms/rad], backlash [rad]: joint side. resistance [ohm]: of a phase, by the voltages that the
+# board reports, or as the board states it (resistance_from). gravity: a, b of g(q) =
+# a sin q + b cos q [Nm], as measured with the stated torque constant, at `posture` of the others.
 """
 
 _CONFIG_HEADER = """\
@@ -66,7 +66,7 @@ def _entry(result: MotorResult) -> dict[str, Any]:
         'load_friction': _pair((friction.load, friction.std[2])),
         'gravity': [float(value) for value in friction.gravity],
     }
-    for name in ('rotor_inertia', 'torque_constant'):
+    for name in ('rotor_inertia', 'torque_constant', 'backlash'):
         value = getattr(result, name)
         if value is not None:
             entry[name] = _pair(value)

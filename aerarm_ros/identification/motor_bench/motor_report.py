@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.identification.motor_bench.motor_backlash import is_told
 from aerarm_ros.identification.motor_bench.motor_resistance import BOARD
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.pages.html_text import Html, bullets, page, paragraph, section, table
@@ -20,6 +21,7 @@ _HEADINGS = (
     'J_m [kg m²]',
     'K_i [Nm/A]',
     'R [Ω]',
+    'backlash [mrad]',
 )
 _ROW_HEIGHT = 300  # [px] of one drive's figure
 _GAP = 0.25  # of a row between two figures
@@ -58,7 +60,8 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
         paragraph(
             'b_eq and J_m at the motor, f at the joint. J_m in brackets is not told apart from '
             'what the joint carries; K_i in brackets is the stated one. R of a phase: by the '
-            'voltages that the boards report; in brackets as the boards state it.',
+            'voltages that the boards report; in brackets as the boards state it. Backlash at the '
+            'joint, from swings; in brackets if it is not told from none.',
             'note',
         ),
         section('Motor torque over motor speed', paragraph(how, 'note'), _figure(results)),
@@ -67,11 +70,14 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
 
 
 def _cells(result: MotorResult) -> tuple[str, ...]:
-    inertia, constant = result.rotor_inertia, result.torque_constant
     ohmic = result.resistance
     resistance = '-' if ohmic is None else _with_std((ohmic.ohm, ohmic.std))
     if ohmic is not None and ohmic.source == BOARD:
         resistance = f'({resistance})'
+    inertia, constant, play = result.rotor_inertia, result.torque_constant, result.backlash
+    backlash = '-' if play is None else _with_std((1e3 * play[0], 1e3 * play[1]))
+    if play is not None and not is_told(play):
+        backlash = f'({backlash})'
     shown = '-' if inertia is None else _with_std(inertia)
     if inertia is not None and not result.rotor_inertia_known:
         shown = f'({shown})'
@@ -83,6 +89,7 @@ def _cells(result: MotorResult) -> tuple[str, ...]:
         shown,
         _with_std(constant) if constant else f'({result.torque_constant_stated:.4f})',
         resistance,
+        backlash,
     )
 
 

@@ -33,6 +33,8 @@ class MotorResult:
         True over stated torque constant, and its standard deviation; None if not measured.
     resistance : MotorResistance or None
         Of the motor's phase; None if neither voltages nor the board tell it.
+    backlash : tuple of two floats, or None
+        Play of the gear at the joint, and its standard deviation [rad]; None if not measured.
     """
 
     joint: str
@@ -44,6 +46,7 @@ class MotorResult:
     carried_inertia: tuple[float, float] = (0.0, 0.0)
     torque_ratio: tuple[float, float] | None = None
     resistance: MotorResistance | None = None
+    backlash: tuple[float, float] | None = None
 
     @property
     def scale(self) -> float:

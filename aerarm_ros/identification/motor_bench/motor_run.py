@@ -17,11 +17,13 @@ class MotorRun:
     Attributes
     ----------
     speed : float or None
-        Commanded velocity, signed [rad/s]; None in an acceleration run.
+        Commanded velocity, signed [rad/s]; None in an acceleration run and in swings.
     time : (M,) ndarray
         Rising [s].
     q, dq, tau : (M,) ndarray
         [rad], [rad/s], and the torque of the measured current [Nm], at the joint.
+    swings : bool
+        Whether the joint swings about the posture, for the gear's play.
     """
 
     speed: float | None
@@ -29,6 +31,7 @@ class MotorRun:
     q: Array
     dq: Array
     tau: Array
+    swings: bool = False
 
     def blocks(self, length: float) -> MotorBlocks:
         """Return means over blocks of `length` [s]: noise is averaged, ripple of gears too."""

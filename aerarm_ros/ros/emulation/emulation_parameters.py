@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
@@ -41,6 +44,23 @@ EMULATION_PARAMETERS = (
         live=True,
     ),
     Parameter(
+        'backlash',
+        [],
+        'how far the links may turn while their rotors rest, one or one a joint; none if empty',
+        'rad',
+        1e-6,
+        0.5,
+        element=float,
+    ),
+    Parameter(
+        'backlash_wear',
+        0.0,
+        'growth of the backlash per energy that a gear passes on',
+        'rad/J',
+        0.0,
+        1.0,
+    ),
+    Parameter(
         'base_motion_profile',
         STILL,
         "what the arm's base does once the motors are ready; unless it is still, its IMU is "
@@ -61,12 +81,24 @@ PAYLOAD_RADIUS = 0.03
 
 
 def plant_parameters(
-    config: ArmConfig, robot: Robot, seed: int | None, payload: Sequence[float]
+    config: ArmConfig,
+    robot: Robot,
+    seed: int | None,
+    backlash: Sequence[float],
+    backlash_wear: float,
+    payload: Sequence[float],
 ) -> PlantParameters:
     """Return what the simulated arm is made of; raises ValueError for an impossible payload."""
     parameters = PlantParameters.nominal(config, robot)
     if seed is not None:
         parameters = parameters.perturbed(seed)
+    if len(backlash) not in (0, 1, config.n):
+        raise ValueError(
+            f'backlash {list(backlash)}: give one, or one for each of {config.n} joints'
+        )
+    if len(backlash):
+        play = np.broadcast_to(np.array(backlash, dtype=float), (config.n,))
+        parameters = replace(parameters, backlash=play, backlash_wear=backlash_wear)
     if not payload:
         return parameters
     if len(payload) != 4 or not payload[0] >= 0.0:

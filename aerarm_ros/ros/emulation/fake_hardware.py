@@ -86,7 +86,9 @@ class FakeHardware(HardwareBridge):
                 f'{", ".join(config.joint_names)}'
             )
         seed = None if values.seed < 0 else values.seed
-        self._made = partial(plant_parameters, config, robot, seed)
+        self._made = partial(
+            plant_parameters, config, robot, seed, values.backlash, values.backlash_wear
+        )
         self._boards = transport = make_emulated_transport(
             config,
             robot,

@@ -67,6 +67,7 @@ class BenchRecording:
                 q[rows, joint],
                 dq[rows, joint],
                 tau[rows, joint],
+                measurement.swings,
             )
             runs.setdefault(joint, []).append(run)
         return runs

@@ -55,6 +55,33 @@ def test_acceleration_runs_use_their_share_of_the_limits() -> None:
     assert max(velocity / 0.6, acceleration / 0.5) == pytest.approx(1.0, rel=1e-3)
 
 
+def test_swings_are_sine_waves_about_the_posture() -> None:
+    plan = BenchPlan(swings=3)
+    bench = motion(plan, [3])
+    (swings,) = [m for m in bench.measurements if m.swings]
+    states = bench.sequence.evaluate(np.arange(swings.start, swings.end, 1e-3))
+    q, dq, ddq = (values[:, 3] for values in states)
+    assert [q.max(), -q.min()] == pytest.approx([plan.amplitude] * 2, rel=1e-4)
+    # A whole number of equal waves.
+    q, ddq = q - q.mean(), ddq - ddq.mean()
+    np.testing.assert_allclose(ddq, q * (ddq @ q) / (q @ q), atol=1e-2)
+    assert np.sum((q[:-1] < 0.0) & (q[1:] >= 0.0)) in (2, 3)
+    reached = np.abs(dq).max() / LIMITS.velocity[3], np.abs(ddq).max() / LIMITS.acceleration[3]
+    assert max(reached[0] / 0.6, reached[1] / 0.5) == pytest.approx(1.0, rel=1e-2)
+    bench.require_feasible(FeasibilityChecker(LIMITS))
+
+
+@pytest.mark.parametrize(
+    ('joint', 'posture'), [(0, [0.0, 0.3, 0.0, 0.0]), (2, [0.0, 0.97, 0.7, -1.4])]
+)
+def test_the_postures_that_tell_backlash_can_be_played(
+    setup: ExcitationSetup, joint: int, posture: list
+) -> None:
+    plan = BenchPlan(speeds=(0.4, 0.8), span=0.8, swings=1)
+    bench = BenchMotion(plan, setup.limits, REST, np.array(posture), [joint])
+    bench.require_feasible(bench_checker(setup, mounted=True))
+
+
 @pytest.mark.parametrize(
     ('plan', 'message'),
     [
@@ -64,6 +91,7 @@ def test_acceleration_runs_use_their_share_of_the_limits() -> None:
         ({'span': 6.0}, 'joint1 has 5.93 rad about 0 rad'),
         ({'speeds': (0.5, 6.0)}, 'joint1 may turn at 5 rad/s'),
         ({'speeds': (0.5, 4.0), 'span': 0.5}, 'choose a larger span'),
+        ({'swings': 1, 'amplitude': 0.9}, 'within half of the span'),
     ],
 )
 def test_plans_that_make_no_sense_are_refused(plan: dict, message: str) -> None:

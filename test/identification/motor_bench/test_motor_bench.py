@@ -8,12 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench_rig import measure, record
+from bench_rig import measure, record, swing
+from motor_data import steps, swings
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan
+from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_told
 from aerarm_ros.identification.motor_bench.motor_bench import Earlier, KnownMass, MotorBench
+from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction
 from aerarm_ros.identification.motor_bench.motor_resistance import VOLTAGE
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.identification.recording.identification_error import IdentificationError
@@ -24,6 +27,7 @@ PLAN = BenchPlan(speeds=(0.8, 2.0), span=1.4, runs=1)
 LOADED_PLAN = BenchPlan(speeds=(0.8, 1.6), span=1.6, runs=1)  # joint 2 takes longer to get fast
 GRAVITY_PLAN = BenchPlan(speeds=(0.8, 1.6), span=1.6, runs=0)
 QUICK_PLAN = BenchPlan(speeds=(1.0, 2.0), span=1.2, runs=0)
+WORN = 0.015  # [rad] of play in each gear
 WOUND = (0.13, 0.12, 0.5, 0.19)  # [ohm] of the motors that report voltages, not as configured
 
 
@@ -112,6 +116,39 @@ def test_a_bare_motor(config: ArmConfig, robot: Robot, truth: PlantParameters) -
     result = MotorBench(config, None, np.zeros(4)).evaluate(0, runs)
     check_drive(result, bare, 0)
     np.testing.assert_array_equal(result.friction.gravity, 0.0)
+
+
+def test_what_swings_tell_of_a_worn_gear(
+    config: ArmConfig, robot: Robot, truth: PlantParameters
+) -> None:
+    """Joint 2 is the whole arm's: the play of the others' gears does not matter."""
+    worn = replace(truth, backlash=np.full(4, WORN))
+    run = swing(config, robot, worn, 1, config.rest_position, BenchPlan(swings=2))
+    of_links, of_rotor = 0.2398, config.joints[1].reflected_inertia  # as drawn
+    gravity = np.array([0.0, 5.08])  # as steps tell it of this arm
+    nothing = np.zeros(0)
+    friction = MotorFriction(0.0, 0.1, 0.02, gravity, np.zeros((5, 5)), nothing, nothing)
+    found = fit_backlash(
+        [run], friction, (of_links, 0.2 * of_links), (of_rotor, 0.3 * of_rotor), None, 'joint2'
+    )
+    assert found[0] == pytest.approx(WORN, rel=0.1)
+    assert is_told(found)
+
+
+def test_swings_that_tell_no_play_are_said_to(config: ArmConfig, robot: Robot) -> None:
+    """Other joints may rattle along, and gravity may press the links to one flank."""
+    runs = [*steps(), swings(0.02)]
+    upright = MotorBench(config, robot, config.rest_position)
+    assert upright.evaluate(3, runs).backlash is None
+    (warning,) = upright.warnings
+    assert warning.startswith('joint4: backlash not measured: joint2 would rattle along')
+    leaning = MotorBench(config, robot, [0.0, 1.0, 0.0, -0.5708])
+    found = leaning.evaluate(3, runs).backlash
+    assert found is not None
+    assert not is_told(found)
+    (warning,) = leaning.warnings
+    assert 'is not told from none' in warning
+    assert MotorBench(config, None, np.zeros(4)).evaluate(3, runs).backlash is None
 
 
 def test_torque_constant_from_a_known_mass(

@@ -1,0 +1,181 @@
+"""Play of a gear, from swings in which the link flies from flank to flank."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction
+from aerarm_ros.identification.motor_bench.motor_run import MotorRun
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+
+Array = npt.NDArray[np.float64]
+
+LARGEST = 0.1  # [rad] of play that is looked for
+_RATE = 1000.0  # [Hz] of the uniform grid
+_CUTOFF = 25.0  # [Hz] of torques: what an impact makes of them is not modelled
+_SMOOTH = 50.0  # [Hz] of the motor's velocity, whose counts would kick the link
+_ORDER = 3
+_EDGE = 0.1  # [s] at both ends, where the filter knows one side only
+_STICKING = 0.1  # of the top speed [-]: slower, friction is anything
+_SHORTEST = 0.5  # [s]
+_PLAYS, _SCALES, _ROUNDS = 41, 9, 3
+_WIDTH = 4.0  # [standard deviations] to either side that the next round looks at
+_SHARP = 2.0  # [grid steps] a standard deviation is no less
+_CLEAR = 3.0  # [standard deviations]
+_DIGITS = 6  # behind the point, of a play [rad]
+_SURE = 3e-4  # [rad] nor than this: what impacts and filters leave
+_INERTIA_SPREAD = 0.05  # relative standard deviation of the inertia that runs have told
+
+
+def fit_backlash(
+    runs: Sequence[MotorRun],
+    friction: MotorFriction,
+    links: tuple[float, float],
+    rotor: tuple[float, float],
+    inertia: float | None,
+    name: str,
+) -> tuple[float, float]:
+    """Return the play of a gear at the joint and its standard deviation [rad].
+
+    An encoder on the motor does not see the link. But it is felt: where the motor brakes and the
+    link does not, it leaves the flank that drove it, and until it meets the other one the motor
+    has to move its own inertia only. For a play, the motor's measured motion tells the link's:
+    with the motor while a flank pushes it, free with gravity in between. So it tells the torque
+    of the flanks, and of all plays those count whose torque is the measured one. Motor inertia,
+    viscous and dry friction are fitted along; the links' inertia is weighed over what it may be.
+
+    Parameters
+    ----------
+    runs : sequence of MotorRun
+        Swings of the joint.
+    friction : MotorFriction
+        Of its velocity steps: gravity, and the load's share.
+    links, rotor : tuple of two floats
+        Inertia of what the gear drives, and of the drive, at the joint, each with a standard
+        deviation [kg m^2].
+    inertia : float or None
+        Sum of both as acceleration runs have told it [kg m^2].
+    name : str
+        Of the joint, for errors.
+
+    Raises
+    ------
+    IdentificationError
+        If the swings are too short.
+    """
+    swings = [_Swing(run) for run in runs if run.time[-1] - run.time[0] >= _SHORTEST]
+    if not swings:
+        raise IdentificationError(f'{name}: its swings are shorter than {_SHORTEST} s')
+    plays = np.linspace(0.0, 1.0, _PLAYS) ** 2 * LARGEST
+    spread = 2.0 * links[1] / links[0]
+    scales = np.linspace(max(1.0 - spread, 0.2), 1.0 + spread, _SCALES)
+    mean = std = 0.0
+    for _ in range(_ROUNDS):
+        play, scale = (grid.ravel() for grid in np.meshgrid(plays, scales))
+        misfit = _misfit(swings, friction, play, scale * links[0], rotor, inertia)
+        misfit += ((scale - 1.0) * links[0] / links[1]) ** 2
+        weight = np.exp(-0.5 * (misfit - misfit.min())).reshape(len(scales), len(plays)).sum(axis=0)
+        weight *= np.gradient(plays)
+        mean = float(weight @ plays / weight.sum())
+        std = float(np.sqrt(weight @ (plays - mean) ** 2 / weight.sum()))
+        near = int(np.argmin(np.abs(plays - mean)))
+        std = max(std, _SHARP * float(np.gradient(plays)[near]), _SURE)
+        low, high = mean - _WIDTH * std, mean + _WIDTH * std
+        plays = np.linspace(max(low, 0.0), min(high, LARGEST), _PLAYS)
+    return round(mean, _DIGITS), std
+
+
+def is_told(found: tuple[float, float]) -> bool:
+    """Return whether a play and its standard deviation [rad] are told from none."""
+    return found[0] > _CLEAR * found[1]
+
+
+class _Swing:
+    """One stretch of swings: the motor's motion on a uniform grid, and torque, filtered."""
+
+    def __init__(self, run: MotorRun) -> None:
+        # Imported here: it takes longer than all the rest of this module.
+        from scipy.signal import butter, sosfiltfilt
+
+        time = np.arange(run.time[0], run.time[-1], 1.0 / _RATE)
+        sections = [butter(_ORDER, f, fs=_RATE, output='sos') for f in (_CUTOFF, _SMOOTH)]
+        self._sections = sections[0]
+        self.q = np.interp(time, run.time, run.q)
+        self.dq = np.gradient(sosfiltfilt(sections[1], self.q)) * _RATE
+        self.ddq = np.gradient(self.dq) * _RATE
+        self.tau = self.filtered(np.interp(time, run.time, run.tau))
+        self.way = self.filtered(np.sign(self.dq))
+        columns = (acceleration(self.filtered(self.q)), self.dq, self.way, np.ones(len(time)))
+        self.columns = np.column_stack(columns)
+        slow = np.abs(self.dq) < _STICKING * np.abs(self.dq).max()
+        edge = round(_EDGE * _RATE)
+        free = np.convolve(slow, np.ones(2 * round(0.5 * _RATE / _CUTOFF) + 1), 'same') == 0.0
+        free[:edge] = free[-edge:] = False
+        self.rows = np.flatnonzero(free)[:: round(0.5 * _RATE / _CUTOFF)]
+
+    def filtered(self, values: Array) -> Array:
+        """Return values (M, ...) filtered along the first axis, without delay."""
+        from scipy.signal import sosfiltfilt
+
+        return np.asarray(sosfiltfilt(self._sections, values, axis=0))
+
+    def link(self, play: Array, gravity: Array) -> Array:
+        """Return the link's angles (M, K) [rad] for K plays [rad], gravity (2, K) [rad/s^2]."""
+        half, side = 0.5 * play, np.zeros(len(play))
+        x, v = np.full(len(play), self.q[0]), np.full(len(play), self.dq[0])
+        way = np.empty((len(self.q), len(play)))
+        motion = zip(self.q.tolist(), self.dq.tolist(), self.ddq.tolist(), strict=True)
+        for row, (q, dq, ddq) in enumerate(motion):
+            pull = gravity[0] * np.sin(x) + gravity[1] * np.cos(x)
+            touches = side != 0.0
+            v = np.where(touches, dq, v - pull / _RATE)
+            x = np.where(touches, q + side * half, x + v / _RATE)
+            # A flank only pushes: where it had to pull, the link leaves it.
+            side = np.where((ddq + pull) * side > 0.0, 0.0, side)
+            ahead = x - q
+            met = ~touches & (np.abs(ahead) >= half)
+            side = np.where(met, np.sign(ahead), side)
+            x = np.where(met, q + side * half, x)
+            way[row] = x
+        return way
+
+
+def acceleration(position: Array) -> Array:
+    """Return second differences along the first axis [rad/s^2]."""
+    return np.asarray(np.gradient(np.gradient(position, axis=0), axis=0) * _RATE**2)
+
+
+def _misfit(
+    swings: Sequence[_Swing],
+    friction: MotorFriction,
+    play: Array,
+    links: Array,
+    rotor: tuple[float, float],
+    inertia: float | None,
+) -> Array:
+    """Return sums of squares (K,), in units of the noise that the best of K leaves."""
+    gravity = friction.gravity[:, np.newaxis] / links
+    columns, torque = [], []
+    for swing in swings:
+        way = swing.link(play, gravity)
+        weight = friction.gravity[0] * np.sin(way) + friction.gravity[1] * np.cos(way)
+        flank = links * acceleration(swing.filtered(way)) + swing.filtered(weight)
+        dry = friction.load * np.abs(flank) * swing.way[:, np.newaxis]
+        columns.append(swing.columns[swing.rows])
+        torque.append((swing.tau[:, np.newaxis] - flank - dry)[swing.rows])
+    rows, right = np.vstack(columns), np.vstack(torque)
+    noise = float(np.sqrt(_squares(rows, right).min() / max(len(rows) - 6, 1)))
+    known = [(rotor[1], np.full(len(links), rotor[0]))]
+    if inertia is not None:
+        known.append((_INERTIA_SPREAD * inertia, inertia - links))
+    for deviation, value in known:
+        rows = np.vstack([rows, [[noise / deviation, 0.0, 0.0, 0.0]]])
+        right = np.vstack([right, noise / deviation * value])
+    return np.asarray(_squares(rows, right) / noise**2)
+
+
+def _squares(rows: Array, right: Array) -> Array:
+    """Return what least squares leave of each column of the right side (K,)."""
+    q, _ = np.linalg.qr(rows)
+    return np.asarray(((right - q @ (q.T @ right)) ** 2).sum(axis=0))

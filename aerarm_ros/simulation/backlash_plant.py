@@ -1,0 +1,118 @@
+"""The simulated arm with gears that have play."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, Array, PlantError, bare_urdf
+from aerarm_ros.simulation.plant_parameters import PlantParameters
+
+# Flanks are hard: what they give way by under load is far less than the play.
+_FLANK_SOLREF = (4.0 * SUBSTEP, 1.0)
+_FLANK_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+_ROTOR_BODY = 1e-6  # [kg], [kg m^2]: its inertia is the armature
+
+
+class BacklashPlant(ArmPlant):
+    """An `ArmPlant` whose links may turn a little while the rotors rest, and the other way round.
+
+    Rotor and link of a joint move on their own, within `backlash` of each other; where they touch,
+    the gear transmits torque. Rotor inertia and all friction are on the rotors' side. Position and
+    velocity are those of the rotors, through the gears: what encoders on the motors measure.
+
+    Flanks wear by what they rub, as load times way (Archard: Contact and rubbing of flat surfaces,
+    1953): the play grows by `backlash_wear` with the energy that a gear passes on.
+
+    Parameters
+    ----------
+    robot, parameters, position
+        As for `ArmPlant`; the parameters have `backlash`.
+
+    Raises
+    ------
+    PlantError
+        If a backlash isn't positive, or the engine rejects the arm.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        parameters: PlantParameters,
+        position: ArrayLike | None = None,
+    ) -> None:
+        self._play = np.array(parameters.backlash, dtype=float)
+        if self._play.shape != (robot.n,) or not (self._play > 0.0).all():
+            raise PlantError(
+                f'backlash {self._play.tolist()} must be above 0 rad, one for each of '
+                f'{", ".join(robot.joint_names)}'
+            )
+        super().__init__(robot, parameters, position)
+        links = slice(0, self.n)
+        self._link_velocity = self._data.qvel[links]
+
+    @property
+    def backlash(self) -> Array:
+        """How far each link may turn while its rotor rests (n,) [rad], a copy."""
+        return self._play.copy()
+
+    @property
+    def link_position(self) -> Array:
+        """Angles of the links (n,) [rad], a copy."""
+        return np.array(self._data.qpos[: self.n])
+
+    def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
+        """Put rotors and links somewhere, in the middle of their play, at rest unless told."""
+        super().reset(position, velocity)
+        self._data.qpos[: self.n] = position
+        self._data.qvel[: self.n] = 0.0 if velocity is None else velocity
+        mujoco.mj_forward(self._model, self._data)
+        self._set_friction()
+
+    def step(self) -> None:
+        """Advance by one sub-step."""
+        super().step()
+        wear = self.parameters.backlash_wear
+        if wear:
+            self._play += SUBSTEP * wear * np.abs(self._load * self._link_velocity)
+            self._set_play(self._model)
+
+    def _engine_model(self, robot: Robot) -> Any:
+        fixed = super()._engine_model(robot)
+        spec = mujoco.MjSpec.from_string(bare_urdf(robot, self.parameters))
+        for name in robot.joint_names:
+            inertia = [_ROTOR_BODY] * 3
+            body = spec.worldbody.add_body(
+                name=f'rotor of {name}', mass=_ROTOR_BODY, inertia=inertia, explicitinertial=True
+            )
+            body.add_joint(name=f'rotor of {name}', type=mujoco.mjtJoint.mjJNT_HINGE)
+            tendon = spec.add_tendon(name=name, limited=True, range=[-1.0, 1.0])
+            tendon.wrap_joint(name, 1.0)
+            tendon.wrap_joint(f'rotor of {name}', -1.0)
+        model = spec.compile()
+        for option in ('timestep', 'integrator', 'solver', 'disableflags'):
+            setattr(model.opt, option, getattr(fixed.opt, option))
+        n = self.n
+        for array in ('armature', 'damping', 'solref', 'solimp'):
+            getattr(model, f'dof_{array}')[n:] = getattr(fixed, f'dof_{array}')
+        for array in ('solref', 'range'):
+            getattr(model, f'jnt_{array}')[:n] = getattr(fixed, f'jnt_{array}')
+        model.tendon_solref_lim[:] = _FLANK_SOLREF
+        model.tendon_solimp_lim[:] = _FLANK_SOLIMP
+        self._set_play(model)
+        return model
+
+    def _last_link(self) -> int:
+        return int(self._model.jnt_bodyid[self.n - 1])
+
+    def _set_play(self, model: Any) -> None:
+        model.tendon_range[:, 0] = -0.5 * self._play
+        model.tendon_range[:, 1] = 0.5 * self._play
+
+    def _set_friction(self) -> None:
+        """Let dry friction follow what the flanks press the links with."""
+        parameters = self.parameters
+        self._load[:] = self._data.qfrc_constraint[: self.n]
+        self._friction_limit[:] = parameters.coulomb + parameters.load_friction * np.abs(self._load)

@@ -1,0 +1,47 @@
+"""Play of a gear, from swings of a motor whose link flies within it."""
+
+import numpy as np
+import pytest
+from motor_data import swings
+
+from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_told
+from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction
+from aerarm_ros.identification.motor_bench.motor_run import MotorRun
+from aerarm_ros.identification.recording.identification_error import IdentificationError
+
+# As of `swings`.
+ROTOR, LINKS = 0.0095, 0.004
+VISCOUS, COULOMB, LOAD = 0.006, 0.1, 0.03
+GRAVITY = (0.1, -0.02)
+
+
+def found(run: MotorRun, gravity: tuple[float, float] = GRAVITY) -> tuple[float, float]:
+    """Return what is found by who takes the links for lighter and the rotor for heavier."""
+    nothing = np.zeros(0)
+    friction = MotorFriction(
+        VISCOUS, COULOMB, LOAD, np.array(gravity), np.zeros((5, 5)), nothing, nothing
+    )
+    links, rotor = 0.8 * LINKS, 1.2 * ROTOR
+    return fit_backlash([run], friction, (links, 0.2 * links), (rotor, 0.3 * rotor), None, 'joint')
+
+
+def test_it_is_found_within_a_tenth() -> None:
+    value, std = found(swings(0.02))
+    assert value == pytest.approx(0.02, rel=0.1)
+    assert abs(value - 0.02) < 3.0 * std < 0.008
+
+
+def test_a_gear_without_has_none() -> None:
+    value, std = found(swings(0.0))
+    assert not is_told((value, std))
+    assert value + 3.0 * std < 3e-3
+
+
+def test_a_link_that_gravity_presses_to_one_side_tells_nothing() -> None:
+    heavy = (0.1, 0.5)
+    assert not is_told(found(swings(0.02, heavy), heavy))
+
+
+def test_swings_that_are_too_short_are_refused() -> None:
+    with pytest.raises(IdentificationError, match='joint: its swings are shorter than 0.5 s'):
+        found(swings(0.02, seconds=0.4))

@@ -1,0 +1,33 @@
+"""What the simulated arm is made of, as the parameters of an emulated arm have it."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.hardware.emulation.emulated_base import mount_on_base
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.ros.emulation.emulation_parameters import plant_parameters
+from aerarm_ros.simulation.backlash_plant import BacklashPlant
+from aerarm_ros.simulation.base_profile import BASE_PROFILES
+
+CONFIG, ROBOT = load_arm_config(), load_robot()
+
+
+def test_gears_have_the_play_that_is_asked_for() -> None:
+    parameters = plant_parameters(CONFIG, ROBOT, 1, [0.02], 1e-3, [])
+    transport = make_emulated_transport(CONFIG, ROBOT, parameters=parameters)
+    assert isinstance(transport.plant, BacklashPlant)
+    np.testing.assert_array_equal(transport.plant.backlash, np.full(4, 0.02))
+    assert transport.plant.true_parameters()['backlash'] == [0.02] * 4
+    with pytest.raises(ValueError, match='on a base that stands still only'):
+        mount_on_base(transport, ROBOT, next(iter(BASE_PROFILES.values())))
+
+
+def test_none_are_asked_for_by_default() -> None:
+    assert plant_parameters(CONFIG, ROBOT, 1, [], 0.0, []).backlash is None
+
+
+def test_some_joints_alone_are_refused() -> None:
+    with pytest.raises(ValueError, match='give one, or one for each of 4 joints'):
+        plant_parameters(CONFIG, ROBOT, 1, [0.02, 0.01], 0.0, [])
