@@ -63,16 +63,16 @@ class FlightBench:
             pilot = {'drone_file': law['drone_file'], **dict(case.flight)}
             if case.is_told:
                 told = {'drone_file': law['drone_file'], 'lead': AHEAD, 'state_timeout': 10.0}
-                self._start(stack, 'base_reaction', {**told, **arm.law})
+                self.start(stack, 'base_reaction', {**told, **arm.law})
                 pilot.update({key: arm.law[key] for key in ('urdf',) if key in arm.law})
             # Else it knows the arm as drawn.
-            self._start(stack, 'flight_control', pilot)
+            self.start(stack, 'flight_control', pilot)
         else:
             law['config'] = world['config'] = _hanging(folder / 'arm.yaml')
         # Of a late IMU the controller does not know.
         deaf = () if case.hears_rotors else ('--ros-args', '-r', 'rotor_command:=unheard', '--')
-        self.law = self._start(stack, 'computed_torque', law, deaf)
-        self._start(stack, 'fake_hardware', world)
+        self.law = self.start(stack, 'computed_torque', law, deaf)
+        self.start(stack, 'fake_hardware', world)
         self.listener = FlightListener(node, rotors)
         stack.callback(self.listener.destroy)
         topic = topics.JOINT_TRAJECTORY
@@ -150,9 +150,10 @@ class FlightBench:
         self.client.call('enable')
         self.client.wait_for_mode(['running'], PATIENCE)
 
-    def _start(
+    def start(
         self, stack: ExitStack, name: str, values: dict, arguments: tuple[str, ...] = ()
     ) -> NodeProcess:
+        """Start a node."""
         log = self.folder / f'{name}.log'
         return stack.enter_context(NodeProcess(name, arguments, values, log=log))
 

@@ -9,6 +9,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        'bench_comparison': ['compare_benches'],
         'estimate_comparison': ['EstimateComparison', 'compare_estimates'],
         'estimate_file': ['estimate_yaml', 'payload_yaml'],
         'estimate_reader': ['read_estimate', 'read_gravity'],

@@ -66,16 +66,19 @@ class EstimateComparison:
         motions determine.
     unmatched : int
         Base parameters that only one of the two has.
+    drives : tuple of EstimateChange
+        What else the motor bench measures, as backlash.
     """
 
     friction: tuple[EstimateChange, ...]
     inertia: tuple[EstimateChange, ...]
     unmatched: int
+    drives: tuple[EstimateChange, ...] = ()
 
     @property
     def changes(self) -> tuple[EstimateChange, ...]:
         """All of them."""
-        return (*self.friction, *self.inertia)
+        return (*self.friction, *self.inertia, *self.drives)
 
 
 def compare_estimates(old: Path, new: Path) -> EstimateComparison:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.motor_bench.loose_joints import loose_joints
+from aerarm_ros.identification.motor_bench.joint_rattle import rattle_of_others
 from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_told
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, fit_motor_friction
 from aerarm_ros.identification.motor_bench.motor_inertia import fit_inertia
@@ -24,6 +24,7 @@ Array = npt.NDArray[np.float64]
 
 _ROUNDS = 2  # steps give gravity to the runs, which give inertia to the steps
 _SAME_POSTURE = 0.02  # [rad]
+_SHIFT = 3e-3  # [rad] of a link by other joints' play that is worth a word
 _LEAST_SPREAD = 0.05  # of the links' inertia, however sure the URDF is
 _ROTOR_SPREAD = 0.3  # relative standard deviation of a rotor's inertia in the configuration
 
@@ -160,26 +161,17 @@ class MotorBench:
         friction: MotorFriction,
         inertia: tuple[float, float] | None,
     ) -> tuple[float, float] | None:
-        """Return what swings tell of the gear's play; None if that would be another joint's too."""
+        """Return what swings tell of the gear's play; that of others makes it uncertain."""
         if not swings or self._robot is None:
             return None
         drive, posture = self._config.joints[joint], self._posture
         dynamics = Dynamics(_carrying(self._robot, self._known) if self._known else self._robot)
         amplitude = 0.5 * max(float(np.ptp(run.q)) for run in swings)
         fastest = max(float(np.abs(run.dq).max()) for run in swings)
-        loose = loose_joints(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
-        if loose:
-            others = ', '.join(self._config.joint_names[other] for other in loose)
-            self.warnings.append(
-                f'{drive.name}: backlash not measured: {others} would rattle along, and its play '
-                'count as well: choose a posture in which gravity presses it, or in which it is '
-                'not moved'
-            )
-            return None
         carried = self._carried_inertia(joint)
         links = (carried[0], max(carried[1], _LEAST_SPREAD * carried[0]))
         rotor = drive.reflected_inertia
-        found = fit_backlash(
+        play, std = fit_backlash(
             swings,
             friction,
             links,
@@ -187,6 +179,15 @@ class MotorBench:
             None if inertia is None else inertia[0],
             drive.name,
         )
+        shift = rattle_of_others(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
+        # As if anywhere between none and all of it were in what was found.
+        found = play, float(np.hypot(std, 0.5 * np.linalg.norm(shift)))
+        others = [self._config.joint_names[i] for i in np.flatnonzero(shift > _SHIFT)]
+        if others:
+            self.warnings.append(
+                f'{drive.name}: {", ".join(others)} may rattle along, and its play count as well: '
+                'choose a posture in which gravity presses it, or in which it is not moved'
+            )
         if not is_told(found):
             self.warnings.append(
                 f'{drive.name}: backlash {1e3 * found[0]:.1f} ± {1e3 * found[1]:.1f} mrad is not '

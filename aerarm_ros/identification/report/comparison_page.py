@@ -30,7 +30,11 @@ def comparison_page(comparison: EstimateComparison, old: str, new: str) -> str:
     lead = f'{len(clear)} of {len(comparison.changes)} differ by more than three of their '
     lead += f'standard deviations{": " if clear else ""}{", ".join(clear)}.'
     parts = [paragraph(lead, 'lead')]
-    for title, changes in (('Friction', comparison.friction), ('Inertia', comparison.inertia)):
+    for title, changes in (
+        ('Friction', comparison.friction),
+        ('Inertia', comparison.inertia),
+        ('Drives', comparison.drives),
+    ):
         if changes:
             identifier = title.lower()
             parts.append(section(title, _figure(changes, identifier), _table(changes, old, new)))

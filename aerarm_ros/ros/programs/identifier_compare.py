@@ -1,4 +1,4 @@
-"""Two results of the identifier compared."""
+"""Two results of the identifier, or of the motor bench, compared."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
+from aerarm_ros.identification.files.bench_comparison import compare_benches
 from aerarm_ros.identification.files.estimate_comparison import (
     EstimateComparison,
     compare_estimates,
@@ -14,7 +15,7 @@ from aerarm_ros.identification.files.result_directory import MARKER, ResultDirec
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.report.comparison_page import comparison_page
 
-_FILE, _PAGE = 'estimate.yaml', 'comparison.html'
+_FILE, _BENCH, _PAGE = 'estimate.yaml', 'motor_bench.yaml', 'comparison.html'
 
 
 class CompareRun:
@@ -47,7 +48,14 @@ class CompareRun:
         IdentificationError, ConfigError
             If a result can't be read, or nothing can be written.
         """
-        comparison = compare_estimates(*self._paths)
+        benches = [path.name == _BENCH for path in self._paths]
+        if any(benches) and not all(benches):
+            raise IdentificationError(
+                '--compare has a result of the motor bench and one of the identifier: give two of '
+                'one kind'
+            )
+        compare = compare_benches if all(benches) else compare_estimates
+        comparison = compare(*self._paths)
         lines = _lines(comparison)
         if self._out is not None:
             old, new = (path.resolve().parent.name for path in self._paths)
@@ -65,7 +73,9 @@ class CompareRun:
 
 
 def _estimate(path: Path) -> Path:
-    return path / _FILE if path.is_dir() else path
+    if not path.is_dir():
+        return path
+    return path / (_BENCH if (path / _BENCH).is_file() else _FILE)
 
 
 def _lines(comparison: EstimateComparison) -> list[str]:

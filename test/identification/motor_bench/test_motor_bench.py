@@ -139,9 +139,10 @@ def test_swings_that_tell_no_play_are_said_to(config: ArmConfig, robot: Robot) -
     """Other joints may rattle along, and gravity may press the links to one flank."""
     runs = [*steps(), swings(0.02)]
     upright = MotorBench(config, robot, config.rest_position)
-    assert upright.evaluate(3, runs).backlash is None
-    (warning,) = upright.warnings
-    assert warning.startswith('joint4: backlash not measured: joint2 would rattle along')
+    vague = upright.evaluate(3, runs).backlash
+    assert vague is not None
+    assert vague[1] > 0.02
+    assert upright.warnings[0].startswith('joint4: joint2 may rattle along')
     leaning = MotorBench(config, robot, [0.0, 1.0, 0.0, -0.5708])
     found = leaning.evaluate(3, runs).backlash
     assert found is not None

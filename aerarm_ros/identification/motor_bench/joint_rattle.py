@@ -1,4 +1,4 @@
-"""Which joints' play would pass for that of another joint."""
+"""How far other joints' play shifts the link of a joint that swings."""
 
 import numpy as np
 import numpy.typing as npt
@@ -8,13 +8,12 @@ from aerarm_ros.model.dynamics import Dynamics
 Array = npt.NDArray[np.float64]
 
 _PLAY = 0.05  # [rad] that a joint has at most
-_SHIFT = 3e-3  # [rad] that another joint's play may shift the link that is watched
 
 
-def loose_joints(
+def rattle_of_others(
     dynamics: Dynamics, posture: Array, joint: int, amplitude: float, acceleration: float
-) -> list[int]:
-    """Return the joints that rattle when one swings, so that its link moves with them.
+) -> Array:
+    """Return how far each joint's play shifts the link of one that swings, at most (n,) [rad].
 
     Links push each other: what a joint accelerates asks for torque of the others, by the inertia
     that couples them. One that gravity presses harder than that onto a flank stays there. One that
@@ -37,4 +36,4 @@ def loose_joints(
     moves = np.minimum(_PLAY, amplitude * coupling / own)
     shift = np.where(gravity > coupling * acceleration, 0.0, moves * coupling / own[joint])
     shift[joint] = 0.0
-    return [int(other) for other in np.flatnonzero(shift > _SHIFT)]
+    return np.asarray(shift)

@@ -1,0 +1,173 @@
+"""What is picked up under a drone that flies, weighed and handed over by the nodes themselves.
+
+`fake_hardware`, `computed_torque`, `payload_estimator` and `flight_control` run as processes, in
+lockstep, so that the figures do not depend on the host. The arm swings fast while the drone hovers;
+after some seconds it picks 0.2 kg up, carries it for 11 s and puts it down. What `payload` says is
+compared with what was picked up, and the arm's error with that before, once with the payload handed
+over to the controller and once without. `--noise` is the IMU's.
+"""
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from flight import open_ros
+from flying.arm_model import ArmModel
+from flying.arm_swing import ArmSwing
+from flying.flight_bench import LEAD, FlightBench
+from flying.flight_case import FlightCase
+from flying.flight_record import LOST
+from flying.flight_way import WAYS, load_drone
+from geometry_msgs.msg import InertiaStamped
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
+
+LOAD = [0.2, 0.1, 0.01, -0.02]  # [kg], and its place in the last joint's frame [m]
+BARE = [0.0, *LOAD[1:]]
+OBSERVER = 30.0  # [1/s] gain of the controller's
+PICK_UP, CARRIED, AFTER = 6.0, 11.0, 1.0  # [s]
+WAY, DRONE = 'integral', 'tilted_hexarotor'
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """One flight.
+
+    Attributes
+    ----------
+    pick_up, put_down : float
+        When the world was told [s].
+    told : (K, 5) ndarray
+        Time [s], mass [kg] and centre [m] of each message on `payload`.
+    errors : (M, 5) ndarray
+        Time [s], and the joints' errors [mrad].
+    """
+
+    pick_up: float
+    put_down: float
+    told: np.ndarray
+    errors: np.ndarray
+
+    def error(self, begin: float, end: float) -> float:
+        """Return the RMS error between two times [mrad]."""
+        inside = (self.errors[:, 0] > begin) & (self.errors[:, 0] < end)
+        return float(np.sqrt(np.mean(self.errors[inside, 1:] ** 2)))
+
+    def weighed(self, since: float) -> str:
+        """Return the errors of mass and centre some seconds after the pick-up."""
+        rows = self.told[self.told[:, 0] > self.pick_up + since]
+        if not len(rows) or rows[0, 1] < 1e-3:
+            return f'nothing found after {since:g} s'
+        mass, centre = rows[0, 1], rows[0, 2:]
+        return (
+            f'mass off by {100.0 * abs(mass / LOAD[0] - 1.0):.1f} %, centre by '
+            f'{1e3 * np.linalg.norm(centre - LOAD[1:]):.1f} mm after {since:g} s'
+        )
+
+    def text(self) -> str:
+        """Return all figures."""
+        carrying = self.told[self.told[:, 1] > 1e-3]
+        found = carrying[:1, 0] - self.pick_up
+        gone = self.told[(self.told[:, 0] > self.put_down) & (self.told[:, 1] < 1e-3)][:1, 0]
+        bare = self.error(self.pick_up - 3.0, self.pick_up)
+        first, later = (
+            self.error(self.pick_up + begin, self.pick_up + end) for begin, end in ((0, 1), (2, 10))
+        )
+        lines = [
+            f'found after {_seconds(found)}, put-down after {_seconds(gone - self.put_down)}',
+            self.weighed(2.0),
+            self.weighed(10.0),
+            f'error {bare:.2f} mrad RMS before, {first:.2f} in the first second, {later:.2f} from '
+            f'2 to 10 s after the pick-up: {later / bare:.2f} of that before',
+        ]
+        return '\n'.join(f'  {line}' for line in lines)
+
+
+def _seconds(times: np.ndarray) -> str:
+    return f'{times[0]:.2f} s' if len(times) else 'nothing'
+
+
+def weigh(node: Node, arm: ArmModel, noise: Sequence[float], share: float) -> Weighing:
+    """Return what one flight told, with a share of the payload handed over."""
+    drone = load_drone(DRONE)
+    sensors = (('imu_noise', list(noise)),)
+    flight = tuple(WAYS[WAY].parameters(DRONE).items())
+    case = FlightCase(drone.mass, 'free', drone=drone, sensors=sensors, flight=flight)
+    law = arm.law | {'hand_over': share, 'observer_gain': OBSERVER}
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        bench = FlightBench(stack, node, Path(folder), case, replace(arm, law=law))
+        base = {'drone_file': Path(folder) / 'believed.yaml', 'base_motion': 'free'}
+        bench.start(stack, 'payload_estimator', arm.law | base)
+        told: list[tuple[float, ...]] = []
+
+        def note(message: InertiaStamped) -> None:
+            stamp, body = message.header.stamp, message.inertia
+            centre = body.com.x, body.com.y, body.com.z
+            told.append((stamp.sec + 1e-9 * stamp.nanosec, body.m, *centre))
+
+        topic = topics.PAYLOAD
+        subscription = node.create_subscription(topic.type, topic.name, note, topic.qos)
+        try:
+            return _fly(bench, told)
+        finally:
+            node.destroy_subscription(subscription)
+
+
+def _fly(bench: FlightBench, told: list[tuple[float, ...]]) -> Weighing:
+    """Swing the arm, pick up, carry and put down."""
+    begin = bench.wait_until_still() + LEAD
+    motion = ArmSwing('fast', PICK_UP + CARRIED + AFTER + 4.0)
+    names = load_arm_config().joint_names
+    bench.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
+    orders = [(PICK_UP, LOAD), (PICK_UP + CARRIED, BARE)]
+    when, rows, now = [], [], begin
+    while now < begin + PICK_UP + CARRIED + AFTER:
+        now, q = bench.listener.next()
+        rclpy.spin_once(bench.node, timeout_sec=0.0)
+        rows.append((now, *q))
+        if len(when) < len(orders) and now > begin + orders[len(when)][0]:
+            bench.tell_world('payload', orders[len(when)][1])
+            when.append(now)
+    if bench.listener.farthest > LOST:
+        raise ValueError('the drone was lost')
+    table = np.array(rows)
+    wanted = motion.evaluate(table[:, 0] - begin)[0]
+    errors = np.column_stack([table[:, 0], 1e3 * (table[:, 1:] - wanted)])
+    return Weighing(when[0], when[1], np.array(told), errors)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--model', choices=('identified', 'true'), default='true')
+    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument(
+        '--noise', type=float, nargs=2, default=(0.1, 0.003), help='of the IMU [m/s^2], [rad/s]'
+    )
+    parser.add_argument('--shares', type=float, nargs='*', default=(1.0, 0.0), help='handed over')
+    options = parser.parse_args()
+    node = open_ros(0)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            arm = ArmModel.true()
+            if options.model == 'identified':
+                arm = ArmModel.identified(node, Path(folder), options.arm_seed)
+            for share in options.shares:
+                weighing = weigh(node, arm, options.noise, share)
+                print(f'IMU noise {options.noise}, {100.0 * share:.0f} % handed over:', flush=True)
+                print(weighing.text(), flush=True)
+    finally:
+        rclpy.shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
