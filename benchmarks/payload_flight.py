@@ -88,6 +88,7 @@ class Weighing:
             self.weighed(10.0),
             f'error {bare:.2f} mrad RMS before, {first:.2f} in the first second, {later:.2f} from '
             f'2 to 10 s after the pick-up: {later / bare:.2f} of that before',
+            f'{len(self.told) / (self.errors[-1, 0] - self.errors[0, 0]):.0f} estimates a second',
         ]
         return '\n'.join(f'  {line}' for line in lines)
 

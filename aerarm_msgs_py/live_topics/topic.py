@@ -25,6 +25,13 @@ class Topic:
     type: Any
     qos: QoSProfile
 
+    def queued(self, depth: int) -> 'Topic':
+        """Return the topic for who wants every message, and may be late by so many."""
+        qos = QoSProfile(
+            depth=depth, reliability=self.qos.reliability, durability=self.qos.durability
+        )
+        return Topic(self.name, self.type, qos)
+
     @property
     def offered(self) -> QoSProfile:
         """Profile of the suite's publishers: that of its subscriptions, but always reliable.

@@ -49,6 +49,8 @@ class PayloadEstimatorNode(StateNode):
     """Joint states in, `PayloadEstimator`'s estimates out."""
 
     answers_every_state = False
+    # Each has the torque of its cycle: half a second may be caught up with.
+    states_waiting = 500
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)

@@ -73,6 +73,7 @@ class StateNode:
     """
 
     answers_every_state = True  # a derived node may have a rate of its own
+    states_waiting = 1  # at most; with more, none is left out, however late it is
 
     def __init__(self, name: str, parameters: ParameterTable) -> None:
         self.status = 0
@@ -95,7 +96,11 @@ class StateNode:
             self.answers_every_state,
         )
         self._stream = StateStream(
-            self.node, self.arm.config.joint_names, self.reject, self._rotor_names()
+            self.node,
+            self.arm.config.joint_names,
+            self.reject,
+            self._rotor_names(),
+            self.states_waiting,
         )
         self.diagnostics.watch(self._stream)
         self.connect()

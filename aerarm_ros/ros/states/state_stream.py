@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -14,6 +15,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_sample import JointSample
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state, in_order
+from aerarm_msgs_py.live_topics.identified_take import RawMessage
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_ros.control.base.imu_sample import ImuSample
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
@@ -41,6 +43,9 @@ class StateStream:
         Called with the reason why a message is not used.
     rotors
         Names of the rotors.
+    depth
+        How many states, and IMU samples, may wait. With more than 1, every state is given, the
+        oldest first, and each IMU sample with the first state that came after it.
     """
 
     def __init__(
@@ -49,13 +54,19 @@ class StateStream:
         names: Sequence[str],
         reject: Callable[[str], None],
         rotors: Sequence[str] = (),
+        depth: int = 1,
     ) -> None:
         self._names = tuple(names)
         self._cdr = JointStateCdr(self._names)
         self._reject = reject
         self._rotors = JointStateCdr(rotors) if rotors else None
         wanted = [topics.ROTOR_COMMAND] if rotors else []
-        self._reader = RawReader(node, topics.JOINT_STATES, topics.IMU, *wanted)
+        given = [topics.JOINT_STATES, topics.IMU]
+        self._gives_all = depth > 1
+        if self._gives_all:
+            given = [topic.queued(depth) for topic in given]
+        self._reader = RawReader(node, *given, *wanted)
+        self._early: deque[RawMessage] = deque(maxlen=depth)
         self._no_effort = np.full(len(self._names), np.nan)
         self._published_ns = self._received_ns = 0
         self.stamp_ns: int | None = None
@@ -75,8 +86,12 @@ class StateStream:
         return self._reader.wait(timeout)
 
     def newest_state(self) -> tuple[int, ArmState] | None:
-        """Return stamp [ns] and state of the newest message, None if there is none."""
-        message = self._reader.take_newest(_STATES)
+        """Return stamp [ns] and state of the newest message, None if there is none.
+
+        With a depth, of the oldest that waits.
+        """
+        take = self._reader.take if self._gives_all else self._reader.take_newest
+        message = take(_STATES)
         if message is None:
             return None
         payload, info = message
@@ -105,8 +120,14 @@ class StateStream:
         The lead is negative for one that came after it. Faulty ones are rejected.
         """
         samples: list[tuple[ImuSample, int]] = []
+        waiting = list(self._early)
+        self._early.clear()
         while (message := self._reader.take(_IMU)) is not None:
-            payload, info = message
+            waiting.append(message)
+        for payload, info in waiting:
+            if self._gives_all and info['received_timestamp'] > self._received_ns:
+                self._early.append((payload, info))
+                continue
             try:
                 sample = to_imu_sample(deserialize_message(payload, Imu))
             except RejectedInputError as error:

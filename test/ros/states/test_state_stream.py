@@ -1,0 +1,61 @@
+"""Who wants every state gets it, however late, with the IMU as it was by then."""
+
+import time
+
+import pytest
+from rclpy.node import Node
+from sensor_msgs.msg import Imu, JointState
+
+from aerarm_msgs_py import topics
+from aerarm_ros.ros.states.state_stream import StateStream
+
+PATIENCE = 60.0  # [s] of the host, which may be busy
+NAMES = ('a', 'b')
+STATES, BETWEEN = 40, 4  # an IMU sample after every fourth state
+
+
+def publish_all(node: Node, stream: StateStream) -> None:
+    """Publish states and IMU samples in turn, while nobody takes them."""
+    states = node.create_publisher(
+        topics.JOINT_STATES.type, topics.JOINT_STATES.name, topics.JOINT_STATES.offered
+    )
+    imu = node.create_publisher(topics.IMU.type, topics.IMU.name, topics.IMU.offered)
+    deadline = time.monotonic() + PATIENCE
+    while not (states.get_subscription_count() and imu.get_subscription_count()):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    for number in range(1, STATES + 1):
+        message = JointState(name=NAMES, position=[float(number), 0.0], velocity=[0.0, 0.0])
+        message.header.stamp.sec = number
+        states.publish(message)
+        time.sleep(1e-3)  # what is received at one instant has no order
+        if number % BETWEEN == 0:
+            sample = Imu()
+            sample.header.stamp.sec = number
+            imu.publish(sample)
+            time.sleep(1e-3)
+
+
+@pytest.mark.parametrize('depth', [1, 100])
+def test_none_is_left_out_if_they_may_wait(ros_node: Node, depth: int) -> None:
+    stream = StateStream(ros_node, NAMES, pytest.fail, depth=depth)
+    publish_all(ros_node, stream)
+    heard, felt = [], []
+    deadline = time.monotonic() + PATIENCE
+    while not heard or heard[-1] < STATES:
+        assert time.monotonic() < deadline
+        stream.wait(0.1)
+        newest = stream.newest_state()
+        samples = stream.imu_samples()
+        if newest is not None:
+            heard.append(round(newest[1].q[0]))
+            felt += [(round(sample.stamp), heard[-1], lead >= 0) for sample, lead in samples]
+    stream.destroy()
+    if depth == 1:
+        assert heard[-1] == STATES
+        assert len(heard) < STATES
+        return
+    assert heard == list(range(1, STATES + 1))
+    # Each with the first state after it; the last is still to come.
+    wanted = range(BETWEEN, STATES, BETWEEN)
+    assert felt == [(number, number + 1, True) for number in wanted]
