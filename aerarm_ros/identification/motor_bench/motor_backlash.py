@@ -25,7 +25,6 @@ _SHARP = 2.0  # [grid steps] a standard deviation is no less
 _CLEAR = 3.0  # [standard deviations]
 _DIGITS = 6  # behind the point, of a play [rad]
 _SURE = 3e-4  # [rad] nor than this: what impacts and filters leave
-_INERTIA_SPREAD = 0.05  # relative standard deviation of the inertia that runs have told
 
 
 def fit_backlash(
@@ -33,7 +32,6 @@ def fit_backlash(
     friction: MotorFriction,
     links: tuple[float, float],
     rotor: tuple[float, float],
-    inertia: float | None,
     name: str,
 ) -> tuple[float, float]:
     """Return the play of a gear at the joint and its standard deviation [rad].
@@ -54,8 +52,6 @@ def fit_backlash(
     links, rotor : tuple of two floats
         Inertia of what the gear drives, and of the drive, at the joint, each with a standard
         deviation [kg m^2].
-    inertia : float or None
-        Sum of both as acceleration runs have told it [kg m^2].
     name : str
         Of the joint, for errors.
 
@@ -73,7 +69,7 @@ def fit_backlash(
     mean = std = 0.0
     for _ in range(_ROUNDS):
         play, scale = (grid.ravel() for grid in np.meshgrid(plays, scales))
-        misfit = _misfit(swings, friction, play, scale * links[0], rotor, inertia)
+        misfit = _misfit(swings, friction, play, scale * links[0], rotor)
         misfit += ((scale - 1.0) * links[0] / links[1]) ** 2
         weight = np.exp(-0.5 * (misfit - misfit.min())).reshape(len(scales), len(plays)).sum(axis=0)
         weight *= np.gradient(plays)
@@ -152,26 +148,23 @@ def _misfit(
     play: Array,
     links: Array,
     rotor: tuple[float, float],
-    inertia: float | None,
 ) -> Array:
     """Return sums of squares (K,), in units of the noise that the best of K leaves."""
     gravity = friction.gravity[:, np.newaxis] / links
     columns, torque = [], []
     for swing in swings:
         way = swing.link(play, gravity)
-        weight = friction.gravity[0] * np.sin(way) + friction.gravity[1] * np.cos(way)
-        flank = links * acceleration(swing.filtered(way)) + swing.filtered(weight)
+        pull = friction.gravity[0] * np.sin(way) + friction.gravity[1] * np.cos(way)
+        flank = links * acceleration(swing.filtered(way)) + swing.filtered(pull)
         dry = friction.load * np.abs(flank) * swing.way[:, np.newaxis]
         columns.append(swing.columns[swing.rows])
         torque.append((swing.tau[:, np.newaxis] - flank - dry)[swing.rows])
     rows, right = np.vstack(columns), np.vstack(torque)
     noise = float(np.sqrt(_squares(rows, right).min() / max(len(rows) - 6, 1)))
-    known = [(rotor[1], np.full(len(links), rotor[0]))]
-    if inertia is not None:
-        known.append((_INERTIA_SPREAD * inertia, inertia - links))
-    for deviation, value in known:
-        rows = np.vstack([rows, [[noise / deviation, 0.0, 0.0, 0.0]]])
-        right = np.vstack([right, noise / deviation * value])
+    # What is known of the rotor, in the same unit.
+    weight = noise / rotor[1]
+    rows = np.vstack([rows, [[weight, 0.0, 0.0, 0.0]]])
+    right = np.vstack([right, np.full(len(links), weight * rotor[0])])
     return np.asarray(_squares(rows, right) / noise**2)
 
 

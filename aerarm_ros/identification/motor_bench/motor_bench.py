@@ -144,7 +144,7 @@ class MotorBench:
             carried_inertia=carried,
             torque_ratio=self._torque_ratio(joint, friction),
             resistance=find_resistance(supply, self._resistance_uncertainty) if supply else None,
-            backlash=self._backlash(joint, swings, friction, inertia if accelerations else None),
+            backlash=self._backlash(joint, swings, friction),
         )
         if result.inertia is not None and not result.rotor_inertia_known:
             self.warnings.append(
@@ -155,11 +155,7 @@ class MotorBench:
         return result
 
     def _backlash(
-        self,
-        joint: int,
-        swings: Sequence[MotorRun],
-        friction: MotorFriction,
-        inertia: tuple[float, float] | None,
+        self, joint: int, swings: Sequence[MotorRun], friction: MotorFriction
     ) -> tuple[float, float] | None:
         """Return what swings tell of the gear's play; that of others makes it uncertain."""
         if not swings or self._robot is None:
@@ -172,12 +168,7 @@ class MotorBench:
         links = (carried[0], max(carried[1], _LEAST_SPREAD * carried[0]))
         rotor = drive.reflected_inertia
         play, std = fit_backlash(
-            swings,
-            friction,
-            links,
-            (rotor, _ROTOR_SPREAD * rotor),
-            None if inertia is None else inertia[0],
-            drive.name,
+            swings, friction, links, (rotor, _ROTOR_SPREAD * rotor), drive.name
         )
         shift = rattle_of_others(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
         # As if anywhere between none and all of it were in what was found.

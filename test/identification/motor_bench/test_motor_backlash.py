@@ -22,7 +22,7 @@ def found(run: MotorRun, gravity: tuple[float, float] = GRAVITY) -> tuple[float,
         VISCOUS, COULOMB, LOAD, np.array(gravity), np.zeros((5, 5)), nothing, nothing
     )
     links, rotor = 0.8 * LINKS, 1.2 * ROTOR
-    return fit_backlash([run], friction, (links, 0.2 * links), (rotor, 0.3 * rotor), None, 'joint')
+    return fit_backlash([run], friction, (links, 0.2 * links), (rotor, 0.3 * rotor), 'joint')
 
 
 def test_it_is_found_within_a_tenth() -> None:

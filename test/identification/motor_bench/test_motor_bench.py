@@ -129,7 +129,7 @@ def test_what_swings_tell_of_a_worn_gear(
     nothing = np.zeros(0)
     friction = MotorFriction(0.0, 0.1, 0.02, gravity, np.zeros((5, 5)), nothing, nothing)
     found = fit_backlash(
-        [run], friction, (of_links, 0.2 * of_links), (of_rotor, 0.3 * of_rotor), None, 'joint2'
+        [run], friction, (of_links, 0.2 * of_links), (of_rotor, 0.3 * of_rotor), 'joint2'
     )
     assert found[0] == pytest.approx(WORN, rel=0.1)
     assert is_told(found)
