@@ -126,7 +126,7 @@ class MotorBench:
         drive = self._config.joints[joint]
         steps = [run for run in runs if run.speed is not None]
         accelerations = [run for run in runs if run.speed is None and not run.swings]
-        swings = [run for run in runs if run.swings]
+        swings = [run for run in runs if run.swings and len(run.time) > 1]
         hanging = self._robot is not None or self._known is not None
         carried = self._carried_inertia(joint)
         inertia = (drive.reflected_inertia + carried[0], np.inf)
