@@ -15,6 +15,7 @@ import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
+from dataclasses import dataclass
 from itertools import groupby
 from multiprocessing import get_context
 from pathlib import Path
@@ -24,7 +25,7 @@ from flying.arm_model import ArmModel
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
 from flying.flight_page import flight_page
-from flying.flight_program import FlightProgram
+from flying.flight_program import PARTS, FlightProgram
 from flying.flight_record import FlightRecord
 from flying.flight_results import FlightResults
 from flying.flight_way import DRONES, WAYS, load_drone, ways_of
@@ -33,6 +34,43 @@ from rclpy.node import Node
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 Records = dict[str, FlightRecord | str]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How all drones fly.
+
+    Attributes
+    ----------
+    parts : tuple of str
+        Of the program.
+    latency : float
+        Of odometry and IMU [s].
+    frequencies : tuple of float
+        Of position and attitude [rad/s], in place of those that were found; none to keep them.
+    """
+
+    parts: tuple[str, ...]
+    latency: float
+    frequencies: tuple[float, ...]
+
+    @property
+    def sensors(self) -> tuple[tuple[str, object], ...]:
+        """Parameters of the emulated sensors."""
+        late = self.latency
+        return (('imu_delay', late), ('odometry_delay', late)) if late else ()
+
+    @property
+    def ahead(self) -> float:
+        """How far ahead of time a drone is told of its arm [s]: by 0.09 of the plan at most."""
+        return min(0.06 + self.latency, 0.09)
+
+    @property
+    def gains(self) -> dict[str, object]:
+        """Parameters of the flight controller in place of those that were found."""
+        return dict(
+            zip(('position_frequency', 'attitude_frequency'), self.frequencies, strict=False)
+        )
 
 
 def open_ros(offset: int) -> Node:
@@ -51,42 +89,36 @@ def identify(folder: Path, seed: int) -> ArmModel:
         rclpy.shutdown()
 
 
-def fly(name: str, number: int, arm: ArmModel, ways: list[str], latency: float) -> Records:
+def fly(name: str, number: int, arm: ArmModel, ways: list[str], settings: Settings) -> Records:
     """Return what one drone did in some ways, or why it did not."""
-    node, program = open_ros(number), FlightProgram()
+    node = open_ros(number)
     found: Records = {}
     try:
         # What can be switched in flight flies with the same processes.
         for _, group in groupby(ways, key=lambda way: WAYS[way].gains):
-            fly_group(node, name, arm, list(group), latency, program, found)
+            fly_group(node, name, arm, list(group), settings, found)
     finally:
         rclpy.shutdown()
     return found
 
 
 def fly_group(
-    node: Node,
-    name: str,
-    arm: ArmModel,
-    ways: list[str],
-    latency: float,
-    program: FlightProgram,
-    found: Records,
+    node: Node, name: str, arm: ArmModel, ways: list[str], settings: Settings, found: Records
 ) -> None:
     """Fly ways that have the same gains; with other processes after a drone was lost."""
-    drone = load_drone(name)
-    late = (('imu_delay', latency), ('odometry_delay', latency)) if latency else ()
+    drone, program = load_drone(name), FlightProgram(parts=settings.parts)
     while ways:
-        flight = tuple(WAYS[ways[0]].parameters(name).items())
+        flight = {**WAYS[ways[0]].parameters(name), **settings.gains}
         case = FlightCase(
-            drone.mass, 'free', drone=drone, sensors=late, flight=flight, is_told=True
-        )
+            drone.mass, 'free', drone=drone, sensors=settings.sensors, is_told=True,
+            flight=tuple(flight.items()), ahead=settings.ahead,
+        )  # fmt: skip
         try:
             with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
                 bench = FlightBench(stack, node, Path(folder), case, arm)
                 is_lost = False
                 while ways and not is_lost:
-                    bench.switch(WAYS[ways[0]].switches)
+                    bench.switch(WAYS[ways[0]].later(settings.latency).switches)
                     record = found[ways[0]] = bench.fly(program)
                     is_lost = record.is_lost
                     print(f'{name}, {ways.pop(0)}: {"lost" if is_lost else "flown"}', flush=True)
@@ -100,10 +132,17 @@ def main() -> int:
     parser.add_argument('--ways', nargs='*', default=list(WAYS), choices=list(WAYS))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
     parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
+    parser.add_argument('--wrong', type=float, default=0.0, help='share by which every link is '
+                        'believed to be another [-]')  # fmt: skip
+    parser.add_argument('--wrong-seed', type=int, default=1, help='draws what is too large of it')
     parser.add_argument('--latency', type=float, default=0.0, help='of odometry and IMU [s]')
+    parser.add_argument('--frequencies', nargs=2, type=float, default=(), metavar='RAD_PER_S',
+                        help='of position and attitude, for all ways')  # fmt: skip
     parser.add_argument('--out', type=Path, help='folder for the page')
     options, _ = parser.parse_known_args()
-    arm, program = ArmModel.true(), FlightProgram()
+    settings = Settings(tuple(options.parts), options.latency, tuple(options.frequencies))
+    arm, program = ArmModel.true(), FlightProgram(parts=options.parts)
     context = get_context('spawn')
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -111,6 +150,8 @@ def main() -> int:
     ):
         if options.model == 'identified':
             arm = pool.submit(identify, Path(folder), options.arm_seed).result()
+        if options.wrong:
+            arm = arm.with_errors(options.wrong, options.wrong_seed, Path(folder))
         flights = {
             name: pool.submit(
                 fly,
@@ -118,14 +159,14 @@ def main() -> int:
                 number,
                 arm,
                 [way for way in options.ways if way in ways_of(name)],
-                options.latency,
+                settings,
             )
             for number, name in enumerate(options.drones)
         }
         records = {name: flight.result() for name, flight in flights.items()}
         results = FlightResults(program, records, arm.law.get('urdf'))
     note = (
-        f'Drones of 3 kg that carry an arm of 1.5 kg, the arm {options.model}; '
+        f'Drones of 3 kg that carry an arm of 1.5 kg, the arm {arm.name}; '
         f'sensors {1e3 * options.latency:g} ms late.'
     )
     print(f'{note}\n{results.text()}')

@@ -1,14 +1,17 @@
 """What a controller is told of the arm: its true parameters, or those identified from a bag."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from subprocess import TimeoutExpired
 
+import numpy as np
 import yaml
 from rclpy.node import Node
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.identification.files.identified_urdf import identified_urdf
+from aerarm_ros.model.inertia import barycentric_inertia, parameters_of_body
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 from aerarm_ros.simulation.plant_parameters import PlantParameters
@@ -59,6 +62,25 @@ class ArmModel:
             'load_friction': values['friction']['load'],
         }
         return cls('identified', seed, law)
+
+    def with_errors(self, share: float, seed: int, folder: Path) -> 'ArmModel':
+        """Return the same arm, of which every link is believed to be another by a share.
+
+        Mass, each coordinate of its centre, and inertia are too large or too small, as the seed
+        draws; the true arm does not change.
+        """
+        robot, draws = load_robot(self.law.get('urdf')), np.random.default_rng(seed)
+        believed = []
+        for link in robot.inertial_parameters:
+            wrong = 1.0 + share * draws.choice([-1.0, 1.0], 5)
+            mass, centre = wrong[0] * link[0], wrong[1:4] * link[1:4] / link[0]
+            inertia = wrong[4] * barycentric_inertia(link)
+            believed.append(parameters_of_body(mass, centre, inertia))
+        friction = robot.viscous, robot.coulomb, robot.load_friction
+        path = folder / 'wrong.urdf'
+        path.write_text(identified_urdf(robot, np.array(believed), *friction).text)
+        name = f'{self.name}, {100.0 * share:g} % wrong'
+        return replace(self, name=name, law={**self.law, 'urdf': path})
 
 
 def _record(node: Node, folder: Path, bag: Path, seed: int) -> None:

@@ -30,7 +30,6 @@ from aerarm_ros.ros.requests.parameter_request import set_parameter
 LEAD = 2.5  # [s]
 QUICK_LEAD = 1.5  # [s]
 SETTLING = 15.0  # [s] at most
-AHEAD = 0.06  # [s] that the drone is told of its arm ahead of time
 
 
 class FlightBench:
@@ -62,7 +61,7 @@ class FlightBench:
             law['drone_file'] = write_drone(wrong, folder / 'believed.yaml')
             pilot = {'drone_file': law['drone_file'], **dict(case.flight)}
             if case.is_told:
-                told = {'drone_file': law['drone_file'], 'lead': AHEAD, 'state_timeout': 10.0}
+                told = {'drone_file': law['drone_file'], 'lead': case.ahead, 'state_timeout': 10.0}
                 self.start(stack, 'base_reaction', {**told, **arm.law})
                 pilot.update({key: arm.law[key] for key in ('urdf',) if key in arm.law})
             # Else it knows the arm as drawn.
@@ -79,6 +78,8 @@ class FlightBench:
         self.publisher = node.create_publisher(topic.type, topic.name, topic.qos)
         self.client = ArmClient(node)
         self._world = AsyncParameterClient(node, 'fake_hardware')
+        # A late odometry comes once the world runs, which it does not before the arm is enabled.
+        self._is_late = 'odometry_delay' in dict(case.sensors)
         self._get_ready(is_flying=bool(case.mass))
 
     def move(self, motion: ArmSwing) -> tuple[np.ndarray, np.ndarray]:
@@ -106,7 +107,7 @@ class FlightBench:
         self.listener.forget()
         now = -np.inf
         # As it is told is when it acts, some milliseconds later.
-        payloads = list(zip(program.carrying, (PAYLOAD, []), strict=True))
+        payloads = list(zip(program.carrying, (PAYLOAD, []), strict=False))
         while now < begin + motion.duration and self.listener.farthest < LOST:
             now, _ = self.listener.next()
             if payloads and now > begin + payloads[0][0]:
@@ -119,7 +120,7 @@ class FlightBench:
         self._world.set_parameters([Parameter(name, kind, numbers)])
 
     def wait_until_still(self) -> float:
-        """Return the time [s] when the drone hovers still, or has had long enough for that."""
+        """Return the time [s] when the drone hovers still at its place, or has had long enough."""
         self.listener.forget()
         begin, _ = self.listener.next()
         now, looked = begin, begin
@@ -158,10 +159,12 @@ class FlightBench:
         return stack.enter_context(NodeProcess(name, arguments, values, log=log))
 
     def _wait_for_pilot(self) -> None:
-        """Wait until the flight controller answers, so that every run begins alike."""
+        """Wait until the flight controller is there, and answers if it can, as in every run."""
         reader = RawReader(self.node, topics.ROTOR_COMMAND)
         deadline = time.monotonic() + PATIENCE
-        while not (reader.wait(0.1) and reader.take_newest()):
+        while not (self._is_late and reader.publishers()):
+            if reader.wait(0.1) and reader.take_newest():
+                break
             if time.monotonic() > deadline:
                 raise TimeoutError('flight_control does not answer')
         reader.destroy()

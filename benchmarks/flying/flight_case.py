@@ -36,6 +36,8 @@ class FlightCase:
         Parameters of the flight controller.
     is_told : bool
         Whether the drone is told of its arm, to feed it forward.
+    ahead : float
+        How far ahead of time it is told [s].
     """
 
     mass: float
@@ -47,6 +49,7 @@ class FlightCase:
     drone: DroneConfig | None = None
     flight: tuple[tuple[str, object], ...] = field(default=(), hash=False)
     is_told: bool = False
+    ahead: float = 0.06
 
     def variants(self) -> list['FlightCase']:
         """Return the same with what may be wrong, one after the other and together."""

@@ -17,6 +17,7 @@ PATIENCE = 300.0  # [s] of the host, which may be busy
 
 
 _STILL = 5e-4  # [m]
+_NEAR = 2e-3  # [m] a drone that has sagged is still where it turns round, too
 _MANY = 125  # states in half a second
 
 
@@ -63,10 +64,13 @@ class FlightListener:
         self._commands: list[tuple[float, np.ndarray]] = []
 
     def is_still(self) -> bool:
-        """Return whether the drone has not moved for half a second."""
+        """Return whether the drone has not moved for half a second, at its place."""
+        if len(self._states) <= _MANY:
+            return False
         last = [state for state in self._states[-_MANY:] if state[0] > self._states[-1][0] - 0.5]
         places = np.array([place for _, place, _ in last])
-        return len(self._states) > _MANY and float(np.ptp(places, axis=0).max()) < _STILL
+        moved, away = float(np.ptp(places, axis=0).max()), float(np.linalg.norm(places[-1]))
+        return moved < _STILL and away < _NEAR
 
     def record(self) -> FlightRecord:
         """Return what was heard."""

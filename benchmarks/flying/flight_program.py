@@ -1,5 +1,6 @@
 """What the arm does in a flight, one part after the other."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from aerarm_ros.motion.polynomial_path import PolynomialPath
 
 RAMP = 1.0  # [s]
 STILL = 'no arm motion'
+PARTS = 'slow', 'reach', '0.2 kg picked up', 'excitation', 'fast'
 PAYLOAD = [0.2, 0.1, 0.0, 0.0]  # [kg], and its place in the last joint's frame [m]: at the tool
 _STRETCHED = HANGING - [0.0, np.pi / 2, 0.0, 0.0]
 _QUICK = 1.5  # [s] of a reach of 90 degrees
@@ -72,6 +74,8 @@ class FlightProgram:
     ----------
     swing : float
         How long slow and fast motion and excitation last at full swing [s].
+    parts : sequence of str
+        Of `PARTS`, those that are flown; what reaches out has to come back.
 
     Attributes
     ----------
@@ -80,17 +84,18 @@ class FlightProgram:
         All of them.
     """
 
-    def __init__(self, swing: float = 2.0) -> None:
+    def __init__(self, swing: float = 2.0, parts: Sequence[str] = PARTS) -> None:
         length = swing + 2.0 * RAMP
         file = TrajectoryFile.load(resource('config', 'designed_motion.yaml'))
         excitation = file.for_joints(load_arm_config().joint_names)
-        self.parts = [
+        all_parts = [
             _grown('slow', ArmSwing('slow', length, RAMP)),
             _reach(),
             _pick_up(),
             _grown('excitation', GrownMotion(excitation, length, RAMP)),
             _grown('fast', ArmSwing('fast', length, RAMP)),
         ]
+        self.parts = [part for part in all_parts if part.name in parts]
         self.motion = MotionSequence([Stage(part.name, part.motion) for part in self.parts])
 
     def without(self, *names: str) -> MotionSequence:
@@ -107,7 +112,7 @@ class FlightProgram:
         return found
 
     @property
-    def carrying(self) -> tuple[float, float]:
-        """From when to when the arm carries something [s]."""
-        part = next(part for part in self.parts if part.carries)
-        return self.windows[part.name]
+    def carrying(self) -> tuple[float, ...]:
+        """From when to when the arm carries something [s]; nothing if it never does."""
+        windows = [self.windows[part.name] for part in self.parts if part.carries]
+        return windows[0] if windows else ()

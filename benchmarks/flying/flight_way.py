@@ -1,6 +1,6 @@
 """The ways in which a drone may bear its arm's motion."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import yaml
@@ -10,7 +10,7 @@ from aerarm_ros.description.resources import resource
 
 DRONES = {'tilted_hexarotor': ('drones', 'tilted_hexarotor.yaml'), 'hexarotor': ('drone.yaml',)}
 GAINS = Path(__file__).with_name('gains.yaml')
-_LEAD = 0.028  # [s]
+_LEAD, _LEAD_MAX = 0.028, 0.07  # [s]
 _NO_PARAMETERS = 'integral', 'position RMS [mm]'
 
 
@@ -39,6 +39,10 @@ class FlightWay:
     def switches(self) -> dict[str, object]:
         """Parameters of `flight_control` that may be changed in flight."""
         return {'feed_posture': self.posture, 'feed_motion': self.motion, 'feed_lead': self.lead}
+
+    def later(self, latency: float) -> 'FlightWay':
+        """Return the same for sensors that are late [s], as far as the arm's plan goes."""
+        return replace(self, lead=min(self.lead + latency, _LEAD_MAX)) if self.lead else self
 
     def parameters(self, drone: str) -> dict[str, object]:
         """Return all parameters of `flight_control` but the drone."""

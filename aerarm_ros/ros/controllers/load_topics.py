@@ -31,7 +31,7 @@ LOAD_PARAMETERS = grouped(
     'What the drone may feed forward',
     Parameter('load_rate', 250.0, 'how often it is published', 'Hz', 1.0, 500.0),
     Parameter('lead', 0.0, 'how far ahead of the newest state it is, by planned_motion where that '
-              "comes: the rotors' lag and the delay of the link", 's', 0.0, 0.08, live=True),
+              "comes: the rotors' lag and the delay of the link", 's', 0.0, 0.09, live=True),
     Parameter('acceleration_at', MOUNT, "whose acceleration: that of the arm's base_link, or of "
               "the drone's centre of mass, in body axes", choices=(MOUNT, CENTRE)),
 )  # fmt: skip

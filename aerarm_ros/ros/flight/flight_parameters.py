@@ -73,8 +73,9 @@ FLIGHT_PARAMETERS = (
         Parameter('feed_posture', True, 'its mass, centre and inertia: arm_inertia', live=True),
         Parameter('feed_motion', True, "its joints' motion: base_wrench_motion", live=True),
         Parameter(
-            'feed_lead', 0.028, 'from a command until it acts: where the arm is told of ahead of '
-            "time (base_reaction's lead), that much of it is used", 's', 0.0, 0.06, live=True,
+            'feed_lead', 0.028, 'from a sample of the sensors until its answer acts: where the arm '
+            "is told of ahead of time (base_reaction's lead), that much of it is used", 's', 0.0,
+            0.08, live=True,
         ),
     ),
 )  # fmt: skip
