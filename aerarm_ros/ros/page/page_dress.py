@@ -14,11 +14,17 @@ _PHONE = '36em'
 _P = '.mantine-Paper-root:has(.arm-mode)'
 _C = 'div:has(> div > div > .arm-mode)'
 _M = 'div:has(> div > .arm-mode)'
-# On a phone the panel would lie over the arm's right half. Here mode and stop stay on top, below
-# them is what can be scrolled, and below that the arm.
+# Stop and mode stay on top, however far the panel is scrolled. On a phone the panel would lie over
+# the arm's right half: there it has the upper half of the screen, and the arm the lower one.
 _STYLE = f"""
 .arm-mode {{ font-size: 1.6em; font-weight: bold; }}
 {_M} + div button {{ height: 2.8em !important; font-weight: bold; }}
+.mantine-ScrollArea-content div:has(.arm-mode) {{ overflow: clip !important; }}
+{_C} {{ display: flex; flex-direction: column; }}
+{_M} {{ order: -1; position: sticky; top: 3.2em; z-index: 20;
+        background: var(--mantine-color-body); box-shadow: 0 -1em var(--mantine-color-body); }}
+{_M} + div {{ order: -2; position: sticky; top: 0; z-index: 21;
+              background: var(--mantine-color-body); }}
 @media (max-width: {_PHONE}) {{
   {_P} {{
     top: 0; left: 0; bottom: auto !important; width: 100% !important;
@@ -28,11 +34,6 @@ _STYLE = f"""
     width: 100% !important; max-height: none !important; height: auto !important;
     overflow: visible !important;
   }}
-  {_C} {{ display: flex; flex-direction: column; }}
-  {_M} {{ order: -1; position: sticky; top: 3.2em; z-index: 20;
-          background: var(--mantine-color-body); }}
-  {_M} + div {{ order: -2; position: sticky; top: 0; z-index: 20;
-                background: var(--mantine-color-body); }}
   #root > div > div:has(canvas) {{
     position: fixed !important; bottom: 0; height: 42dvh !important; width: 100%;
   }}
@@ -42,6 +43,9 @@ _SCRIPT = """
 setInterval(() => {
   const mode = document.querySelector('.arm-mode');
   if (mode && document.title !== mode.dataset.title) document.title = mode.dataset.title;
+  // A plot that got its data before its width has no numbers along its time axis.
+  for (const {chart} of Object.values(window.__viserTestpoints?.uplots ?? {}))
+    if (!chart.axes[0]._splits?.length) chart.redraw(false, true);
 }, 300);
 """
 _DRESS = f'<style>{_STYLE}</style><script>{_SCRIPT}</script></head>'.encode()

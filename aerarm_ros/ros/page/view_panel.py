@@ -140,4 +140,4 @@ class ViewPanel:
 
 def indented(html: str) -> str:
     """Return HTML with the margin that the page gives to everything else."""
-    return f'<div style="padding:0 0.8em">{html}</div>'
+    return f'<div style="padding:0 0.8em 0.3em">{html}</div>'

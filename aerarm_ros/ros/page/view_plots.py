@@ -18,28 +18,36 @@ Array = NDArray[np.float64]
 _STROKES = ('#e8590c', '#1971c2', '#2f9e44', '#9c36b5', '#e03131', '#0c8599', '#f08c00')
 _LIMIT = '#adb5bd'
 _WIDTH, _HEIGHT = 440, 190  # [pixels]
+_PADDING = (10, 24, 0, 0)  # [pixels] top, right, bottom, left: half a number at the top
+_TICKS: viser.uplot.Axis_Ticks = {'show': True, 'stroke': 'rgba(128, 128, 128, 0.3)'}
+_ACROSS = viser.uplot.Axis(size=64, ticks=_TICKS)  # [pixels] for a minus and three decimals
 
 
 @dataclass(frozen=True)
 class _Quantity:
-    """What a plot shows: rows of `ROWS`, or of `BASE_ROWS` if there is no value."""
+    """What a plot shows: rows of `ROWS`, or of `BASE_ROWS` if there is no value.
+
+    What is less than `small` about zero does not fill the plot: it would be noise, and numbers have
+    three decimals.
+    """
 
     title: str
     value: str = ''
     reference: str = ''
     limit: str = ''
     is_shown: bool = False
+    small: float = 0.0
 
 
 _QUANTITIES = (
     _Quantity('position [rad]', 'q', 'q_ref', 'position', True),
-    _Quantity('velocity [rad/s]', 'dq', 'dq_ref', 'velocity', True),
-    _Quantity('effort [Nm]', 'tau', 'tau_ref', 'effort', True),
-    _Quantity('tracking error [rad]', 'error'),
-    _Quantity('motor current [A]', 'current'),
-    _Quantity('electrical power [W]', 'power'),
+    _Quantity('velocity [rad/s]', 'dq', 'dq_ref', 'velocity', True, 0.01),
+    _Quantity('effort [Nm]', 'tau', 'tau_ref', 'effort', True, 0.05),
+    _Quantity('tracking error [rad]', 'error', small=4e-3),
+    _Quantity('motor current [A]', 'current', small=0.05),
+    _Quantity('electrical power [W]', 'power', small=0.5),
 )
-_BASE = (_Quantity('base position [m]'), _Quantity('base attitude [rad]'))
+_BASE = (_Quantity('base position [m]', small=0.05), _Quantity('base attitude [rad]', small=0.01))
 
 
 class ViewPlots:
@@ -135,9 +143,12 @@ class ViewPlots:
             (start, *([np.zeros(2)] * len(series))),
             (viser.uplot.Series(label='t [s]'), *series),
             title=quantity.title,
-            scales={'x': viser.uplot.Scale(time=False, range=(-self._duration, 0.0))},
+            scales={'x': viser.uplot.Scale(time=False, range=(-self._duration, 0.0))}
+            | _at_least(quantity.small),
+            axes=(viser.uplot.Axis(ticks=_TICKS), _ACROSS),
             legend=viser.uplot.Legend(show=not quantity.value),
             height=_HEIGHT,
+            padding=_PADDING,
             visible=quantity.is_shown,
         )
 
@@ -154,6 +165,15 @@ class ViewPlots:
         if quantity.limit:
             lines = [_line('limit', _LIMIT, (2, 4))] * (2 * len(colors)) + lines
         return lines
+
+
+def _at_least(small: float) -> dict[str, viser.uplot.Scale]:
+    """Return a vertical scale that goes as far as `small` to each side of zero, or farther."""
+    if not small:
+        return {}
+    sides = {'min': -small, 'max': small}
+    limits = {side: {'pad': 0.1, 'soft': soft, 'mode': 1} for side, soft in sides.items()}
+    return {'y': viser.uplot.Scale(range=limits)}
 
 
 def _color(k: int) -> str:

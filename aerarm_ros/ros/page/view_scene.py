@@ -17,6 +17,7 @@ from aerarm_ros.description.robot_shapes import load_shapes
 Array = NDArray[np.float64]
 
 _GRID_SIZE = 2.0  # [m]
+_CLOSE, _FAR = (1.0, 0.35), (1.5, 1.0)  # distance [1.2 m] and height [m] of the camera
 _TRAIL_COLOR = (30, 120, 230)
 _TRAIL_STEP = 2e-3  # [m] the tool's path gets a new point after this distance
 _TRAIL_WIDTH = 2.0  # pixels
@@ -55,7 +56,7 @@ class ViewScene:
             raise ValueError(f'the URDF has no frame {tool!r}: it has {known}')
         self._tool = robot.model.getFrameId(tool) if tool else robot.model.nframes - 1
         self._scene = server.scene
-        self._prepare(server, robot)
+        self._prepare(server, robot, self._usual_place(robot))
         self._base = self._scene.add_frame('/arm', show_axes=False)
         self._base_pose = pin.SE3.Identity()
         self.tool: Array = np.zeros(3)
@@ -100,14 +101,28 @@ class ViewScene:
         if len(points) > 1:
             self._trail.points = np.stack([points[:-1], points[1:]], axis=1)
 
-    def _prepare(self, server: viser.ViserServer, robot: Robot) -> None:
+    def _usual_place(self, robot: Robot) -> Array:
+        """Return where the tool is in the middle of the joints' ranges, (3,) [m]."""
+        low, high = robot.position_min, robot.position_max
+        known = np.isfinite(low) & np.isfinite(high)
+        middle = np.zeros(robot.n)
+        middle[known] = 0.5 * (low[known] + high[known])
+        pin.forwardKinematics(self._model, self._data, middle)
+        tool = pin.updateFramePlacement(self._model, self._data, self._tool)
+        return np.array(tool.translation)
+
+    def _prepare(self, server: viser.ViserServer, robot: Robot, tool: Array) -> None:
         gravity = np.array(robot.gravity_in_base)
         up = -gravity / np.linalg.norm(gravity) if np.any(gravity) else np.array([0.0, 0.0, 1.0])
         self._scene.set_up_direction(tuple(up))
         self._scene.add_grid('/grid', _GRID_SIZE, _GRID_SIZE, cell_size=0.1, section_size=0.5)
         self._scene.add_frame('/base', axes_length=0.12, axes_radius=0.003)
-        server.initial_camera.look_at = tuple(0.35 * up)
-        server.initial_camera.position = tuple(np.array([0.8, -0.9, 0.0]) + 0.7 * up)
+        # An arm that hangs has its drone above it.
+        distance, height = _CLOSE if tool @ up > 0.0 else _FAR
+        server.initial_camera.look_at = tuple(0.4 * tool)
+        server.initial_camera.position = tuple(
+            0.4 * tool + distance * np.array([0.8, -0.9, 0.0]) + height * up
+        )
 
     def _add(self, shape: pin.GeometryObject) -> None:
         """Draw one shape, fixed to its joint."""
