@@ -19,6 +19,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.flight.flight_estimator import FlightEstimator
 from aerarm_ros.flight.flight_path import FlightPath
@@ -154,6 +155,9 @@ class FlightControlNode:
             self._doing = 'odometry is missing: level by the IMU, sinking'
         else:
             self._note_silence()
+            return
+        if isinstance(self._law, BetaflightFlight) and self._law.problem:
+            self._doing = self._law.problem
             return
         self._answered_ns = stamp_ns
         self._answer = self._cdr.pack(stamp_ns, effort=self._thrust)

@@ -52,6 +52,7 @@ class FlightBench:
             'path_tolerance': 10.0,
             'observer_gain': 0.0,
             **arm.law,
+            **dict(case.law),
         }
         if case.mass:
             drone = case.drone or scaled_drone(case.mass)

@@ -38,6 +38,8 @@ class FlightCase:
         Whether the drone is told of its arm, to feed it forward.
     ahead : float
         How far ahead of time it is told [s].
+    law : tuple of pairs
+        Parameters of the arm's controller.
     """
 
     mass: float
@@ -50,6 +52,7 @@ class FlightCase:
     flight: tuple[tuple[str, object], ...] = field(default=(), hash=False)
     is_told: bool = False
     ahead: float = 0.06
+    law: tuple[tuple[str, object], ...] = field(default=(), hash=False)
 
     def variants(self) -> list['FlightCase']:
         """Return the same with what may be wrong, one after the other and together."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight
+from aerarm_ros.autopilot.betaflight_link import BetaflightLink
 from aerarm_ros.autopilot.px4_flight import Px4Flight
 from aerarm_ros.autopilot.px4_gains import Px4Gains
 from aerarm_ros.description.drone_config import DroneConfig
@@ -16,7 +18,7 @@ from aerarm_ros.flight.incremental_estimate import IncrementalEstimate
 from aerarm_ros.flight.mass_properties import MassProperties
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
-OWN, PX4 = 'own', 'px4'
+OWN, PX4, BETAFLIGHT = 'own', 'px4', 'betaflight'
 INTEGRAL, OBSERVER, INDI = 'integral', 'observer', 'indi'
 
 _GAINS = FlightGains()
@@ -57,7 +59,8 @@ FLIGHT_PARAMETERS = (
         "PX4's loops in their place",
         Parameter(
             'loops', OWN, "whose loops fly: this node's, or PX4's, to which the arm is told as the "
-            'acceleration of a set point alone', choices=(OWN, PX4),
+            "acceleration of a set point alone; or a Betaflight's that runs beside this node and "
+            'is led by its sticks', choices=(OWN, PX4, BETAFLIGHT),
         ),
         Parameter(
             'mpc_xy_p', Px4Gains.mpc_xy_p, 'horizontal velocity per position error; '
@@ -83,13 +86,14 @@ FLIGHT_PARAMETERS = (
 
 def flight_control(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
-) -> FlightControl | Px4Flight:
+) -> FlightControl | Px4Flight | BetaflightFlight:
     """Return the controller of a drone with its arm, of the values of `FLIGHT_PARAMETERS`.
 
     Raises
     ------
     ValueError
-        If PX4's loops are to fly a drone that pushes sideways, which they do not know.
+        If PX4's loops are to fly a drone that pushes sideways, which they do not know, or
+        Betaflight one that it has no mixer for; or if a port is taken.
     """
     if values.loops == PX4:
         if drone.is_fully_actuated:
@@ -98,6 +102,8 @@ def flight_control(
             drone, body, Px4Gains.scaled(values.mpc_xy_p, values.mc_att_p, values.mc_rate_k)
         )
     gains = {name: getattr(values, name) for name in vars(_GAINS)}
+    if values.loops == BETAFLIGHT:
+        return BetaflightFlight(drone, body, BetaflightLink(), FlightGains(**gains))
     estimate: Disturbance | None = None
     if values.rejection != INTEGRAL:
         gains.update(position_integral=0.0, attitude_integral=0.0)

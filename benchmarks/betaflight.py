@@ -1,0 +1,95 @@
+"""How far the arm's motion moves a drone that Betaflight flies, by what is fed forward.
+
+The firmware, built as a program of this host, has attitude, angular velocity and mixer;
+`flight_control` leads it by its sticks: angle mode, the position loop, what is fed forward. It does
+not wait for anybody, so the emulated world runs in real time, and figures count on a host that is
+quiet: its load is printed. `make flight AUTOPILOT=betaflight` runs it.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+from contextlib import ExitStack
+from pathlib import Path
+
+import rclpy
+from flight import open_ros
+from flying.arm_model import ArmModel
+from flying.flight_bench import FlightBench
+from flying.flight_case import FlightCase
+from flying.flight_page import flight_page
+from flying.flight_program import FlightProgram
+from flying.flight_record import FlightRecord
+from flying.flight_results import FlightResults
+from flying.flight_way import FlightWay, load_drone
+from rclpy.node import Node
+
+from aerarm_ros.autopilot.betaflight_program import HOW, BetaflightProgram, find_betaflight
+from aerarm_ros.autopilot.betaflight_setup import BetaflightSetup
+from aerarm_ros.ros.requests.arm_client import ArmClientError
+
+DRONE = 'hexarotor'
+WAYS = {
+    'integral': FlightWay('integral'),
+    'posture, motion, lead': FlightWay('integral', posture=True, motion=True, lead=0.04),
+}
+# Cycles of 2 ms leave two cores some room; softer joints bear what is late then.
+WORLD = (('pace', 'keep_up'), ('period', 0.002))
+LAW = (('kp', [100.0]), ('kd', [20.0]))
+GAINS = {'position_frequency': 1.6, 'position_damping': 0.9, 'position_integral': 0.3}
+
+
+def fly(node: Node, program: Path, arm: ArmModel, ways: list[str]) -> dict[str, FlightRecord | str]:
+    """Return what the drone did in some ways, or why it did not; each begins with a new start."""
+    drone, found = load_drone(DRONE), {}
+    for name in ways:
+        flight = {**GAINS, 'loops': 'betaflight', **WAYS[name].switches}
+        case = FlightCase(
+            drone.mass, 'free', drone=drone, sensors=WORLD, flight=tuple(flight.items()),
+            is_told=True, law=LAW,
+        )  # fmt: skip
+        try:
+            with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+                place = Path(folder)
+                stack.enter_context(BetaflightProgram(program, place, drone, BetaflightSetup()))
+                bench = FlightBench(stack, node, place, case, arm)
+                record = bench.fly(FlightProgram())
+                found[name] = record
+                print(f'{DRONE}, {name}: {"lost" if record.is_lost else "flown"}', flush=True)
+        except (ValueError, TimeoutError, ArmClientError) as error:
+            found[name] = ' '.join(str(error).split())[:160]
+    return found
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--ways', nargs='*', default=list(WAYS), choices=list(WAYS))
+    parser.add_argument('--out', type=Path, help='folder for the page')
+    options, _ = parser.parse_known_args()
+    program = find_betaflight()
+    if program is None:
+        print(HOW)
+        return 1
+    node = open_ros(0)
+    try:
+        records = fly(node, program, ArmModel.true(), options.ways)
+    finally:
+        rclpy.try_shutdown()
+    results = FlightResults(FlightProgram(), {DRONE: records})
+    load = os.getloadavg()[0]
+    note = (
+        'A drone of 3 kg that carries an arm of 1.5 kg, the arm true, flown by Betaflight in real '
+        f'time; load of the host {load:.1f} on {os.cpu_count()} cores.'
+    )
+    print(f'{note}\n{results.text()}')
+    if options.out:
+        options.out.mkdir(parents=True, exist_ok=True)
+        path = options.out / 'flight_betaflight.html'
+        path.write_text(flight_page(results, note), encoding='utf-8')
+        print(f'Page      {path}')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
