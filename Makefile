@@ -28,7 +28,7 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup develop demo experiment energy flight view test attacks lint fuzz mutants bench clean
+.PHONY: help setup develop demo experiment energy flight view test attacks lint fuzz mutants compiled-test bench clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
@@ -41,6 +41,7 @@ help:
 	@echo 'make attacks     hundreds of attacks on the bridge in virtual time, and their worst figures'
 	@echo 'make fuzz        20,000 damaged and hostile bags'
 	@echo 'make mutants     mutation testing of what stands between a command and a motor'
+	@echo 'make compiled-test  the tests of the hardware room with the cycle as machine code'
 	@echo 'make bench       benchmarks beside a baseline or a peer'
 	@echo 'make setup       only install into $(VENV) what all of it needs but tests and benchmarks'
 	@echo 'make develop     that, and what tests and benchmarks need'
@@ -99,6 +100,12 @@ mutants: develop
 	$(PIP) --quiet --editable '.[$(EXTRAS),dev,mutants]'
 	$(BIN)/mutmut run
 	$(BIN)/mutmut results
+
+compiled-test: develop
+	rm -rf build/compiled && mkdir -p build/compiled
+	git ls-files -z | xargs -0 cp --parents --target-directory build/compiled
+	cd build/compiled && AERARM_COMPILE=1 $(abspath $(BIN))/python setup.py --quiet build_ext --inplace
+	cd build/compiled && PYTHONPATH=$$PWD $(abspath $(BIN))/python -m pytest test/hardware
 
 bench: develop
 	$(BIN)/python benchmarks/run.py

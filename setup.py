@@ -3,7 +3,7 @@
 import os
 from glob import glob
 
-from setuptools import find_packages, setup
+from setuptools import Extension, find_packages, setup
 
 PACKAGE = 'aerarm_ros'
 
@@ -66,6 +66,48 @@ EXECUTABLES = [
 ]
 
 
+# What the bridge runs in every millisecond, and nothing that waits, reads files or knows ROS.
+# It is machine code where AERARM_COMPILE=1 asks for it, by mypyc, of the same sources.
+COMPILED = [
+    'bridge_cycle',
+    'fault_watch',
+    'boards/arm_measurements',
+    'boards/board_link',
+    'boards/board_monitor',
+    'boards/encoder_monitor',
+    'boards/expected_motion',
+    'boards/motor_power',
+    'boards/motor_reference',
+    'boards/motor_references',
+    'boards/restart_watch',
+    'frames/board_command',
+    'frames/board_state',
+    'frames/crc',
+    'gate/command_buffer',
+    'gate/command_intake',
+    'gate/command_publishers',
+    'gate/joint_barrier',
+    'gate/joint_limiter',
+    'gate/joint_loads',
+    'gate/offered_command',
+    'gate/safety_gate',
+]
+
+
+def compiled() -> list[Extension]:
+    """Return what is to be compiled: nothing, unless AERARM_COMPILE=1."""
+    if os.environ.get('AERARM_COMPILE', '0') in ('', '0'):
+        return []
+    try:
+        from mypyc.build import mypycify
+    except ImportError:
+        raise SystemExit(
+            "AERARM_COMPILE: mypyc is not installed; pip install 'mypy>=1.8,<3', and give pip "
+            'install the option --no-build-isolation, so that it is found'
+        ) from None
+    return mypycify([f'{PACKAGE}/hardware/{module}.py' for module in COMPILED])
+
+
 def share(*parts: str) -> str:
     """Return the install folder of shared files, where `ros2 launch` looks."""
     return '/'.join(('share', PACKAGE, *parts))
@@ -115,6 +157,7 @@ setup(
         ],
     },
     zip_safe=False,
+    ext_modules=compiled(),
     entry_points={
         'console_scripts': [f'{name} = {PACKAGE}.executables:{name}' for name in EXECUTABLES],
     },

@@ -1,5 +1,7 @@
 """The bridge's cycle of 1 ms, without ROS and without a clock."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -371,7 +373,9 @@ class BridgeCycle:
         self._references.set_zero(zero)
         self.state.read(self.links, zero, self._references.gains)
 
-    def _look_for_faults(self, now: float, feed_forward: Array, noise: Array) -> None:
+    def _look_for_faults(
+        self, now: float, feed_forward: Sequence[float], noise: Sequence[float]
+    ) -> None:
         self._watch.boards()
         if self._enabled and self._aligned:
             self._watch.joints(self.state, now, feed_forward, noise)

@@ -10,7 +10,6 @@ from aerarm_ros.hardware.boards.board_link import BoardLink
 from aerarm_ros.hardware.boards.board_mode import BoardMode
 from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.boards.encoder_zeros import EncoderZeros
-from aerarm_ros.hardware.gate.command_buffer import Array
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 from aerarm_ros.hardware.stopped_arm import StoppedArm
 
@@ -68,7 +67,13 @@ class FaultWatch:
                 joints = [joint for joint, _ in link.joints]
                 self._zeros.lose(joints, f'{link.monitor.name} was switched off and on')
 
-    def joints(self, state: ArmMeasurements, now: float, feed_forward: Array, noise: Array) -> None:
+    def joints(
+        self,
+        state: ArmMeasurements,
+        now: float,
+        feed_forward: Sequence[float],
+        noise: Sequence[float],
+    ) -> None:
         """Look at encoders and joints whose motors are driven.
 
         Parameters
@@ -78,7 +83,7 @@ class FaultWatch:
         now
             Time [s].
         feed_forward, noise
-            (n,) as of `EncoderMonitor.check` [A].
+            n each, as of `EncoderMonitor.check` [A].
         """
         gate, encoders = self._gate, self._encoders
         text = encoders.check(

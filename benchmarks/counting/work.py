@@ -41,7 +41,7 @@ from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams
 from aerarm_ros.ros.process.node_process import ros_environment
 
 PERIOD = 1e-3
-MOST = 6000  # cycles of a piece
+MOST = 2000  # cycles of a piece
 ENABLED_AT = 20
 ALIGNED_AT = 1500
 SWING = np.array([0.5, 0.1, 0.5, 0.5])

@@ -12,6 +12,8 @@ from aerarm_ros.model.drive_train import DriveTrain
 # Times over which references are held that the correction of the torque is good for [s].
 _HOLD_MIN, _HOLD_MAX = 1e-5, 5e-3
 
+Gains = Sequence[tuple[float, float]]
+
 
 class ArmMeasurements:
     """Measurements of n joints and their motors; the last good ones of each board.
@@ -72,7 +74,7 @@ class ArmMeasurements:
         self,
         links: Sequence[BoardLink],
         zero: Array,
-        gains: tuple[Array, Array],
+        gains: Gains,
         lag: float | None = None,
     ) -> None:
         """Take the boards' last states.
@@ -89,7 +91,7 @@ class ArmMeasurements:
         zero
             (n,) reported angles of motor zero [rad].
         gains
-            Kp and Kd of the boards, (n,) each, motor side [A/rad], [A s/rad].
+            Kp and Kd of each board's motors, n pairs, motor side [A/rad], [A s/rad].
         lag
             Time constant of the boards' current loop [s]; None for a second look at the same
             states.
@@ -125,15 +127,22 @@ class ArmMeasurements:
         self._measured_at[self.fresh] = last
         return np.maximum(now - self._measured_at, 0.0), between  # a clock may go back
 
-    def _droop(self, gains: tuple[Array, Array], lag: float | None) -> Array | float:
-        """Return by how much the sampled currents lie below the cycle's mean [A]."""
+    def _droop(self, gains: Gains, lag: float | None) -> list[float]:
+        """Return by how much the sampled currents lie below the cycle's mean [A].
+
+        Plain numbers, not arrays: for four joints that is faster.
+        """
         if lag is None:
-            return 0.0
-        # In the middle of the hold the current equals its mean; the current loop's lag has
-        # already made up for a part of the way from there to the sample.
-        hold = np.clip(self.interval, _HOLD_MIN, _HOLD_MAX)
-        share = np.maximum(0.5 * hold - lag, 0.0)
-        kp, kd = gains
-        change = self.motor_velocity - self._last_velocity
-        change[np.isnan(change)] = 0.0  # of a first frame
-        return share * (kp * self.motor_velocity + kd / hold * change)
+            return [0.0] * len(gains)
+        velocities, before = self.motor_velocity.tolist(), self._last_velocity.tolist()
+        droop = []
+        for (kp, kd), velocity, last, interval in zip(
+            gains, velocities, before, self.interval.tolist(), strict=True
+        ):
+            # In the middle of the hold the current equals its mean; the current loop's lag has
+            # already made up for a part of the way from there to the sample.
+            hold = min(max(interval, _HOLD_MIN), _HOLD_MAX)
+            share = max(0.5 * hold - lag, 0.0)
+            change = velocity - last if last == last else 0.0  # of a first frame
+            droop.append(share * (kp * velocity + kd / hold * change))
+        return droop

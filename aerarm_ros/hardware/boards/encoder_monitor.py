@@ -109,8 +109,8 @@ class EncoderMonitor:
         current: Array,
         fresh: Mask,
         now: float,
-        feed_forward: Array | None = None,
-        braking_noise: Array | None = None,
+        feed_forward: Sequence[float] | None = None,
+        braking_noise: Sequence[float] | None = None,
         interval_max: Array | None = None,
         inertias: Sequence[float] | None = None,
         loads: Sequence[float] | None = None,
@@ -126,10 +126,10 @@ class EncoderMonitor:
         now
             Time [s].
         feed_forward
-            (n,) the part of the current that was commanded as effort [A]; none if not given.
+            n, the part of the current that was commanded as effort [A]; none if not given.
             Boards answer before they take a command: it is that of the cycle before.
         braking_noise
-            (n,) for joints that the bridge brakes itself, the current that counts of the encoder
+            n, for joints that the bridge brakes itself, the current that counts of the encoder
             make of its torque [A]; 0 for the others, none are braked if not given.
         interval_max
             (n,) longest time that the angles can have taken to change since the last look [s];
@@ -139,8 +139,8 @@ class EncoderMonitor:
             is not asked whether a joint must have turned.
         """
         n = len(self._encoders)
-        given = [0.0] * n if feed_forward is None else feed_forward.tolist()
-        noise = [0.0] * n if braking_noise is None else braking_noise.tolist()
+        given = [0.0] * n if feed_forward is None else feed_forward
+        noise = [0.0] * n if braking_noise is None else braking_noise
         if interval_max is None:
             intervals = [now - encoder.seen for encoder in self._encoders]
         else:

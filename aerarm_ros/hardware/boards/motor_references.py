@@ -78,23 +78,22 @@ class MotorReferences:
         self.set_gains(config.column('board_kp'), config.column('board_kd'))
 
     @property
-    def gains(self) -> tuple[Array, Array]:
-        """Kp and Kd that the boards have now, (n,) each, motor side [A/rad], [A s/rad].
+    def gains(self) -> list[tuple[float, float]]:
+        """Kp and Kd that the boards have now, n pairs, motor side [A/rad], [A s/rad].
 
         Zero where the joint is controlled by torque.
         """
-        kp, kd = np.array([(motor.kp, motor.kd) for motor in self.motors]).T
-        return kp, kd
+        return [(motor.kp, motor.kd) for motor in self.motors]
 
     @property
-    def feed_forward(self) -> Array:
-        """Currents (n,) commanded as effort, or of a braked joint's load [A], motor side."""
-        return np.array([motor.believed for motor in self.motors])
+    def feed_forward(self) -> list[float]:
+        """Currents, n, commanded as effort, or of a braked joint's load [A], motor side."""
+        return [motor.believed for motor in self.motors]
 
     @property
-    def braking_noise(self) -> Array:
-        """Currents (n,) that counts make of a braked joint's torque [A]; 0 where none is braked."""
-        return np.array([motor.noise for motor in self.motors])
+    def braking_noise(self) -> list[float]:
+        """Currents, n, that counts make of a braked joint's torque [A]; 0 where none is braked."""
+        return [motor.noise for motor in self.motors]
 
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
         """Set the boards' gains, motor side: (n,) or one for all [A/rad], [A s/rad], [A/(rad s)].

@@ -121,8 +121,9 @@ def test_each_joint_has_its_own_mode(references, drive):
     assert (get(references, 'kp') > 0).tolist() == [True, True, False, True]
     assert (get(references, 'kd') > 0).tolist() == [True, True, False, True]
     assert (get(references, 'current') != 0).tolist() == [False, False, True, True]
-    for name, gains in zip(('kp', 'kd'), references.gains, strict=True):
-        assert gains.tolist() == get(references, name).tolist()
+    kp, kd = zip(*references.gains, strict=True)
+    assert list(kp) == get(references, 'kp').tolist()
+    assert list(kd) == get(references, 'kd').tolist()
     assert get(references, 'joint_position') == pytest.approx(
         [0.12, 1.501, math.nan, 0.31], nan_ok=True
     )
