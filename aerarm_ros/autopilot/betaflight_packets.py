@@ -28,8 +28,8 @@ _PRESSURE = 101325.0  # [Pa]; nothing that is used here depends on it
 def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -> bytes:
     """Return the packet of a state.
 
-    The firmware turns y and z of the angular velocity over, and the whole of the acceleration: what
-    it works with are forward-left-up axes.
+    The firmware turns y and z of the angular velocity over, and the whole of the acceleration, and
+    works with forward-left-up axes; but the attitude it takes in forward-right-down ones.
 
     Parameters
     ----------
@@ -42,7 +42,8 @@ def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -
     """
     x, y, z = rate.tolist()
     nowhere = [0.0] * 6  # a place is for its GPS
-    attitude = rotation_wxyz.tolist()
+    w, qx, qy, qz = rotation_wxyz.tolist()
+    attitude = w, qx, -qy, -qz
     return _STATE.pack(time, x, -y, -z, *(-force).tolist(), *attitude, *nowhere, _PRESSURE)
 
 

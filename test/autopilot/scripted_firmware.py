@@ -74,7 +74,8 @@ def main(motor_port: int, state_port: int, rc_port: int) -> None:
         numbers = struct.unpack('<18d', states.recv(1024))
         channels = struct.unpack('<d16H', sticks.recv(1024))[1:7]
         rate = np.array(numbers[1:4]) * [1.0, -1.0, -1.0]
-        pulses = firmware.exchange(channels, rate, -np.array(numbers[4:7]), np.array(numbers[7:11]))
+        attitude = np.array(numbers[7:11]) * [1.0, 1.0, -1.0, -1.0]
+        pulses = firmware.exchange(channels, rate, -np.array(numbers[4:7]), attitude)
         packet = struct.pack('<H2x16f', 6, *pulses, *[0.0] * 10)
         states.sendto(packet, ('127.0.0.1', motor_port))
 

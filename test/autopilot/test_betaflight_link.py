@@ -33,8 +33,8 @@ int main(void) {
 
 
 def test_packets_are_those_of_the_firmware_byte_by_byte() -> None:
-    state = state_packet(1.5, np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 9.8]), UPRIGHT)
-    expected = [1.5, 1.0, -2.0, -3.0, -0.1, -0.2, -9.8, 1.0, 0.0, 0.0, 0.0, *[0.0] * 6, 101325.0]
+    state = state_packet(1.5, np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 9.8]), np.full(4, 0.5))
+    expected = [1.5, 1.0, -2.0, -3.0, -0.1, -0.2, -9.8, 0.5, 0.5, -0.5, -0.5, *[0.0] * 6, 101325.0]
     assert state == b''.join(struct.pack('<d', number) for number in expected)
     sticks = rc_packet(2.0, [1500, 1501, 1000])
     assert sticks[:14] == bytes.fromhex('0000000000000040dc05dd05e803')
