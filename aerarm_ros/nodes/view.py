@@ -80,6 +80,7 @@ class View:
         self._node = rclpy.create_node(NAME)
         self._values = values = PARAMETERS.declare(self._node)
         config, robot = load_arm(values)
+        base = robot.base_link  # the arm's own, also under a drone
         drone = load_drone(values, config, robot)
         if drone is not None:
             text = with_drone(robot.urdf_text, drone, robot.prefix)
@@ -95,7 +96,7 @@ class View:
         self._feed = ViewFeed(
             self._node, self._names, values.history, values.rate, drone is not None
         )
-        self._motion = PageMotion(self._node, config, robot.base_link)
+        self._motion = PageMotion(self._node, config, base)
         self._programs = PagePrograms(
             self._node.get_namespace(),
             Path(values.folder),
@@ -103,7 +104,10 @@ class View:
             values.drone_file,
         )
         self._limits = {
-            'position': np.column_stack([robot.position_min, robot.position_max]),
+            # The bridge's, not the URDF's: a joint that turns for ever has none there.
+            'position': np.column_stack(
+                [config.column('position_min'), config.column('position_max')]
+            ),
             **{
                 name: np.outer(config.column(f'{name}_max'), [-1.0, 1.0])
                 for name in ('velocity', 'effort')
@@ -111,7 +115,7 @@ class View:
         }
         self._subscribe()
         self._loop = PeriodicLoop(1.0 / values.rate)
-        self._serve(robot)
+        self._serve(robot, base)
 
     def run(self) -> None:
         """Show until stopped."""
@@ -133,7 +137,7 @@ class View:
         self._feed.destroy()
         self._node.destroy_node()
 
-    def _serve(self, robot: Robot) -> None:
+    def _serve(self, robot: Robot, base: str) -> None:
         try:
             from aerarm_ros.ros.page.page_server import PageError, serve_page
             from aerarm_ros.ros.page.view_controls import ViewControls
@@ -155,7 +159,7 @@ class View:
             raise ViewError(str(error)) from None
         # The stop button before all that takes longer to load.
         self._panel = ViewPanel(self._server, self._name, self._requests.ask)
-        self._scene = ViewScene(self._server, robot, self._values.tool)
+        self._scene = ViewScene(self._server, robot, self._values.tool, base)
         limits = self._limits['position']
         self._controls = ViewControls(
             self._server, self._panel, self._motion, self._programs, self._names, limits

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import socket
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import pytest
 from page_viewer import CAMERA, STOP, Viewer
 
 from aerarm_msgs_py import topics
+from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
@@ -26,6 +29,7 @@ if not MISSING:
     from aerarm_msgs_py.bags.bag_reader import read_joint_states
 
 PATIENCE = 120.0
+EXAMPLES = Path(__file__).parents[2] / 'config' / 'examples'
 
 
 def mode(viewer: Viewer) -> str:
@@ -33,23 +37,14 @@ def mode(viewer: Viewer) -> str:
     return viewer.text().partition('data-title="')[2].partition(' ')[0]
 
 
-def test_the_arm_is_enabled_recorded_played_stopped_and_brought_back(
-    ros_domain: dict[str, str], tmp_path: Path
-) -> None:
-    folder = tmp_path / 'folder'
-    folder.mkdir()
-    bias = np.array(load_excitation_config().bias)
-    series = FourierTrajectory(0.5, bias, *np.full((2, 4, 1), 0.05))
-    names = tuple(f'joint{k}' for k in range(1, 5))
-    TrajectoryFile(series, names, periods=5).save(folder / 'mine.yaml')
+@contextmanager
+def shown(folder: Path, parameters: dict[str, object]) -> Iterator[Viewer]:
+    """Serve the page, look at it, and end it."""
     with socket.socket() as probe:
         probe.bind(('127.0.0.1', 0))
         port = probe.getsockname()[1]
-    log = tmp_path / 'view.log'
-    with (
-        NodeProcess('fake_hardware', (), {'pace': 'keep_up'}, log=tmp_path / 'arm.log'),
-        NodeProcess('view', (), {'port': port, 'folder': folder}, log=log) as view,
-    ):
+    log = folder / 'view.log'
+    with NodeProcess('view', (), {'port': port, **parameters}, log=log) as view:
         while 'shown at' not in log.read_text():
             assert view.returncode is None, view.tail()
             time.sleep(0.1)
@@ -63,10 +58,41 @@ def test_the_arm_is_enabled_recorded_played_stopped_and_brought_back(
         ) as connection:
             viewer = Viewer(connection)
             viewer.send(CAMERA)
-            drive(viewer)
+            yield viewer
         assert view.stop() == 0, view.tail()  # its recorder ends before it does
+
+
+def test_the_arm_is_enabled_recorded_played_stopped_and_brought_back(
+    ros_domain: dict[str, str], tmp_path: Path
+) -> None:
+    folder = tmp_path / 'folder'
+    folder.mkdir()
+    bias = np.array(load_excitation_config().bias)
+    series = FourierTrajectory(0.5, bias, *np.full((2, 4, 1), 0.05))
+    names = tuple(f'joint{k}' for k in range(1, 5))
+    TrajectoryFile(series, names, periods=5).save(folder / 'mine.yaml')
+    with (
+        NodeProcess('fake_hardware', (), {'pace': 'keep_up'}, log=tmp_path / 'arm.log'),
+        shown(tmp_path, {'folder': folder}) as viewer,
+    ):
+        drive(viewer)
     states = read_joint_states(folder / 'bag', topics.JOINT_STATES.name)
     assert len(states.stamp) > 100
+
+
+def test_sliders_go_as_far_as_the_bridge_lets_a_joint_that_turns_for_ever(
+    ros_domain: dict[str, str], tmp_path: Path
+) -> None:
+    config = EXAMPLES / 'three_joints.yaml'
+    turn = load_arm_config(config).joints[0]
+
+    def sliders(viewer: Viewer) -> dict[str, tuple[float, float]]:
+        elements = viewer.elements().values()
+        return {str(e['label']): (e['min'], e['max']) for e in elements if 'min' in e}
+
+    with shown(tmp_path, {'config': config, 'urdf': EXAMPLES / 'three_joints.urdf'}) as viewer:
+        viewer.listen(lambda: turn.name in sliders(viewer), PATIENCE)
+        assert sliders(viewer)[turn.name] == (turn.position_min, turn.position_max)
 
 
 def drive(viewer: Viewer) -> None:

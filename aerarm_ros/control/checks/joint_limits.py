@@ -115,6 +115,6 @@ class JointLimits:
         if not np.all(inside):
             joint = int(np.argmin(inside))
             raise RejectedInputError(
-                f'{what}: {self.names[joint]} needs {size[joint]:.3g} {unit}, its limit is '
-                f'{largest[joint]:.3g}: slow the motion down'
+                f'{what}: {self.names[joint]} needs {size[joint]:.3g} {unit}, '
+                f'{size[joint] - largest[joint]:.3g} more than its limit: slow the motion down'
             )

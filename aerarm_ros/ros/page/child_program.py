@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import tempfile
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -36,6 +37,7 @@ class ChildProgram:
         self._logs = Path(tempfile.mkdtemp(prefix='aerarm_view_'))
         self._process: NodeProcess | None = None
         self._is_ending = False
+        self._starting = threading.Lock()  # clicks are served by several threads
 
     @property
     def runs(self) -> bool:
@@ -49,11 +51,12 @@ class ChildProgram:
 
     def start(self, name: str, parameters: Mapping[str, object]) -> None:
         """Start a node; raises RuntimeError if one runs."""
-        if self.runs:
-            raise RuntimeError(f'{self.name} runs already: stop it first')
-        log = self._logs / f'{name}.log'
-        self.name, self._is_ending = name, False
-        self._process = NodeProcess(name, self._arguments, parameters, log=log)
+        with self._starting:
+            if self.runs:
+                raise RuntimeError(f'{self.name} runs already: stop it first')
+            log = self._logs / f'{name}.log'
+            self.name, self._is_ending = name, False
+            self._process = NodeProcess(name, self._arguments, parameters, log=log)
 
     def end(self) -> None:
         """Ask the node to end, as Ctrl-C does."""

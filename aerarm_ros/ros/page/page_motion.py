@@ -13,13 +13,15 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.motion.smooth_step import rest_to_rest_duration
 from aerarm_ros.ros.graph.endpoint_name import endpoint_name
 
 Array = NDArray[np.float64]
 
-# A quintic from rest to rest: its largest velocity and acceleration, for a way of 1 in a time of 1.
-_SPEED, _ACCELERATION = 1.875, 5.774
 _SHORTEST = 0.5  # [s]
+# The controller starts where it wants the arm, which is not quite where the arm is: at the whole of
+# a limit the way from there would be refused.
+_OF_LIMITS = 0.95
 # They hear everything, and move nothing.
 _LISTENERS = ('recorder', 'view')
 
@@ -65,11 +67,12 @@ class PageMotion:
         """
         if not self._is_heard(topics.JOINT_TRAJECTORY.name):
             return False, 'no controller follows joints: start computed_torque'
-        way = np.abs(np.asarray(goal) - start)
-        duration = max(
+        share *= _OF_LIMITS
+        duration = rest_to_rest_duration(
+            np.asarray(goal) - start,
+            share * self._velocity_max,
+            share * self._acceleration_max,
             _SHORTEST,
-            float(np.max(_SPEED * way / (share * self._velocity_max))),
-            float(np.max(np.sqrt(_ACCELERATION * way / (share * self._acceleration_max)))),
         )
         point = JointTrajectoryPoint(positions=[float(angle) for angle in goal])
         point.time_from_start = Duration(seconds=duration).to_msg()

@@ -13,6 +13,7 @@ from aerarm_ros.ros.page.child_program import ChildProgram
 from aerarm_ros.ros.page.page_motion import PageMotion
 from aerarm_ros.ros.page.page_programs import CONTROLLERS, PagePrograms
 from aerarm_ros.ros.page.view_panel import ViewPanel, indented
+from aerarm_ros.ros.page.view_scene import ARM_BASE
 
 Array = NDArray[np.float64]
 
@@ -75,7 +76,7 @@ class ViewControls:
             self._play_button = gui.add_button('Play')
             self._play_words = gui.add_html('')
         self._target = server.scene.add_transform_controls(
-            '/arm/tool_target', _TARGET_SCALE, disable_rotations=True, visible=False
+            f'{ARM_BASE}/tool_target', _TARGET_SCALE, disable_rotations=True, visible=False
         )
         self._connect()
 

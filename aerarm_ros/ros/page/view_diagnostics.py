@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 LEVELS = ('OK', 'WARN', 'ERROR', 'STALE')
-_STALE = 3
+_ERROR, _STALE = 2, 3
 _WAY_OUT = 'way out'
 _COLORS = ('#2b8a3e', '#b06000', '#c92a2a', '#868e96')
 _STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
@@ -93,7 +93,10 @@ class ViewDiagnostics:
         return ''.join(lines) or '<i>nothing on /diagnostics yet</i>'
 
     def _level(self, status: ViewStatus, now: float) -> int:
-        return _STALE if now - status.received > self._stale_after else status.level
+        if now - status.received > self._stale_after:
+            return _STALE
+        # Anybody can publish there, and any byte.
+        return status.level if status.level < len(LEVELS) else _ERROR
 
     def _present(self, now: float) -> list[tuple[str, ViewStatus]]:
         statuses = sorted(self._statuses.items())

@@ -16,6 +16,9 @@ from aerarm_ros.description.robot_shapes import load_shapes
 
 Array = NDArray[np.float64]
 
+ARM_BASE = '/arm/base_of_arm'
+"""Where in the scene the arm's base frame is: under a drone it is not that of the URDF's root."""
+
 _GRID_SIZE = 2.0  # [m]
 _CLOSE, _FAR = (1.0, 0.35), (1.5, 1.0)  # distance [1.2 m] and height [m] of the camera
 _TRAIL_COLOR = (30, 120, 230)
@@ -35,11 +38,13 @@ class ViewScene:
         The arm, with visual shapes in its URDF; collision shapes are drawn where it has none.
     tool
         Frame whose path is drawn; the last one of the model if empty.
+    base
+        Link in which the tool's place is told; the URDF's root if empty. No joint moves it.
 
     Attributes
     ----------
     tool
-        Place (3,) [m] of that frame in the URDF's root.
+        Place (3,) [m] of that frame in the base.
 
     Raises
     ------
@@ -47,7 +52,9 @@ class ViewScene:
         If there is no such frame, or a mesh is larger than an arm needs.
     """
 
-    def __init__(self, server: viser.ViserServer, robot: Robot, tool: str = '') -> None:
+    def __init__(
+        self, server: viser.ViserServer, robot: Robot, tool: str = '', base: str = ''
+    ) -> None:
         self._model = robot.model
         self._data = robot.model.createData()
         tool = tool and robot.full_name(tool)
@@ -59,6 +66,13 @@ class ViewScene:
         self._prepare(server, robot, self._usual_place(robot))
         self._base = self._scene.add_frame('/arm', show_axes=False)
         self._base_pose = pin.SE3.Identity()
+        self._mount = robot.frame_of(base or robot.base_link).placement
+        self._scene.add_frame(
+            ARM_BASE,
+            show_axes=False,
+            wxyz=_wxyz(self._mount.rotation),
+            position=self._mount.translation,
+        )
         self.tool: Array = np.zeros(3)
         # Each joint in the one before it: a turn is all that most of them have to be told.
         self._paths = _paths(robot.model)
@@ -83,9 +97,9 @@ class ViewScene:
             if not np.array_equal(handle.position, placement.translation):
                 handle.position = placement.translation
             handle.wxyz = _wxyz(placement.rotation)
-        tool_in_base = pin.updateFramePlacement(self._model, self._data, self._tool)
-        self.tool = tool_in_base.translation.copy()
-        tool = self._base_pose.act(self.tool)
+        placed = pin.updateFramePlacement(self._model, self._data, self._tool)
+        self.tool = self._mount.actInv(placed.translation)
+        tool = self._base_pose.act(placed.translation)
         if not self._path or np.linalg.norm(tool - self._path[-1]) > _TRAIL_STEP:
             self._path.append(tool.copy())
 

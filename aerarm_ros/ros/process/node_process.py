@@ -16,6 +16,7 @@ from aerarm_ros.ros.process.log_directory import find_log_directory
 
 # Longer than any node's own shut-down (a bag's last chunk, the boards' last frames).
 STOP_TIMEOUT = 10.0
+_TAIL = 65536  # [bytes] a page looks at it many times a second, and logs grow for days
 _LAUNCHER = Path(__file__).with_name('die_with_parent.py')
 
 
@@ -104,10 +105,13 @@ class NodeProcess:
         return self._process.returncode
 
     def tail(self, lines: int = 15) -> str:
-        """Last lines of the log, for an error message."""
+        """Last lines of the log, of its last 64 KiB."""
         if not self.log:
             return ''
-        return '\n'.join(self.log.read_text(errors='replace').splitlines()[-lines:])
+        with self.log.open('rb') as stream:
+            stream.seek(max(0, stream.seek(0, os.SEEK_END) - _TAIL))
+            text = stream.read().decode(errors='replace')
+        return '\n'.join(text.splitlines()[-lines:])
 
     def __enter__(self) -> NodeProcess:
         return self

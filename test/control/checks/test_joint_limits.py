@@ -34,6 +34,8 @@ def test_the_joint_outside_is_named(limits) -> None:
         limits.check_position('path', rows)
     with pytest.raises(RejectedInputError, match='joint4 needs 6 rad/s'):
         limits.check_velocity('path', np.array([0.0, 1.0, 2.0, -6.0]))
+    with pytest.raises(RejectedInputError, match='1e-06 more than its limit'):
+        limits.check_velocity('path', limits.velocity_max + [0.0, 1e-6, 0.0, 0.0])
 
 
 def test_nan_is_never_inside(limits) -> None:

@@ -74,7 +74,13 @@ def test_two_single_targets_in_a_row_are_no_path_beyond_the_second(follower) -> 
 
 
 @pytest.mark.parametrize(
-    ('target', 'message'), [([0, np.nan, 0], 'finite'), ([650.0, 0, 0], 'reaches'), ([1], 'three')]
+    ('target', 'message'),
+    [
+        ([0, np.nan, 0], 'finite'),
+        ([650.0, 0, 0], 'farther than the arm reaches'),
+        ([0, 1.2001, 0], '0.0001 m farther'),
+        ([1], 'three'),
+    ],
 )
 def test_a_wrong_target_is_rejected(follower, target, message) -> None:
     before = play(follower, 0.001)[-1]

@@ -36,3 +36,11 @@ def test_a_posture_is_reached_at_no_more_than_the_speed_that_is_set(ros_node: No
     share = speed / config.column('velocity_max')
     assert share.max() <= 0.501
     np.testing.assert_allclose(path.evaluate(times[-1]).q, goal, atol=1e-9)
+    # The whole of the limits leaves room for a controller that wants the arm a little elsewhere.
+    assert motion.go(start, goal, 1.0)[0]
+    slow = heard[-1].points[0].time_from_start
+    while heard[-1].points[0].time_from_start == slow:
+        assert time.monotonic() < deadline
+        spin_once(ros_node, 0.1)
+    trajectory, _ = read_trajectory(JointLimits.from_config(config), heard[-1], 1.0)
+    trajectory.path(start + [-0.01, 0.01, 0.01, 0.0], 'quintic')

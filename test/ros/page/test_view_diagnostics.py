@@ -29,6 +29,14 @@ def test_a_silent_publisher_turns_stale() -> None:
     assert 'STALE' in diagnostics.status_html(14.0)
 
 
+def test_a_level_that_does_not_exist_is_an_error() -> None:
+    diagnostics = ViewDiagnostics()
+    diagnostics.add('other', ViewStatus(7, 'strange', TIMING, received=1.0))
+    for html in (diagnostics.status_html(1.0), diagnostics.timing_html(1.0)):
+        assert 'ERROR' in html
+    assert diagnostics.way_out(1.0) == ''
+
+
 def test_a_newer_status_replaces_the_older() -> None:
     diagnostics = ViewDiagnostics()
     diagnostics.add('arm', ViewStatus(0, 'ready', received=1.0))

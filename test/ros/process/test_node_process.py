@@ -73,3 +73,7 @@ def test_ended_while_it_starts_it_says_nothing(ros_domain: dict[str, str], tmp_p
     with NodeProcess('identifier', log=tmp_path / 'log') as process:
         assert process.stop() in (-signal.SIGTERM, 0)
     assert process.tail() == ''
+    assert process.log is not None
+    process.log.write_text('first\n' + 'x' * 100_000 + '\nlast\n')
+    assert process.tail(1) == 'last'
+    assert len(process.tail(3)) <= 65536  # a log of days is not read as a whole
