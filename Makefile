@@ -104,7 +104,8 @@ mutants: develop
 compiled-test: develop
 	rm -rf build/compiled && mkdir -p build/compiled
 	git ls-files -z | xargs -0 cp --parents --target-directory build/compiled
-	cd build/compiled && AERARM_COMPILE=1 $(abspath $(BIN))/python setup.py --quiet build_ext --inplace
+	cd build/compiled && AERARM_COMPILE=1 $(abspath $(BIN))/python setup.py --quiet build_ext --build-lib .
+	cd build/compiled && PYTHONPATH=$$PWD $(abspath $(BIN))/python -c 'import aerarm_ros.hardware.bridge_cycle as cycle; assert cycle.__file__.endswith(".so"), cycle.__file__'
 	cd build/compiled && PYTHONPATH=$$PWD $(abspath $(BIN))/python -m pytest test/hardware
 
 bench: develop

@@ -4,6 +4,8 @@ import os
 from glob import glob
 
 from setuptools import Extension, find_packages, setup
+from setuptools.command.build_ext import build_ext
+from setuptools.command.install_lib import install_lib
 
 PACKAGE = 'aerarm_ros'
 
@@ -105,7 +107,39 @@ def compiled() -> list[Extension]:
             "AERARM_COMPILE: mypyc is not installed; pip install 'mypy>=1.8,<3', and give pip "
             'install the option --no-build-isolation, so that it is found'
         ) from None
-    return mypycify([f'{PACKAGE}/hardware/{module}.py' for module in COMPILED])
+    # Not by the rules of `make lint`: types of NumPy and others differ from version to version, and
+    # their stubs need not be there.
+    rules = ['--config-file=', '--ignore-missing-imports', '--follow-imports=silent']
+    paths = [f'{PACKAGE}/hardware/{module}.py' for module in COMPILED]
+    extensions: list[Extension] = mypycify([*rules, *paths])
+    for extension in extensions:
+        # A Pi could multiply and add in one step, which rounds otherwise than Python does.
+        extension.extra_compile_args.append('-ffp-contract=off')
+    return extensions
+
+
+class BuildMachineCode(build_ext):
+    """Builds what is compiled, but not among sources that somebody edits."""
+
+    def finalize_options(self) -> None:
+        """Refuse a build that would be left beside the sources."""
+        super().finalize_options()
+        if self.inplace and self.extensions:
+            raise SystemExit(
+                'AERARM_COMPILE: an installation that follows its sources would go on running the '
+                'machine code of today: leave out --symlink-install or --editable'
+            )
+
+
+class InstallPackages(install_lib):
+    """Installs the packages, without what an installation before it has compiled."""
+
+    def install(self) -> list[str]:
+        """Copy what was built; machine code comes before sources where Python looks."""
+        for module in COMPILED:
+            for stale in glob(f'{self.install_dir}/{PACKAGE}/hardware/{module}.*.so'):
+                os.remove(stale)
+        return super().install()
 
 
 def share(*parts: str) -> str:
@@ -158,6 +192,7 @@ setup(
     },
     zip_safe=False,
     ext_modules=compiled(),
+    cmdclass={'build_ext': BuildMachineCode, 'install_lib': InstallPackages},
     entry_points={
         'console_scripts': [f'{name} = {PACKAGE}.executables:{name}' for name in EXECUTABLES],
     },

@@ -39,12 +39,17 @@ def rooms_offered_by(folder: str) -> tuple[str, ...]:
 
 def executables() -> list[str]:
     """Return the names in the list EXECUTABLES of setup.py."""
+    return listed_in_setup('EXECUTABLES')
+
+
+def listed_in_setup(name: str) -> list[str]:
+    """Return a list of texts of setup.py."""
     for statement in ast.parse((ROOT / 'setup.py').read_text()).body:
         if isinstance(statement, ast.Assign):
             (target,) = statement.targets
-            if isinstance(target, ast.Name) and target.id == 'EXECUTABLES':
+            if isinstance(target, ast.Name) and target.id == name:
                 return list(ast.literal_eval(statement.value))
-    raise ValueError('setup.py has no list EXECUTABLES')
+    raise ValueError(f'setup.py has no list {name}')
 
 
 @cache

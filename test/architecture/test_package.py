@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from source_files import listed_in_setup
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -74,6 +75,13 @@ def test_package_xml_is_format_3_ament_python_of_the_same_version() -> None:
 
 def test_scripts_go_where_ros2_run_looks() -> None:
     assert '$base/lib/aerarm_ros' in (ROOT / 'setup.cfg').read_text()
+
+
+def test_what_can_be_compiled_is_there() -> None:
+    modules = listed_in_setup('COMPILED')
+    folder = ROOT / 'aerarm_ros' / 'hardware'
+    assert [name for name in modules if not (folder / f'{name}.py').is_file()] == []
+    assert 'bridge_cycle' in modules
 
 
 def test_makefile_setup_ci_and_hosts_name_the_same_pythons() -> None:
