@@ -143,7 +143,7 @@ def _fly(bench: FlightBench, told: list[tuple[float, ...]]) -> Weighing:
     table = np.array(rows)
     wanted = motion.evaluate(table[:, 0] - begin)[0]
     errors = np.column_stack([table[:, 0], 1e3 * (table[:, 1:] - wanted)])
-    return Weighing(when[0], when[1], np.array(told), errors)
+    return Weighing(when[0], when[1], np.array(told).reshape(-1, 5), errors)
 
 
 def main() -> int:

@@ -28,6 +28,9 @@ class ExpectedMotion:
     to turn clearly and its angle has not changed by a count, the angle is wrong, or the joint is
     blocked. So it is if the motor's whole current does not change it by a count for a time.
 
+    A motor that creeps tells a count in some looks and none in others. Both are learnt from: by
+    those that tell one alone it is faster than it is, and its load would fall and fall.
+
     On the side of rest: a load that the motor gives way to may be carried by something else, a
     changing load may be what the current changes for, and nobody saw what happened in a pause.
 
@@ -46,10 +49,12 @@ class ExpectedMotion:
     __slots__ = (
         '_clearly',
         '_current',
+        '_impulse',
         '_is_followed',
         '_load',
         '_looks',
         '_modelled',
+        '_moved',
         '_per_inertia',
         '_rate',
         '_seen_speed',
@@ -69,6 +74,7 @@ class ExpectedMotion:
         self._clearly = _CLEARLY / ratio
         self._load = self._current = self._modelled = nan
         self._speed = self._seen_speed = self._turned = self._stood = self._strained = 0.0
+        self._moved = self._impulse = 0.0  # [rad/s] when its angle last changed, [A s] since
         self._looks = 0
         self._is_followed = True
 
@@ -115,6 +121,7 @@ class ExpectedMotion:
             self._begin(elapsed, gain)
         self._looks += 1
         self._stood += elapsed
+        self._impulse += current * elapsed
         self._current = current
         drive = abs(current - self._load)
         if self._speed == 0.0 and drive <= friction and abs(current) <= self._strong:
@@ -135,27 +142,30 @@ class ExpectedMotion:
         """
         if change != 0.0 or not self._looks:
             self._rest()
-            self._is_followed = False
+        self._is_followed = False
         self._follow(current, elapsed)
 
     def _rest(self) -> None:
+        self._moved = self._impulse = 0.0
         self._speed = self._seen_speed = self._turned = self._stood = self._strained = 0.0
         self._looks = 0
         self._is_followed = True
 
     def _see(self, change: float, elapsed: float, current: float, gain: float) -> None:
         """Take an angle that has changed: by what the current did not do, correct the load."""
+        impulse = self._impulse + current * elapsed
         elapsed += self._stood
         seen = change / elapsed
-        if self._stood or not self._is_followed:
+        if not self._is_followed or (self._stood and elapsed > _LOOKED):
             self._speed = seen  # a mean over more than is known of the currents
         else:
-            predicted = self._speed + (current - self._load) * gain * elapsed
+            predicted = self._moved + (impulse - self._load * elapsed) * gain
             wrong = seen - predicted
             looked = min(elapsed, _LOOKED)
             self._speed = predicted + _SPEED_RATE * looked * wrong
             self._load -= _LOAD_RATE * looked * wrong / gain
         self._seen_speed, self._current = seen, current
+        self._moved, self._impulse = self._speed, 0.0
         self._turned = self._stood = self._strained = 0.0
         self._looks = 0
         self._is_followed = True

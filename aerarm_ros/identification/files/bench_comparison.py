@@ -75,5 +75,7 @@ def _joints(path: Path) -> Mapping[str, Mapping[str, Any]]:
 
 def _change(joint: str, label: str, unit: str, old: object, new: object) -> EstimateChange:
     (before, spread), (after, other) = (np.array(pair, dtype=float) for pair in (old, new))
+    if not np.isfinite([before, spread, after, other]).all():
+        raise ValueError(f'{label} of {joint} is no number')
     name, std = f'{label} of {joint}', np.hypot(spread, other)
     return EstimateChange(name, unit, float(before), float(after), float(std))

@@ -60,9 +60,12 @@ def fit_backlash(
     IdentificationError
         If the swings are too short.
     """
-    swings = [_Swing(run) for run in runs if run.time[-1] - run.time[0] >= _SHORTEST]
+    heard = [run for run in runs if len(run.time)]
+    swings = [_Swing(run) for run in heard if run.time[-1] - run.time[0] >= _SHORTEST]
     if not swings:
-        raise IdentificationError(f'{name}: its swings are shorter than {_SHORTEST} s')
+        raise IdentificationError(
+            f'{name}: its swings are shorter than {_SHORTEST} s: measure more of them'
+        )
     plays = np.linspace(0.0, 1.0, _PLAYS) ** 2 * LARGEST
     spread = 2.0 * links[1] / links[0]
     scales = np.linspace(max(1.0 - spread, 0.2), 1.0 + spread, _SCALES)
@@ -85,6 +88,11 @@ def fit_backlash(
 def is_told(found: tuple[float, float]) -> bool:
     """Return whether a play and its standard deviation [rad] are told from none."""
     return found[0] > _CLEAR * found[1]
+
+
+def is_largest(found: tuple[float, float]) -> bool:
+    """Return whether a play and its standard deviation [rad] may as well lie beyond `LARGEST`."""
+    return found[0] > LARGEST - _CLEAR * found[1]
 
 
 class _Swing:

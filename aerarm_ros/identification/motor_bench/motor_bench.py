@@ -9,7 +9,12 @@ import numpy.typing as npt
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.motor_bench.joint_rattle import rattle_of_others
-from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_told
+from aerarm_ros.identification.motor_bench.motor_backlash import (
+    LARGEST,
+    fit_backlash,
+    is_largest,
+    is_told,
+)
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, fit_motor_friction
 from aerarm_ros.identification.motor_bench.motor_inertia import fit_inertia
 from aerarm_ros.identification.motor_bench.motor_resistance import find_resistance
@@ -126,7 +131,7 @@ class MotorBench:
         drive = self._config.joints[joint]
         steps = [run for run in runs if run.speed is not None]
         accelerations = [run for run in runs if run.speed is None and not run.swings]
-        swings = [run for run in runs if run.swings and len(run.time) > 1]
+        swings = [run for run in runs if run.swings]
         hanging = self._robot is not None or self._known is not None
         carried = self._carried_inertia(joint)
         inertia = (drive.reflected_inertia + carried[0], np.inf)
@@ -161,15 +166,20 @@ class MotorBench:
         if not swings or self._robot is None:
             return None
         drive, posture = self._config.joints[joint], self._posture
-        dynamics = Dynamics(_carrying(self._robot, self._known) if self._known else self._robot)
-        amplitude = 0.5 * max(float(np.ptp(run.q)) for run in swings)
-        fastest = max(float(np.abs(run.dq).max()) for run in swings)
         carried = self._carried_inertia(joint)
         links = (carried[0], max(carried[1], _LEAST_SPREAD * carried[0]))
         rotor = drive.reflected_inertia
-        play, std = fit_backlash(
-            swings, friction, links, (rotor, _ROTOR_SPREAD * rotor), drive.name
-        )
+        try:
+            play, std = fit_backlash(
+                swings, friction, links, (rotor, _ROTOR_SPREAD * rotor), drive.name
+            )
+        except IdentificationError as error:
+            self.warnings.append(f'backlash not measured: {error}')
+            return None
+        heard = [run for run in swings if len(run.time)]
+        amplitude = 0.5 * max(float(np.ptp(run.q)) for run in heard)
+        fastest = max(float(np.abs(run.dq).max()) for run in heard)
+        dynamics = Dynamics(_carrying(self._robot, self._known) if self._known else self._robot)
         shift = rattle_of_others(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
         # As if anywhere between none and all of it were in what was found.
         found = play, float(np.hypot(std, 0.5 * np.linalg.norm(shift)))
@@ -184,6 +194,11 @@ class MotorBench:
                 f'{drive.name}: backlash {1e3 * found[0]:.1f} ± {1e3 * found[1]:.1f} mrad is not '
                 'told from none: if that is too coarse, choose a posture in which its links are '
                 'heavy about its axis and gravity does not press them to one side'
+            )
+        elif is_largest((play, std)):
+            self.warnings.append(
+                f'{drive.name}: backlash is {1e3 * LARGEST:.0f} mrad or more, the most that is '
+                'looked for: look at the gear'
             )
         return found
 

@@ -88,13 +88,17 @@ def plant_parameters(
     backlash_wear: float,
     payload: Sequence[float],
 ) -> PlantParameters:
-    """Return what the simulated arm is made of; raises ValueError for an impossible payload."""
+    """Return what the simulated arm is made of; raises ValueError for what no arm has."""
     parameters = PlantParameters.nominal(config, robot)
     if seed is not None:
         parameters = parameters.perturbed(seed)
     if len(backlash) not in (0, 1, config.n):
         raise ValueError(
             f'backlash {list(backlash)}: give one, or one for each of {config.n} joints'
+        )
+    if backlash_wear and not len(backlash):
+        raise ValueError(
+            f'backlash_wear {backlash_wear:g}: no gear has any play that could grow, give backlash'
         )
     if len(backlash):
         play = np.broadcast_to(np.array(backlash, dtype=float), (config.n,))

@@ -25,7 +25,6 @@ class Joint:
     coulomb: float = 0.1
     load_friction: float = 0.04
     stop: float = inf  # [rad] beyond which it meets a stiff spring
-    slack: float = 0.0  # [rad] in which the motor turns alone
     stuck_at: float = inf  # [s]
 
     q: float = 0.0
@@ -33,30 +32,65 @@ class Joint:
     time: float = 0.0
     reading: float = 0.0
 
+    def begin(self) -> None:
+        """Be at rest: a parameter is the same joint each time that its test runs."""
+        self.q = self.dq = self.time = self.reading = 0.0
+
     def turn(self, torque: float) -> float:
         """Turn for a cycle; return the change that the encoder tells [rad]."""
         for _ in range(round(CYCLE / STEP)):
             self.time += STEP
             push = -1e5 * (self.q - self.stop) - 100.0 * self.dq if self.q > self.stop else 0.0
             inertia, load = self.inertia, self.load(self.time)
-            if abs(self.q) < self.slack:
-                inertia, load = 0.03 * self.inertia, 0.0
             drive = torque - load + push
             most = self.coulomb + self.load_friction * abs(torque)
             free = self.dq + drive / inertia * STEP
             slowed = abs(free) - most / inertia * STEP
             self.dq = copysign(max(slowed, 0.0), free)
             self.q += self.dq * STEP
+        return self.told()
+
+    def told(self) -> float:
+        """Return the change that the encoder tells of where the rotor is [rad]."""
         last = self.reading
         if self.time < self.stuck_at:
             self.reading = floor(self.q / RATIO / COUNT) * COUNT
         return self.reading - last
 
 
+@dataclass
+class WornJoint(Joint):
+    """One whose rotor turns alone within the play of its gear, and meets hard flanks."""
+
+    rotor: float = 0.0095  # [kg m^2]
+    play: float = 0.01  # [rad]
+
+    link: float = 0.0
+    dlink: float = 0.0
+
+    def begin(self) -> None:
+        super().begin()
+        self.link = self.dlink = 0.0
+
+    def turn(self, torque: float) -> float:
+        for _ in range(round(CYCLE / STEP)):
+            self.time += STEP
+            ahead, closing = self.link - self.q, self.dlink - self.dq
+            side, deep = copysign(1.0, ahead), abs(ahead) - 0.5 * self.play
+            flank = max(2e4 * deep + 10.0 * side * closing, 0.0) * side if deep > 0.0 else 0.0
+            most = (self.coulomb + self.load_friction * abs(flank)) / self.rotor * STEP
+            free = self.dq + (torque + flank) / self.rotor * STEP
+            self.dq = copysign(max(abs(free) - most, 0.0), free)
+            pull = self.load(self.time) + flank
+            self.dlink -= pull / (self.inertia - self.rotor) * STEP
+            self.q += self.dq * STEP
+            self.link += self.dlink * STEP
+        return self.told()
+
+
 def watch(joint: Joint, torque: Callable[[float, Joint], float], seconds: float = 1.0) -> float:
     """Return when the joint was found to have turned without telling so [s], inf if never."""
-    # A parameter is the same joint each time that its test runs.
-    joint.q = joint.dq = joint.time = joint.reading = 0.0
+    joint.begin()
     motion = ExpectedMotion((1.5 * 4.7 + 0.4) / PER_AMPERE, LARGEST / PER_AMPERE, PER_AMPERE, RATIO)
     for _ in range(round(seconds / CYCLE)):
         asked = max(min(torque(joint.time, joint), LARGEST), -LARGEST)
@@ -87,7 +121,20 @@ HEALTHY = {
     ),
     'against its stop': (Joint(stop=0.1), lambda time, joint: min(10.0 * time, 2.0)),
     'led to and fro at its stop': (Joint(stop=0.02), lambda time, joint: 1.5 * sin(5.0 * time)),
-    'with slack': (Joint(slack=0.004), lambda time, joint: 0.8 * sin(6.0 * time)),
+    # Slow enough for looks without a count between those with one.
+    'lifting a load slowly, and stopping': (
+        Joint(load=lambda time: 4.6),
+        lambda time, joint: 4.6 + 30.0 * (0.05 * (time < 0.2) - joint.dq),
+    ),
+    'with slack': (WornJoint(play=0.008), lambda time, joint: 0.8 * sin(6.0 * time)),
+    'thrown from flank to flank': (
+        WornJoint(play=0.05),
+        lambda time, joint: 6.0 * sin(12.0 * time),
+    ),
+    'shaken in a worn gear': (
+        WornJoint(load=lambda time: 3.0 * sin(12.0 * time)),
+        lambda time, joint: -60.0 * joint.q - 6.0 * joint.dq,
+    ),
     'resting on something': (
         Joint(load=lambda time: 4.0 if time < 0.3 else 0.0),
         lambda time, joint: 4.0 if time < 0.3 else 0.0,

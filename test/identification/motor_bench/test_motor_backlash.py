@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from motor_data import swings
 
-from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_told
+from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_largest, is_told
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction
 from aerarm_ros.identification.motor_bench.motor_run import MotorRun
 from aerarm_ros.identification.recording.identification_error import IdentificationError
@@ -29,12 +29,17 @@ def test_it_is_found_within_a_tenth() -> None:
     value, std = found(swings(0.02))
     assert value == pytest.approx(0.02, rel=0.1)
     assert abs(value - 0.02) < 3.0 * std < 0.008
+    assert not is_largest((value, std))
 
 
 def test_a_gear_without_has_none() -> None:
     value, std = found(swings(0.0))
     assert not is_told((value, std))
     assert value + 3.0 * std < 3e-3
+
+
+def test_more_than_is_looked_for_is_said_to_be() -> None:
+    assert is_largest(found(swings(0.14, seconds=1.2)))
 
 
 def test_a_link_that_gravity_presses_to_one_side_tells_nothing() -> None:

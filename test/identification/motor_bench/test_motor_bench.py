@@ -19,6 +19,7 @@ from aerarm_ros.identification.motor_bench.motor_bench import Earlier, KnownMass
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction
 from aerarm_ros.identification.motor_bench.motor_resistance import VOLTAGE
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
+from aerarm_ros.identification.motor_bench.motor_run import MotorRun
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
@@ -150,6 +151,9 @@ def test_swings_that_tell_no_play_are_said_to(config: ArmConfig, robot: Robot) -
     (warning,) = leaning.warnings
     assert 'is not told from none' in warning
     assert MotorBench(config, None, np.zeros(4)).evaluate(3, runs).backlash is None
+    unheard = MotorRun(None, *np.zeros((4, 0)), swings=True)
+    assert leaning.evaluate(3, [*steps(), unheard]).backlash is None
+    assert leaning.warnings[-1].startswith('backlash not measured: joint4: its swings are shorter')
 
 
 def test_torque_constant_from_a_known_mass(

@@ -31,3 +31,8 @@ def test_none_are_asked_for_by_default() -> None:
 def test_some_joints_alone_are_refused() -> None:
     with pytest.raises(ValueError, match='give one, or one for each of 4 joints'):
         plant_parameters(CONFIG, ROBOT, 1, [0.02, 0.01], 0.0, [])
+
+
+def test_play_that_is_not_there_cannot_wear() -> None:
+    with pytest.raises(ValueError, match='give backlash'):
+        plant_parameters(CONFIG, ROBOT, 1, [], 1e-3, [])
