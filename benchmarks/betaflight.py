@@ -2,8 +2,8 @@
 
 The firmware, built as a program of this host, has attitude, angular velocity and mixer;
 `flight_control` leads it by its sticks: angle mode, the position loop, what is fed forward. It does
-not wait for anybody, so the emulated world runs in real time, and figures count on a host that is
-quiet: its load is printed. `make flight AUTOPILOT=betaflight` runs it.
+not wait for anybody, so the emulated world keeps up with real time where the host can, and figures
+count on a host that is quiet: its load is printed. `make flight AUTOPILOT=betaflight` runs it.
 """
 
 import argparse

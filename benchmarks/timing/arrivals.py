@@ -19,6 +19,7 @@ from aerarm_msgs_py.topics import JOINT_COMMAND
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.realtime.scheduling import freeze_garbage_collector, set_fifo
 from aerarm_ros.ros.process.node_process import ros_environment
+from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 PRIORITY = 75  # between bridge and controller: it only stands by
 SHARES = (0.5, 0.99)
@@ -44,7 +45,7 @@ class Arrivals:
         """Wait for its end; return median and 99 % quantile from state to command [us]."""
         output, _ = self._process.communicate()
         if self._process.returncode:
-            raise SystemExit('no joint_command was heard: check ROS_DOMAIN_ID')
+            raise ArmClientError('no joint_command was heard by a third process')
         return json.loads(output)
 
 
