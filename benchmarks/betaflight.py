@@ -18,7 +18,7 @@ from flight import open_ros
 from flying.arm_model import ArmModel
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
-from flying.flight_page import flight_page
+from flying.flight_page import write_page
 from flying.flight_program import FlightProgram
 from flying.flight_record import FlightRecord
 from flying.flight_results import FlightResults
@@ -79,15 +79,12 @@ def main() -> int:
     results = FlightResults(FlightProgram(), {DRONE: records})
     load = os.getloadavg()[0]
     note = (
-        'A drone of 3 kg that carries an arm of 1.5 kg, the arm true, flown by Betaflight in real '
-        f'time; load of the host {load:.1f} on {os.cpu_count()} cores.'
+        'A drone of 3 kg that carries an arm of 1.5 kg, the arm true, flown by Betaflight, the '
+        f'world at the pace keep_up; load of the host {load:.1f} on {os.cpu_count()} cores.'
     )
     print(f'{note}\n{results.text()}')
     if options.out:
-        options.out.mkdir(parents=True, exist_ok=True)
-        path = options.out / 'flight_betaflight.html'
-        path.write_text(flight_page(results, note), encoding='utf-8')
-        print(f'Page      {path}')
+        write_page(options.out / 'flight_betaflight.html', results, note)
     return 0
 
 

@@ -24,7 +24,7 @@ import rclpy
 from flying.arm_model import ArmModel
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
-from flying.flight_page import flight_page
+from flying.flight_page import write_page
 from flying.flight_program import PARTS, FlightProgram
 from flying.flight_record import FlightRecord
 from flying.flight_results import FlightResults
@@ -171,10 +171,7 @@ def main() -> int:
     )
     print(f'{note}\n{results.text()}')
     if options.out:
-        options.out.mkdir(parents=True, exist_ok=True)
-        path = options.out / 'flight.html'
-        path.write_text(flight_page(results, note), encoding='utf-8')
-        print(f'Page      {path}')
+        write_page(options.out / 'flight.html', results, note)
     return 0
 
 

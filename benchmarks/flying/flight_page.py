@@ -1,5 +1,6 @@
 """A campaign of flights as a page with plots and replays."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,13 @@ from aerarm_ros.pages.page_origin import origin
 from aerarm_ros.pages.plots import figure_html, plotly_figure, plotting_script
 
 _THINNED = 8  # one in so many states is drawn
+
+
+def write_page(path: Path, results: FlightResults, note: str) -> None:
+    """Write the page, and say where; parameters as of `flight_page`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(flight_page(results, note), encoding='utf-8')
+    print(f'Page      {path}')
 
 
 def flight_page(results: FlightResults, note: str) -> str:
