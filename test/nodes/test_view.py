@@ -352,8 +352,12 @@ def test_a_wrong_frame_is_one_clear_line(ros_domain: dict[str, str], port: int) 
     assert 'Traceback' not in said
 
 
-def test_an_address_of_another_computer_is_refused(ros_domain: dict[str, str], port: int) -> None:
+def test_an_address_of_another_computer_is_refused(
+    ros_domain: dict[str, str], port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('TMPDIR', str(tmp_path))
     # One that is kept for documentation, so nobody's.
     done = run('view', parameters={'port': port, 'host': '192.0.2.1'})
     assert done.returncode == 1
+    assert not list(tmp_path.glob('aerarm_*'))
     assert 'no page can be served at host 192.0.2.1' in done.stderr + done.stdout

@@ -34,7 +34,7 @@ class ChildProgram:
     def __init__(self, namespace: str) -> None:
         self.name = ''
         self._arguments = ('--ros-args', '-r', f'__ns:={namespace}', '--')
-        self._logs = Path(tempfile.mkdtemp(prefix='aerarm_view_'))
+        self._logs: Path | None = None
         self._process: NodeProcess | None = None
         self._is_ending = False
         self._starting = threading.Lock()  # clicks are served by several threads
@@ -54,6 +54,8 @@ class ChildProgram:
         with self._starting:
             if self.runs:
                 raise RuntimeError(f'{self.name} runs already: stop it first')
+            if self._logs is None:  # not before: a page that cannot be served leaves nothing
+                self._logs = Path(tempfile.mkdtemp(prefix='aerarm_view_'))
             log = self._logs / f'{name}.log'
             self.name, self._is_ending = name, False
             self._process = NodeProcess(name, self._arguments, parameters, log=log)
@@ -79,4 +81,5 @@ class ChildProgram:
         """End the node, wait for it, and forget what it said."""
         if self._process is not None:
             self._process.stop()
-        shutil.rmtree(self._logs, ignore_errors=True)
+        if self._logs is not None:
+            shutil.rmtree(self._logs, ignore_errors=True)

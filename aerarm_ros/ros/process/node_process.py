@@ -14,8 +14,10 @@ from typing import IO
 from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
 from aerarm_ros.ros.process.log_directory import find_log_directory
 
-# Longer than any node's own shut-down (a bag's last chunk, the boards' last frames).
-STOP_TIMEOUT = 10.0
+# [s] Far longer than any node's own shut-down (a bag's last chunk, the boards' last frames), which
+# takes 0.3 s alone and more than 10 s beside 20 busy programs: what is killed must hang, for a
+# recorder that is killed loses the end of its bag.
+STOP_TIMEOUT = 60.0
 _TAIL = 65536  # [bytes] a page looks at it many times a second, and logs grow for days
 _LAUNCHER = Path(__file__).with_name('die_with_parent.py')
 
