@@ -28,5 +28,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'robot_shapes': ['load_shapes'],
         'rotor_config': ['RotorConfig'],
         'urdf_document': ['UrdfDocument', 'UrdfJoint'],
+        'whole_file': ['write_whole'],
     },
 )

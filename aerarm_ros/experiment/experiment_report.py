@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.whole_file import write_whole
 from aerarm_ros.experiment.experiment_bench import ExperimentRun
 from aerarm_ros.experiment.experiment_case import ExperimentCase
 from aerarm_ros.model.kinematics import Kinematics
@@ -88,7 +89,7 @@ class ExperimentReport:
             body.append(section(f'Errors, drone {base}', table(HEADINGS, rows, [best])))
         body.append(section('Path of the tool', self._figure()))
         text = page('Dynamic controllers', plotting_script(), body, origin())
-        path.write_text(text, encoding='utf-8')
+        write_whole(path, text)
 
     def _over_still(self, case: ExperimentCase, rms: Array) -> str:
         """Return how much larger the errors are than those of the same case on a still base.

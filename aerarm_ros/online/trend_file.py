@@ -1,12 +1,12 @@
 """Friction records in a small text file."""
 
-import os
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
+from aerarm_ros.description.whole_file import write_whole
 from aerarm_ros.online.friction_trend import MOST, FrictionRecord, FrictionTrend
 
 _KINDS = ('viscous', 'coulomb', 'load')
@@ -64,15 +64,7 @@ def write_trend(path: Path, trend: FrictionTrend) -> None:
         date = datetime.fromtimestamp(record.time, UTC).isoformat(timespec='seconds')
         values = np.stack([record.friction, record.std]).ravel()
         lines.append(','.join([date, *(f'{value:.6g}' for value in values)]))
-    beside = path.with_name(f'{path.name}.{os.getpid()}.new')
-    try:
-        with beside.open('w') as file:
-            file.write('\n'.join(lines) + '\n')
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+    write_whole(path, '\n'.join(lines) + '\n')
 
 
 def _header(joint_names: Sequence[str]) -> str:

@@ -14,6 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'condition_criterion': ['ConditionCriterion'],
         'design_constraints': ['DesignConstraints'],
         'design_criterion': ['DesignCriterion', 'information_gradient', 'information'],
+        'design_file': ['write_design'],
         'design_problem': ['DesignProblem'],
         'design_result': ['Quality', 'DesignResult'],
         'design_specification': ['DesignSpecification'],
@@ -25,6 +26,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'state_basis': ['StateBasis'],
         'trajectory_designer': ['TrajectoryDesigner'],
         'trajectory_file': ['TrajectoryFile', 'describe_margins'],
-        'whole_file': ['write_whole'],
     },
 )

@@ -12,7 +12,7 @@ import yaml
 
 from aerarm_ros.description.config_error import ConfigError
 from aerarm_ros.description.config_reader import build, read_yaml
-from aerarm_ros.excitation.design.whole_file import write_whole
+from aerarm_ros.excitation.design.design_file import write_design
 from aerarm_ros.excitation.feasibility.feasibility_report import FeasibilityReport
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
@@ -85,7 +85,7 @@ class TrajectoryFile:
             '# Fourier series of each joint, thesis (3.16): bias + sine_k sin(k w0 t)'
             ' + cosine_k cos(k w0 t).\n# Hz, rad. Played by `excitation`.\n'
         ) + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
-        write_whole(path, text)
+        write_design(path, text)
 
     @classmethod
     def load(cls, path: Path | str) -> TrajectoryFile:

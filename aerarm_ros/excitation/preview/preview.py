@@ -8,9 +8,9 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from aerarm_ros.excitation.design.design_file import write_design
 from aerarm_ros.excitation.design.design_result import DesignResult
 from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
-from aerarm_ros.excitation.design.whole_file import write_whole
 from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.preview.arm_animation import ArmAnimation, scene
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
@@ -53,7 +53,7 @@ class Preview:
         ExcitationError
             If it cannot be written.
         """
-        write_whole(path, self._page())
+        write_design(path, self._page())
 
     def _page(self) -> str:
         sections = [

@@ -9,7 +9,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.draft.arm_draft import ArmDraft
 from aerarm_ros.draft.draft_text import MARK, arm_text, excitation_text
-from aerarm_ros.excitation.design.whole_file import write_whole
+from aerarm_ros.excitation.design.design_file import write_design
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 
 
@@ -47,8 +47,8 @@ class InitRun:
         draft = self._draft
         self._arm_file.parent.mkdir(parents=True, exist_ok=True)
         text = arm_text(draft, self._urdf.name)
-        write_whole(self._arm_file, text)
-        write_whole(self._excitation_file, excitation_text(draft, self._urdf.name))
+        write_design(self._arm_file, text)
+        write_design(self._excitation_file, excitation_text(draft, self._urdf.name))
         load_arm_config(self._arm_file)
         load_excitation_config(self._excitation_file)
         joints = draft.config.joint_names

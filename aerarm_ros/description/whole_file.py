@@ -1,0 +1,23 @@
+"""Files that are there whole or not at all."""
+
+import os
+from pathlib import Path
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file, in place of one of that name only once all of it is on the disk.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; what was there before still is, and nothing else.
+    """
+    beside = path.with_name(f'{path.name}.{os.getpid()}.part')
+    try:
+        with beside.open('w', encoding='utf-8') as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)

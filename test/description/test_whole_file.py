@@ -1,0 +1,28 @@
+"""A file that is written beside its place first."""
+
+from pathlib import Path
+
+import pytest
+
+from aerarm_ros.description.whole_file import write_whole
+
+
+def test_a_file_takes_the_place_of_the_one_before(tmp_path: Path) -> None:
+    path = tmp_path / 'text'
+    for text in ('before\n', 'ä\n'):
+        write_whole(path, text)
+    assert path.read_text(encoding='utf-8') == 'ä\n'
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_cannot_be_written_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / 'text'
+    path.write_text('before')
+    with pytest.raises(UnicodeEncodeError):
+        write_whole(path, 'half of it \ud800')
+    folder = tmp_path / 'folder'
+    folder.mkdir()
+    with pytest.raises(IsADirectoryError):
+        write_whole(folder, 'text')
+    assert path.read_text() == 'before'
+    assert sorted(tmp_path.iterdir()) == [folder, path]
