@@ -9,6 +9,8 @@ from aerarm_msgs_py.codecs.cdr_prefix import ENCAPSULATION_SIZE
 
 _COUNT = struct.Struct('<I')
 _DOUBLE = 8
+# Made once: to find a type by its name takes longer than to read the numbers.
+_DOUBLES = np.dtype('<f8')
 _STAMP_SIZE = 8
 _NANOSECONDS = 1_000_000_000
 _EMPTY = np.empty(0)
@@ -53,6 +55,14 @@ class JointStateLayout:
         self.size = offset
         self._numbers = struct.Struct('<' + numbers)
         self._counts = tuple(n * is_full for is_full in full)
+        # What stands between two full fields fills whole doubles: they are parts of one array.
+        self._first = self._data_offsets[full.index(True)] if any(full) else self.size
+        self._span = (self.size - self._first) // _DOUBLE
+        places = [(offset - self._first) // _DOUBLE for offset in self._data_offsets]
+        self._parts = [
+            slice(place, place + n) if is_full else None
+            for place, is_full in zip(places, full, strict=True)
+        ]
 
     def stamp_of(self, payload: bytes) -> int | None:
         """Return the stamp [ns] of a payload, None if its counts aren't this layout's."""
@@ -77,11 +87,12 @@ class JointStateLayout:
         self, payload: bytes
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None, NDArray[np.float64] | None]:
         """Return position, velocity, effort as (n,) views of a payload that matches."""
-        offsets, full, n = self._data_offsets, self.full, self.n
+        numbers = np.frombuffer(payload, _DOUBLES, self._span, self._first)
+        position, velocity, effort = self._parts
         return (
-            np.frombuffer(payload, '<f8', n, offsets[0]) if full[0] else None,
-            np.frombuffer(payload, '<f8', n, offsets[1]) if full[1] else None,
-            np.frombuffer(payload, '<f8', n, offsets[2]) if full[2] else None,
+            None if position is None else numbers[position],
+            None if velocity is None else numbers[velocity],
+            None if effort is None else numbers[effort],
         )
 
     def values_of_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.float64]:

@@ -1,6 +1,7 @@
 """One cycle of a controller: reference, law, disturbance compensation, limits."""
 
-from typing import Any, Generic, TypeVar
+from math import isfinite
+from typing import Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -77,6 +78,7 @@ class ControlLoop(Generic[Reference]):
         self.base = base
         self._compensation_max = non_negative('compensation_max', compensation_max, limits.n)
         self.compensating = bool(np.any(self._compensation_max))
+        self._effort_min = -limits.effort_max
         self._fade = Fade(_COMPENSATION_FADE, share=float(self.compensating))
         self._last: float | None = None
         self._has_answered = False  # a state since control began
@@ -101,8 +103,8 @@ class ControlLoop(Generic[Reference]):
         """
         self.observe()
         q, dq, _ = state
-        # A sum is NaN or infinite if one of its terms is.
-        if not np.isfinite(q.sum() + dq.sum()):
+        # A sum is NaN or infinite if one of its terms is; of so few, Python's is the quickest.
+        if not isfinite(sum(q.tolist()) + sum(dq.tolist())):
             self.skipped += 1
             return None
         if self._last is None or not -LONGEST_GAP < now - self._last < LONGEST_GAP:
@@ -134,7 +136,7 @@ class ControlLoop(Generic[Reference]):
         self._unobserved = None
         if self.base is not None:
             self.base.observe(state, now)
-        if self.observer is not None and np.isfinite(state.tau.sum()):
+        if self.observer is not None and isfinite(sum(state.tau.tolist())):
             # The torque acted in the cycle that ended with the state. The base at another time
             # would look like a disturbance, and its compensation undo the law's prediction.
             base = None if self.base is None else self.base.motion(now, -0.5 * dt)
@@ -153,12 +155,12 @@ class ControlLoop(Generic[Reference]):
 
     def _finish(self, command: JointCommand, dt: float) -> JointCommand:
         """Compensate the disturbance and cut the effort at its limits."""
-        observer = self.observer
-        effort: Any = command.tau
+        q, dq, effort = command
         if effort is None:
             return command
+        observer = self.observer
         if observer is not None and (share := self._fade.update(dt, self.compensating)) > 0.0:
             largest = share * self._compensation_max
             effort = effort - np.minimum(np.maximum(observer.residual, -largest), largest)
-        largest = self.limits.effort_max
-        return command._replace(tau=np.minimum(np.maximum(effort, -largest), largest))
+        effort = np.minimum(np.maximum(effort, self._effort_min), self.limits.effort_max)
+        return JointCommand(q, dq, effort)

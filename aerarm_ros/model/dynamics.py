@@ -38,14 +38,16 @@ class Dynamics:
         self.robot = robot
         self._model = robot.model.copy()
         # Pinocchio adds the armature in rnea, crba and aba.
-        self._model.armature = checked_rotor_inertia(rotor_inertia, robot.n)
+        self._rotor_inertia = checked_rotor_inertia(rotor_inertia, robot.n)
+        self._rotor_inertia.flags.writeable = False
+        self._model.armature = self._rotor_inertia
         self._data = self._model.createData()
         self._last_link = LastLink(self._model)
 
     @property
     def rotor_inertia(self) -> Array:
         """(n,) rotor inertia at the joints [kg m^2]."""
-        return np.array(self._model.armature)
+        return self._rotor_inertia
 
     def carry(self, payload: npt.ArrayLike) -> None:
         """Add a body to the last link, in place of one added before.

@@ -12,6 +12,7 @@ import struct
 import threading
 from collections.abc import Collection
 from contextlib import suppress
+from functools import cache
 
 _MCL_CURRENT = 1
 _MCL_FUTURE = 2
@@ -92,9 +93,7 @@ def keep_cpus_awake() -> str | None:
     times a cycle. Staying awake costs power and heat.
     """
     try:
-        # The request holds while the file is open, so it is left open on purpose.
-        file = os.open(_LATENCY_FILE, os.O_WRONLY)
-        os.write(file, struct.pack('=i', 0))
+        _latency_request()
     except OSError as error:
         return (
             f'CPUs may sleep between cycles ({_LATENCY_FILE}: {error.strerror}), which delays '
@@ -104,6 +103,14 @@ def keep_cpus_awake() -> str | None:
             f'--device={_LATENCY_FILE}.'
         )
     return None
+
+
+@cache
+def _latency_request() -> int:
+    """Return the file of the request, one a process; it holds while the file is open."""
+    file = os.open(_LATENCY_FILE, os.O_WRONLY)
+    os.write(file, struct.pack('=i', 0))
+    return file
 
 
 def freeze_garbage_collector() -> str | None:

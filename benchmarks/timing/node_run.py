@@ -79,7 +79,7 @@ def measure(node: Node, bridge: str, controller: str, seconds: float, ask: bool)
             environment = stack.enter_context(spi_boards.SpiBoards()).environment
             own = {'board_timeout': 0.2}
         arm = ArmClient(node, [bridge])
-        common = {'lock_memory': True}
+        common = {'lock_memory': True, 'keep_cpus_awake': True}
         run = stack.enter_context
         master = run(
             NodeProcess(

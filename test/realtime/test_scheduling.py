@@ -48,8 +48,12 @@ def test_an_ordinary_user_gets_advice_instead_of_cpus_that_stay_awake() -> None:
 )
 def test_cpus_stay_awake_as_long_as_the_process_lives() -> None:
     read = "struct.unpack('=i', open('/dev/cpu_dma_latency', 'rb').read(4))[0]"
-    code = f'{_IMPORT}import struct\nprint(scheduling.keep_cpus_awake(), {read})'
-    assert run(code) == 'None 0'
+    code = (
+        f'{_IMPORT}import struct\nprint(scheduling.keep_cpus_awake(), {read})\n'
+        'before = os.listdir("/proc/self/fd")\n'
+        'print(scheduling.keep_cpus_awake(), os.listdir("/proc/self/fd") == before)'
+    )
+    assert run(code) == 'None 0\nNone True'
 
 
 def test_a_cpu_that_is_not_there_is_refused_and_nothing_changes() -> None:

@@ -108,6 +108,11 @@ class BaseMotionEstimator:
         self.rejections = 0
         self.last_rejection = ''
 
+    @property
+    def uses_imu(self) -> bool:
+        """Whether IMU samples change anything."""
+        return self.mode != NONE
+
     def status(self, now: float) -> str:
         """Return where the motion comes from at `now` [s], for diagnostics."""
         if self.mode == NONE:

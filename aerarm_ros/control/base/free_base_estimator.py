@@ -71,6 +71,7 @@ class FreeBaseEstimator:
     """
 
     mode = FREE
+    uses_imu = True
 
     def __init__(
         self,

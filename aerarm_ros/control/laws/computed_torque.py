@@ -81,12 +81,14 @@ class ComputedTorque(InverseDynamicsLaw):
         q, dq, _ = state
         error = reference.q - q
         a = reference.ddq + self.kp * error
-        dq = dq + self._lag * reference.ddq  # what the low-pass has not told yet
+        if self._lag:
+            dq = dq + self._lag * reference.ddq  # what the low-pass has not told yet
         a += self.kd * (reference.dq - dq)
         if self._integral is not None:
             a += self._integral.update(error, dt)
+        if self._delay:
+            gained = self._delay * reference.ddq
+            q, dq = q + self._delay * reference.dq, dq + gained
+            reference = reference._replace(dq=reference.dq + gained)
         # Friction along the reference: measured noise stays out.
-        gained = self._delay * reference.ddq
-        due = reference._replace(dq=reference.dq + gained)
-        q = q + self._delay * reference.dq
-        return JointCommand(tau=self._torque(q, dq + gained, a, due, base))
+        return JointCommand(tau=self._torque(q, dq, a, reference, base))

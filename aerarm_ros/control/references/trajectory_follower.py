@@ -228,7 +228,7 @@ class TrajectoryFollower:
     def _watch(self, q: Array, now: float) -> None:
         """End the motion at its goal, when its stream falls silent, or when the arm lags."""
         error, used = np.abs(self.reference.q - q), self._used
-        if np.any(error > used.path):
+        if (error > used.path).any():
             joint = int(np.argmax(error / used.path))
             # Where the arm is, so that whatever blocks it isn't pushed on.
             reason = f'stopped: {self._limits.names[joint]} {error[joint]:.3g} rad off path'
@@ -238,7 +238,7 @@ class TrajectoryFollower:
             return
         elif self.status == 'streaming':
             self.stop(now, 'stopped: no streamed point in time')
-        elif np.all(error <= used.goal):
+        elif (error <= used.goal).all():
             self.status, self.end = 'holding', MotionEnd.REACHED
             self.outcome = f'reached, error {error.max():.2g} rad'
         elif now > self._until + used.goal_time:

@@ -160,10 +160,12 @@ class ControllerNode(StateNode):
         command = self.loop.update(state, now)
         if command is None:
             return
-        self._command = bytes(self._codec.pack(stamp_ns, *command))
+        self._command = self._codec.pack(stamp_ns, *command)
         self._answered_ns = stamp_ns
+        latency_ns = self.since_state_ns()
         self._commands.publish(self._command)
-        self.count_answer()
+        # From here on nobody waits.
+        self.count_answer(latency_ns)
         self._tell_take_over(state)
         self.loop.observe()
         for attendant in self._attendants:

@@ -101,6 +101,7 @@ class StateNode:
             self.reject,
             self._rotor_names(),
             self.states_waiting,
+            self.base.uses_imu,
         )
         self.diagnostics.watch(self._stream)
         self.connect()
@@ -159,9 +160,13 @@ class StateNode:
         """Return a publisher of the topic."""
         return self.node.create_publisher(topic.type, topic.name, topic.offered)
 
-    def count_answer(self) -> None:
-        """Count that the newest state has been answered now."""
-        self.diagnostics.latency.add(self._stream.latency_ns())
+    def since_state_ns(self) -> int:
+        """Return how long ago, on this host, the newest state was published [ns]."""
+        return self._stream.latency_ns()
+
+    def count_answer(self, latency_ns: int | None = None) -> None:
+        """Count that the newest state has been answered, now or that long after it [ns]."""
+        self.diagnostics.latency.add(self.since_state_ns() if latency_ns is None else latency_ns)
 
     def reject(self, reason: str) -> None:
         """Report an input that isn't used."""

@@ -8,6 +8,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from aerarm_ros.realtime.scheduling import (
     freeze_garbage_collector,
+    keep_cpus_awake,
     lock_memory,
     set_affinity,
     set_fifo,
@@ -24,6 +25,12 @@ REAL_TIME_PARAMETERS = grouped(
         maximum=98,
     ),
     Parameter('lock_memory', False, 'keep all memory of the process in RAM'),
+    Parameter(
+        'keep_cpus_awake',
+        False,
+        'let no idle CPU of this computer sleep while the node runs: quicker wake-ups for power '
+        'and heat',
+    ),
 )
 
 
@@ -45,6 +52,7 @@ def prepare_thread(values: SimpleNamespace, logger: RcutilsLogger) -> None:
         set_affinity(cpus) if cpus else None,
         set_fifo(values.realtime_priority) if values.realtime_priority else None,
         lock_memory() if values.lock_memory else None,
+        keep_cpus_awake() if values.keep_cpus_awake else None,
         freeze_garbage_collector() if getattr(values, 'freeze_gc', True) else None,
     ]
     for warning in filter(None, warnings):

@@ -79,7 +79,7 @@ class MotionPlayback:
         self._answered_ns: int | None = None
         self._command = b''
         self._on_rejection = on_rejection
-        self.states = StateStream(node, joint_names, self._reject)
+        self.states = StateStream(node, joint_names, self._reject, imu=False)
 
     def wait_for_arm(self, timeout: float) -> NDArray[np.float64] | None:
         """Return the posture (n,) [rad] once the arm is there and rests; None if asked to stop.
@@ -173,7 +173,7 @@ class MotionPlayback:
             )
         if stamp_ns != self._answered_ns:
             self._answered_ns = stamp_ns
-            self._command = bytes(self._codec.pack(stamp_ns, *player.update(stamp_ns, state.q)))
+            self._command = self._codec.pack(stamp_ns, *player.update(stamp_ns, state.q))
             self._commands.publish(self._command)
             listener(stamp_ns, state, self._command)
         else:

@@ -22,11 +22,11 @@ from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.ros.states.rotor_thrusts import RotorThrusts
 
-_STATES, _IMU, _ROTORS = 0, 1, 2
+_STATES = 0  # its place among the topics
 
 
 class StateStream:
-    """Waits for joint states, IMU samples, and commands of a drone's rotors if any are named.
+    """Waits for joint states, IMU samples if wanted, and commands of rotors if any are named.
 
     Attributes
     ----------
@@ -46,6 +46,8 @@ class StateStream:
     depth
         How many states, and IMU samples, may wait. With more than 1, every state is given, the
         oldest first, and each IMU sample with the first state that came after it.
+    imu
+        Whether IMU samples are wanted. They end a wait, and must be taken then.
     """
 
     def __init__(
@@ -55,17 +57,19 @@ class StateStream:
         reject: Callable[[str], None],
         rotors: Sequence[str] = (),
         depth: int = 1,
+        imu: bool = True,
     ) -> None:
         self._names = tuple(names)
         self._cdr = JointStateCdr(self._names)
         self._reject = reject
         self._rotors = JointStateCdr(rotors) if rotors else None
-        wanted = [topics.ROTOR_COMMAND] if rotors else []
-        given = [topics.JOINT_STATES, topics.IMU]
+        given = [topics.JOINT_STATES, *([topics.IMU] if imu else [])]
         self._gives_all = depth > 1
         if self._gives_all:
             given = [topic.queued(depth) for topic in given]
-        self._reader = RawReader(node, *given, *wanted)
+        self._imu_place = 1 if imu else None
+        self._rotors_place = len(given)
+        self._reader = RawReader(node, *given, *([topics.ROTOR_COMMAND] if rotors else []))
         self._early: deque[RawMessage] = deque(maxlen=depth)
         self._no_effort = np.full(len(self._names), np.nan)
         self._published_ns = self._received_ns = 0
@@ -120,9 +124,11 @@ class StateStream:
         The lead is negative for one that came after it. Faulty ones are rejected.
         """
         samples: list[tuple[ImuSample, int]] = []
+        if self._imu_place is None:
+            return samples
         waiting = list(self._early)
         self._early.clear()
-        while (message := self._reader.take(_IMU)) is not None:
+        while (message := self._reader.take(self._imu_place)) is not None:
             waiting.append(message)
         for payload, info in waiting:
             if self._gives_all and info['received_timestamp'] > self._received_ns:
@@ -140,7 +146,10 @@ class StateStream:
 
     def rotor_command(self) -> RotorThrusts | None:
         """Return the newest command of the rotors, None if none waits."""
-        if self._rotors is None or (message := self._reader.take_newest(_ROTORS)) is None:
+        if self._rotors is None:
+            return None
+        message = self._reader.take_newest(self._rotors_place)
+        if message is None:
             return None
         payload, info = message
         names, sample = self._rotors.names, self._rotors.unpack(payload)

@@ -8,6 +8,8 @@ import pytest
 from aerarm_ros.ros.parameters import real_time_parameters
 from aerarm_ros.ros.parameters.real_time_parameters import prepare_thread
 
+NOTHING = {'realtime_priority': 0, 'lock_memory': False, 'keep_cpus_awake': False}
+
 
 class Logger:
     def __init__(self) -> None:
@@ -25,7 +27,7 @@ def collector_as_before():
 
 
 def test_the_garbage_collector_stops_unless_it_is_wanted() -> None:
-    values = SimpleNamespace(realtime_priority=0, lock_memory=False)
+    values = SimpleNamespace(**NOTHING)
     logger = Logger()
     prepare_thread(SimpleNamespace(**vars(values), freeze_gc=False, cpus=[]), logger)
     assert gc.isenabled()
@@ -38,5 +40,15 @@ def test_a_refusal_is_a_warning(monkeypatch) -> None:
     refusal = 'no right to SCHED_FIFO: raise rtprio in /etc/security/limits.d'
     monkeypatch.setattr(real_time_parameters, 'set_fifo', lambda priority: refusal)
     logger = Logger()
-    prepare_thread(SimpleNamespace(realtime_priority=70, lock_memory=False), logger)
+    prepare_thread(SimpleNamespace(**{**NOTHING, 'realtime_priority': 70}), logger)
+    assert logger.warnings == [refusal]
+
+
+def test_cpus_that_shall_not_sleep_are_asked_for(monkeypatch) -> None:
+    refusal = 'CPUs may sleep between cycles'
+    monkeypatch.setattr(real_time_parameters, 'keep_cpus_awake', lambda: refusal)
+    logger = Logger()
+    prepare_thread(SimpleNamespace(**NOTHING), logger)
+    assert logger.warnings == []
+    prepare_thread(SimpleNamespace(**{**NOTHING, 'keep_cpus_awake': True}), logger)
     assert logger.warnings == [refusal]

@@ -36,6 +36,15 @@ def publish_all(node: Node, stream: StateStream) -> None:
             time.sleep(1e-3)
 
 
+def test_who_wants_no_imu_is_not_woken_by_it(ros_node: Node) -> None:
+    stream = StateStream(ros_node, NAMES, pytest.fail, imu=False)
+    names = [subscription.topic_name for subscription in ros_node.subscriptions]
+    assert topics.JOINT_STATES.name in ' '.join(names)
+    assert topics.IMU.name not in ' '.join(names)
+    assert stream.imu_samples() == []
+    stream.destroy()
+
+
 @pytest.mark.parametrize('depth', [1, 100])
 def test_none_is_left_out_if_they_may_wait(ros_node: Node, depth: int) -> None:
     stream = StateStream(ros_node, NAMES, pytest.fail, depth=depth)
