@@ -269,10 +269,6 @@ def report(pairs: dict[str, tuple[dict[str, float], ...]]) -> None:
 
 def report_nodes(seconds: float, repeats: int) -> None:
     """Run bridges with those that answer them, and print a line for each pair."""
-    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    rclpy.init(args=[])
-    node = rclpy.create_node('bench')
     print(f'\nNodes: medians of {repeats} runs of {seconds:g} s; [us] p50/p99, [%]')
     print(NODE_LINE.format(*NODE_HEADINGS))
     cases = [(bridge, name, False) for bridge in (EMULATED, REAL) for name in CONTROLLERS]
@@ -281,7 +277,7 @@ def report_nodes(seconds: float, repeats: int) -> None:
             print(f'{bridge}: {why_not(bridge)}')
             continue
         try:
-            runs = [measure(node, bridge, name, seconds, ask) for _ in range(repeats)]
+            runs = [measure(bridge, name, seconds, ask) for _ in range(repeats)]
         except ArmClientError as error:  # this machine, now, is too slow for a real arm
             print(f'{bridge:16}{name:29} {error}', flush=True)
             continue
@@ -302,8 +298,6 @@ def report_nodes(seconds: float, repeats: int) -> None:
             ),
             flush=True,
         )
-    node.destroy_node()
-    rclpy.shutdown()
 
 
 def main() -> None:

@@ -3,17 +3,21 @@
 import os
 import sys
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields
+from itertools import count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
+import rclpy
 from rclpy.node import Node
 from timing.arrivals import Arrivals
 from timing.diagnosed import Diagnosed
 
 from aerarm_ros.ros.process.node_process import NodeProcess
-from aerarm_ros.ros.requests.arm_client import ArmClient
+from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'hardware'))
 import spi_boards
@@ -23,6 +27,7 @@ EXCITATION = 'excitation'
 # Gentle, and longer than any run.
 LONG_MOTION = {'amplitude': 0.2, 'harmonics': 2, 'fundamental': 0.2, 'periods': 100}
 WARM_UP = 2.0  # [s]
+_RUNS = count()
 
 
 @dataclass(frozen=True)
@@ -67,42 +72,69 @@ def why_not(bridge: str) -> str:
     return spi_boards.missing() if bridge == REAL else ''
 
 
-def measure(node: Node, bridge: str, controller: str, seconds: float, ask: bool) -> NodeFigures:
+def measure(bridge: str, controller: str, seconds: float, ask: bool) -> NodeFigures:
     """Run both, and with `ask` a client of the bridge's parameters, and return the figures.
 
     Both have real-time priority where it is granted, as on an arm. The real bridge reaches its
     emulated boards, which are a process of their own, through a preloaded SPI bus.
+
+    Raises
+    ------
+    ArmClientError
+        If the arm does not come to follow its controller; with what both said.
     """
-    with ExitStack() as stack:
-        environment, own = {}, {'pace': 'real_time'}
-        if bridge == REAL:
-            environment = stack.enter_context(spi_boards.SpiBoards()).environment
-            own = {'board_timeout': 0.2}
-        arm = ArmClient(node, [bridge])
-        common = {'lock_memory': True, 'keep_cpus_awake': True}
-        run = stack.enter_context
-        master = run(
-            NodeProcess(
-                bridge,
-                (),
-                {'realtime_priority': 80, **common, **own},
-                environment,
-                Path(os.devnull),
-            )
-        )
-        motion = LONG_MOTION if controller == EXCITATION else {}
-        answering = {'realtime_priority': 70, **common, **motion}
-        arm.wait_for_mode(['idle'], 30.0)
-        arm.call('enable')
-        arm.wait_for_mode(['ready', 'running'], 30.0)
-        slave = run(NodeProcess(controller, (), answering, None, Path(os.devnull)))
-        diagnosed = Diagnosed(node, bridge)
-        stack.callback(diagnosed.destroy)
-        # Who starts in a killed one's place is deaf at first (docs/decisions.md, 58).
-        arm.wait_for_mode(['running'], 60.0)
-        diagnosed.wait_for(controller, 'answer p50 [us]')
-        diagnosed.spin(WARM_UP)
-        return _figures(diagnosed, {'bridge': master, controller: slave}, seconds, ask)
+    with TemporaryDirectory() as folder:
+        logs = [Path(folder) / name for name in (bridge, controller)]
+        try:
+            with ExitStack() as stack:
+                return _run(stack, bridge, controller, logs, seconds, ask)
+        except ArmClientError as error:
+            said = '\n'.join(log.read_text() for log in logs if log.exists())
+            raise ArmClientError(f'{error}\n{said}') from None
+
+
+def _run(
+    stack: ExitStack, bridge: str, controller: str, logs: list[Path], seconds: float, ask: bool
+) -> NodeFigures:
+    node = stack.enter_context(_node_in_own_domain())
+    environment, own = {}, {'pace': 'real_time'}
+    if bridge == REAL:
+        environment = stack.enter_context(spi_boards.SpiBoards()).environment
+        own = {'board_timeout': 0.2}
+    arm = ArmClient(node, [bridge])
+    common = {'lock_memory': True, 'keep_cpus_awake': True}
+    leading = {'realtime_priority': 80, **common, **own}
+    master = stack.enter_context(NodeProcess(bridge, (), leading, environment, logs[0]))
+    arm.wait_for_mode(['idle'], 30.0)
+    arm.call('enable')
+    arm.wait_for_mode(['ready', 'running'], 30.0)
+    motion = LONG_MOTION if controller == EXCITATION else {}
+    answering = {'realtime_priority': 70, **common, **motion}
+    slave = stack.enter_context(NodeProcess(controller, (), answering, None, logs[1]))
+    diagnosed = Diagnosed(node, bridge)
+    stack.callback(diagnosed.destroy)
+    arm.wait_for_mode(['running'], 60.0)
+    diagnosed.wait_for(controller, 'answer p50 [us]')
+    diagnosed.spin(WARM_UP)
+    return _figures(diagnosed, {'bridge': master, controller: slave}, seconds, ask)
+
+
+@contextmanager
+def _node_in_own_domain() -> Iterator[Node]:
+    """Give a node of a domain in which no earlier run was.
+
+    Who starts in the place of one that did not end by itself is deaf at first
+    (docs/decisions.md, 58).
+    """
+    os.environ['ROS_DOMAIN_ID'] = str(1 + (os.getpid() + next(_RUNS)) % 100)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    rclpy.init(args=[])
+    node = rclpy.create_node('bench')
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
 
 
 def _figures(
