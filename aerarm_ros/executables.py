@@ -7,8 +7,10 @@ end too. So the commands come through here, where nothing is imported beforehand
 import importlib
 import os
 import signal
+import sys
 from collections.abc import Callable
 from functools import partial
+from types import ModuleType
 
 from aerarm_ros.ros.process.die_with_parent import die_with_launch
 from aerarm_ros.ros.process.exit_status import INTERRUPTED
@@ -19,6 +21,10 @@ from aerarm_ros.ros.process.stop_signals import StopSignals
 _TASKS = frozenset(
     ('arm', 'demo', 'excitation', 'excitation_designer', 'experiment', 'identifier', 'motor_bench')
 )
+
+_HELP = ('-h', '--help')
+# What most nodes import, and no help needs: together they take longer than all else.
+_HEAVY = ('mujoco', 'pinocchio')
 
 
 def __getattr__(name: str) -> Callable[[], int]:
@@ -32,6 +38,8 @@ def _run(name: str) -> int:
     run = _do if name in _TASKS else _serve
     try:
         die_with_launch()
+        if any(argument in _HELP for argument in sys.argv[1:]):
+            sys.modules.update((name, _Unloaded(name)) for name in _HEAVY)
         return run(name)
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -61,6 +69,17 @@ def _do(name: str) -> int:
     signal.signal(signal.SIGINT, before)
     status: int = main()
     return status
+
+
+class _Unloaded(ModuleType):
+    """Stands for a module until something of it is used, if ever."""
+
+    def __getattr__(self, attribute: str) -> object:
+        if attribute.startswith('__'):
+            raise AttributeError(attribute)
+        if sys.modules.get(self.__name__) is self:
+            del sys.modules[self.__name__]
+        return getattr(importlib.import_module(self.__name__), attribute)
 
 
 class _Early:

@@ -183,7 +183,7 @@ class ExcitationNode:
         return VelocityLaw(self._parameters.position_gain, self._setup.limits.velocity)
 
     def _measure(self, *_: object) -> None:
-        self._diagnostics.latency.add(self._playback.states.latency_ns())
+        self._diagnostics.latency.add(self._playback.latency_ns)
         self._plan.update()
 
     def _ahead(self, times: FloatArray) -> JointReference | None:

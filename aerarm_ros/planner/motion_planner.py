@@ -7,8 +7,8 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize
 
 from aerarm_ros.energy.energy_model import EnergyModel
 from aerarm_ros.excitation.feasibility.effort_model import EffortModel
@@ -320,7 +320,7 @@ class MotionPlanner:
             slope = by_points.ravel()
             return total, np.append(slope, by_log) if is_free else slope
 
-        found = minimize(
+        found = scipy.optimize.minimize(
             value,
             x,
             jac=True,

@@ -3,7 +3,7 @@
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy
 
 from aerarm_ros.motion.float_array import FloatArray
 from aerarm_ros.motion.joint_reference import JointReference
@@ -40,7 +40,7 @@ class SplineBasis:
         self._breaks = np.linspace(0.0, 1.0, spans + 1)
         ends = np.ones(_DEGREE)
         knots = np.concatenate([0.0 * ends, self._breaks, ends])
-        self._spline = BSpline(knots, np.eye(count), _DEGREE)
+        self._spline = scipy.interpolate.BSpline(knots, np.eye(count), _DEGREE)
         # Where each control point acts: points on a line at these x are that line.
         places = [knots[i + 1 : i + 1 + _DEGREE].mean() for i in range(count)]
         self._places = np.array(places[_AT_REST:-_AT_REST])

@@ -44,6 +44,30 @@ def test_what_is_no_command_is_no_attribute() -> None:
         executables._private  # noqa: B018
 
 
+# Those that need most, one after the other; at last something is used after all.
+HELPED = """
+import sys
+from aerarm_ros import executables
+for name in ('demo', 'excitation_designer', 'fake_hardware', 'motion_planner'):
+    sys.argv = [name, '--help']
+    try:
+        getattr(executables, name)()
+    except SystemExit:
+        pass
+heavy = 'coal', 'mujoco.mjx', 'mujoco._structs', 'scipy.optimize', 'scipy.special', 'scipy.linalg'
+print([module for module in heavy if module in sys.modules])
+import pinocchio
+print(pinocchio.SE3.Identity().translation)
+"""
+
+
+def test_help_loads_no_physics_and_no_algebra() -> None:
+    done = subprocess.run([sys.executable, '-c', HELPED], capture_output=True, text=True)
+    assert done.stderr == ''
+    assert done.stdout.count('usage: ') == 4
+    assert done.stdout.endswith('[]\n[0. 0. 0.]\n')
+
+
 def threads_added_by(module: str) -> int:
     """Count them in the environment that users have."""
     program = f"""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import logsumexp, softmax
+import scipy
 
 from aerarm_ros.excitation.design.design_criterion import information, information_gradient
 from aerarm_ros.excitation.design.identifiable_space import IdentifiableSpace
@@ -84,6 +84,12 @@ class ConditionCriterion:
         eigenvalues, vectors = np.linalg.eigh(matrix)
         log = np.log(np.maximum(eigenvalues, np.finfo(float).tiny))
         rho = self._sharpness
-        value = 0.5 * (logsumexp(rho * log) + logsumexp(-rho * log)) / rho
-        weights = 0.5 * (softmax(rho * log) - softmax(-rho * log)) / eigenvalues
+        value = (
+            0.5 * (scipy.special.logsumexp(rho * log) + scipy.special.logsumexp(-rho * log)) / rho
+        )
+        weights = (
+            0.5
+            * (scipy.special.softmax(rho * log) - scipy.special.softmax(-rho * log))
+            / eigenvalues
+        )
         return float(value), np.asarray((vectors * weights) @ vectors.T)

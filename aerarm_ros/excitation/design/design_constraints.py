@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import logsumexp, softmax
+import scipy
 
 from aerarm_ros.excitation.clearance.clearance_checker import ClearanceChecker
 from aerarm_ros.excitation.settings.motion_limits import MotionLimits
@@ -77,7 +77,7 @@ class DesignConstraints:
         clearance : derivative (M, n) of the last constraint by the positions, or None.
         """
         joint = [
-            -2.0 * ratio / scale * softmax(self._sharpness * ratio**2, axis=0)
+            -2.0 * ratio / scale * scipy.special.softmax(self._sharpness * ratio**2, axis=0)
             for ratio, scale in zip(self._ratios(states, effort), self._scales, strict=True)
         ]
         if self._clearance is None:
@@ -91,7 +91,9 @@ class DesignConstraints:
         return [values / scale for values, scale in zip(quantities, self._scales, strict=True)]
 
     def _join(self, values: FloatArray) -> FloatArray:
-        return np.asarray(logsumexp(self._sharpness * values, axis=0) / self._sharpness)
+        return np.asarray(
+            scipy.special.logsumexp(self._sharpness * values, axis=0) / self._sharpness
+        )
 
     def _shortfall(self, positions: FloatArray) -> FloatArray:
         """Return how far each posture falls short of the clearance, positive beyond, (M,)."""
@@ -101,7 +103,7 @@ class DesignConstraints:
 
     def _clearance_gradient(self, positions: FloatArray) -> FloatArray:
         assert self._clearance is not None
-        weights = softmax(self._sharpness * self._shortfall(positions))
+        weights = scipy.special.softmax(self._sharpness * self._shortfall(positions))
         gradient = np.zeros_like(positions)
         # Postures far from any obstacle have no weight, and these are most of them.
         for sample in np.flatnonzero(weights > 1e-6):

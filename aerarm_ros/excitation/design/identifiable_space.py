@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.design.smooth_regressor import SmoothRegressor
@@ -61,5 +61,5 @@ class IdentifiableSpace:
         norms = np.linalg.norm(matrix, axis=0)
         # A column that is zero but for rounding must not be blown up to a norm of one.
         scales = np.where(norms > 1e-9 * norms.max(), norms, np.inf)
-        _, _, pivots = qr(matrix / scales, mode='economic', pivoting=True)
+        _, _, pivots = scipy.linalg.qr(matrix / scales, mode='economic', pivoting=True)
         return cls(rows[:rank].T, np.sort(pivots[:rank]))

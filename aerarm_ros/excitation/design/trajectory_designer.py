@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from aerarm_ros.excitation.design.condition_criterion import ConditionCriterion
 from aerarm_ros.excitation.design.design_constraints import DesignConstraints
@@ -196,7 +196,7 @@ class TrajectoryDesigner:
         best = coefficients.ravel()
         try:
             for _ in range(self._RESTARTS):
-                result = minimize(
+                result = scipy.optimize.minimize(
                     value,
                     best,
                     jac=problem.gradient,

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from aerarm_ros.motion.float_array import FloatArray
 
@@ -32,7 +32,7 @@ def mesh_of_shape(shape: pin.GeometryObject) -> TriangleMesh | None:
     points = _points(shape.geometry)
     if points is None:
         return None
-    hull = ConvexHull(points)
+    hull = scipy.spatial.ConvexHull(points)
     used, triangles = np.unique(hull.simplices, return_inverse=True)
     placed = shape.placement
     vertices = points[used] @ placed.rotation.T + placed.translation

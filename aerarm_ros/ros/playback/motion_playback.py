@@ -54,6 +54,8 @@ class MotionPlayback:
         The stream of joint states.
     damping
         How often and how long the bridge damped the arm during the motion.
+    latency_ns
+        From the publication of the state answered last to its finished command [ns].
     """
 
     def __init__(
@@ -78,6 +80,7 @@ class MotionPlayback:
         self._rejection = ''
         self._answered_ns: int | None = None
         self._command = b''
+        self.latency_ns = 0
         self._on_rejection = on_rejection
         self.states = StateStream(node, joint_names, self._reject, imu=False)
 
@@ -174,6 +177,7 @@ class MotionPlayback:
         if stamp_ns != self._answered_ns:
             self._answered_ns = stamp_ns
             self._command = self._codec.pack(stamp_ns, *player.update(stamp_ns, state.q))
+            self.latency_ns = self.states.latency_ns()
             self._commands.publish(self._command)
             listener(stamp_ns, state, self._command)
         else:
