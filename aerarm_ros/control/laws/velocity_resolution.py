@@ -98,29 +98,31 @@ class VelocityResolution:
         low = self._limit_gain * (self._low - q)
         high = self._limit_gain * (self._high - q)
         dq = self._within_bounds(jacobian, velocity, preferred, low, high)
-        self.slowdown = min(1.0, float(1.0 / np.max(np.abs(dq) / self._limits.velocity_max + 1e-9)))
+        fastest = float((np.abs(dq) / self._limits.velocity_max).max()) + 1e-9
+        self.slowdown = min(1.0, 1.0 / fastest)
         return self.slowdown * dq
 
     def _within_bounds(
         self, jacobian: Array, velocity: Array, preferred: Array, low: Array, high: Array
     ) -> Array:
         """Solve, fixing one joint after the other at the bound it violates most."""
-        dq: Array
+        result = self._inverse.of(jacobian)
+        self.least_singular_value = result.least
+        dq: Array = result.inverse @ velocity + result.null_space @ preferred
+        excess = np.maximum(dq - high, low - dq)
+        if excess.max() <= 0.0:
+            return dq
         free = jacobian.copy()
         fixed = np.zeros_like(preferred)
         is_free = np.ones(len(preferred), dtype=bool)
-        for attempt in range(len(preferred) + 1):
+        while np.any(excess > 0.0):
+            worst = int(np.argmax(excess))
+            fixed[worst] = min(max(dq[worst], low[worst]), high[worst])
+            is_free[worst] = False
+            free[:, worst] = 0.0
             result = self._inverse.of(free)
-            if attempt == 0:
-                self.least_singular_value = result.least
             wanted = np.where(is_free, preferred, 0.0)
             dq = result.inverse @ (velocity - jacobian @ fixed) + result.null_space @ wanted
             dq = np.where(is_free, dq, fixed)
             excess = np.where(is_free, np.maximum(dq - high, low - dq), -np.inf)
-            worst = int(np.argmax(excess))
-            if excess[worst] <= 0.0:
-                break
-            fixed[worst] = min(max(dq[worst], low[worst]), high[worst])
-            is_free[worst] = False
-            free[:, worst] = 0.0
         return dq

@@ -1,5 +1,7 @@
 """A smooth motion of the tool toward targets that come one by one."""
 
+from math import sqrt
+
 import numpy as np
 import numpy.typing as npt
 
@@ -105,7 +107,7 @@ class TargetFollower:
         # The speed from which the tool can still stop at the target.
         speed = min(
             self._velocity_max,
-            float(np.sqrt(self._acceleration_max * (np.linalg.norm(error) + 1e-12))),
+            sqrt(self._acceleration_max * (sqrt(error @ error) + 1e-12)),
         )
         approach = _limited(0.5 * w * error, speed)
         wanted = 2.0 * w * (approach + target_velocity - self._v)
@@ -117,5 +119,5 @@ class TargetFollower:
 
 def _limited(vector: Array, length: float) -> Array:
     """Return `vector`, shortened to `length` if it is longer."""
-    norm = float(np.linalg.norm(vector))
+    norm = sqrt(vector @ vector)
     return vector if norm <= length else (length / norm) * vector
