@@ -57,6 +57,7 @@ class RawReader:
         if not topics:
             raise ValueError('a reader needs at least one topic')
         self.topics = topics
+        self._keeps_one = [topic.qos.depth == 1 for topic in topics]
         self._source = source(node, topics, identify)
         self._gaps = [PublisherGaps() for _ in topics]
         self._counts = [0] * len(topics)
@@ -78,7 +79,7 @@ class RawReader:
 
     def take_newest(self, index: int = 0) -> RawMessage | None:
         """Take all waiting messages and return the last, or None."""
-        if self.topics[index].qos.depth == 1:
+        if self._keeps_one[index]:
             return self.take(index)  # the middleware has replaced the others already
         newest = None
         while (message := self.take(index)) is not None:
