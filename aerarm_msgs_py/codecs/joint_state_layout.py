@@ -9,7 +9,6 @@ from aerarm_msgs_py.codecs.cdr_prefix import ENCAPSULATION_SIZE
 
 _COUNT = struct.Struct('<I')
 _DOUBLE = 8
-# Made once: to find a type by its name takes longer than to read the numbers.
 _DOUBLES = np.dtype('<f8')
 _STAMP_SIZE = 8
 _NANOSECONDS = 1_000_000_000
