@@ -35,7 +35,8 @@ help:
 	@echo 'make experiment  the controllers, the drone still, tilted and moving'
 	@echo 'make energy      100 random moves, planned for least energy beside quintics and trapezoids'
 	@echo 'make flight      how far the arm moves its drone, by what is fed forward, with a replay'
-	@echo '                 (AUTOPILOT=betaflight: Betaflight flies it, built beside this in a place of its own)'
+	@echo '                 (DRONES="hexarotor tilted_hexarotor": one that pushes sideways, too;'
+	@echo '                 AUTOPILOT=betaflight: Betaflight flies it, built beside this in a place of its own)'
 	@echo 'make view        the running arm in a browser'
 	@echo 'make test        lint, type check and all tests'
 	@echo 'make attacks     hundreds of attacks on the bridge in virtual time, and their worst figures'
@@ -76,7 +77,7 @@ energy: setup
 	$(BIN)/python benchmarks/energy.py --moves 100 --out output/energy
 
 flight: setup
-	$(BIN)/python benchmarks/$(if $(filter betaflight,$(AUTOPILOT)),betaflight,flight).py --out output/flight
+	$(BIN)/python benchmarks/$(if $(filter betaflight,$(AUTOPILOT)),betaflight,flight).py $(if $(DRONES),--drones $(DRONES)) --out output/flight
 
 view: setup
 	$(BIN)/view

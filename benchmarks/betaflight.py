@@ -14,12 +14,12 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import rclpy
-from flight import open_ros
+from flight import identify, open_ros
 from flying.arm_model import ArmModel
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
 from flying.flight_page import write_page
-from flying.flight_program import FlightProgram
+from flying.flight_program import PARTS, FlightProgram
 from flying.flight_record import FlightRecord
 from flying.flight_results import FlightResults
 from flying.flight_way import FlightWay, load_drone
@@ -40,7 +40,9 @@ LAW = (('kp', [100.0]), ('kd', [20.0]))
 GAINS = {'position_frequency': 1.6, 'position_damping': 0.9, 'position_integral': 0.3}
 
 
-def fly(node: Node, program: Path, arm: ArmModel, ways: list[str]) -> dict[str, FlightRecord | str]:
+def fly(
+    node: Node, program: Path, arm: ArmModel, ways: list[str], parts: list[str]
+) -> dict[str, FlightRecord | str]:
     """Return what the drone did in some ways, or why it did not; each begins with a new start."""
     drone, found = load_drone(DRONE), {}
     for name in ways:
@@ -54,7 +56,7 @@ def fly(node: Node, program: Path, arm: ArmModel, ways: list[str]) -> dict[str, 
                 place = Path(folder)
                 stack.enter_context(BetaflightProgram(program, place, drone, BetaflightSetup()))
                 bench = FlightBench(stack, node, place, case, arm)
-                record = bench.fly(FlightProgram())
+                record = bench.fly(FlightProgram(parts=parts))
                 found[name] = record
                 print(f'{DRONE}, {name}: {"lost" if record.is_lost else "flown"}', flush=True)
         except (ValueError, TimeoutError, ArmClientError) as error:
@@ -66,21 +68,29 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--ways', nargs='*', default=list(WAYS), choices=list(WAYS))
     parser.add_argument('--out', type=Path, help='folder for the page')
+    parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
+    parser.add_argument('--model', choices=('identified', 'true'), default='identified')
+    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
     options, _ = parser.parse_known_args()
     program = find_betaflight()
     if program is None:
         print(HOW)
         return 1
-    node = open_ros(0)
-    try:
-        records = fly(node, program, ArmModel.true(), options.ways)
-    finally:
-        rclpy.try_shutdown()
-    results = FlightResults(FlightProgram(), {DRONE: records})
+    arm = ArmModel.true()
+    with tempfile.TemporaryDirectory() as folder:
+        if options.model == 'identified':
+            arm = identify(Path(folder), options.arm_seed)
+        node = open_ros(0)
+        try:
+            records = fly(node, program, arm, options.ways, options.parts)
+        finally:
+            rclpy.try_shutdown()
+        flown = FlightProgram(parts=options.parts)
+        results = FlightResults(flown, {DRONE: records}, arm.law.get('urdf'))
     load = os.getloadavg()[0]
     note = (
-        'A drone of 3 kg that carries an arm of 1.5 kg, the arm true, flown by Betaflight, the '
-        f'world at the pace keep_up; load of the host {load:.1f} on {os.cpu_count()} cores.'
+        f'A drone of 3 kg that carries an arm of 1.5 kg, the arm {arm.name}, flown by Betaflight, '
+        f'the world at the pace keep_up; load of the host {load:.1f} on {os.cpu_count()} cores.'
     )
     print(f'{note}\n{results.text()}')
     if options.out:

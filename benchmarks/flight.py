@@ -16,7 +16,6 @@ import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
-from itertools import groupby
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -68,9 +67,10 @@ class Settings:
     @property
     def gains(self) -> dict[str, object]:
         """Parameters of the flight controller in place of those that were found."""
-        return dict(
-            zip(('position_frequency', 'attitude_frequency'), self.frequencies, strict=False)
-        )
+        names = 'position_frequency', 'height_frequency', 'attitude_frequency'
+        position, attitude = self.frequencies or (0.0, 0.0)
+        found = dict(zip(names, (position, position, attitude), strict=True))
+        return found if self.frequencies else {}
 
 
 def open_ros(offset: int) -> Node:
@@ -89,46 +89,62 @@ def identify(folder: Path, seed: int) -> ArmModel:
         rclpy.shutdown()
 
 
-def fly(name: str, number: int, arm: ArmModel, ways: list[str], settings: Settings) -> Records:
+def jobs(names: list[str], ways: list[str]) -> list[tuple[str, list[str]]]:
+    """Return drones and ways that fly with the same world: told of the arm, or not."""
+    found = []
+    for name in names:
+        flown = [way for way in ways if way in ways_of(name)]
+        for is_told in (True, False):
+            found.append((name, [way for way in flown if WAYS[way].is_told == is_told]))
+    return [job for job in found if job[1]]
+
+
+def fly(number: int, name: str, ways: list[str], arm: ArmModel, settings: Settings) -> Records:
     """Return what one drone did in some ways, or why it did not."""
     node = open_ros(number)
     found: Records = {}
     try:
-        # What can be switched in flight flies with the same processes.
-        for _, group in groupby(ways, key=lambda way: WAYS[way].gains):
-            fly_group(node, name, arm, list(group), settings, found)
+        while left := [way for way in ways if way not in found]:
+            fly_until_lost(node, name, left, arm, settings, found)
     finally:
         rclpy.shutdown()
     return found
 
 
-def fly_group(
-    node: Node, name: str, arm: ArmModel, ways: list[str], settings: Settings, found: Records
+def fly_until_lost(
+    node: Node, name: str, ways: list[str], arm: ArmModel, settings: Settings, found: Records
 ) -> None:
-    """Fly ways that have the same gains; with other processes after a drone was lost."""
+    """Fly in one world, until all is flown or the drone is lost."""
     drone, program = load_drone(name), FlightProgram(parts=settings.parts)
-    while ways:
-        flight = {**WAYS[ways[0]].parameters(name), **settings.gains}
-        case = FlightCase(
-            drone.mass, 'free', drone=drone, sensors=settings.sensors, is_told=True,
-            flight=tuple(flight.items()), ahead=settings.ahead,
-        )  # fmt: skip
-        try:
-            with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-                bench = FlightBench(stack, node, Path(folder), case, arm)
-                is_lost = False
-                while ways and not is_lost:
-                    bench.switch(WAYS[ways[0]].later(settings.latency).switches)
-                    record = found[ways[0]] = bench.fly(program)
-                    is_lost = record.is_lost
-                    print(f'{name}, {ways.pop(0)}: {"lost" if is_lost else "flown"}', flush=True)
-        except (ValueError, TimeoutError, ArmClientError) as error:
-            found[ways.pop(0)] = ' '.join(str(error).split())[:160]
+
+    def pilot(way: str) -> dict[str, object]:
+        return {**WAYS[way].parameters(name), **settings.gains, **arm.drawing}
+
+    flown = ways[0]
+    case = FlightCase(
+        drone.mass, 'free', drone=drone, sensors=settings.sensors, is_told=WAYS[flown].is_told,
+        flight=tuple(pilot(flown).items()), ahead=settings.ahead, told=(('rate', 1.0),),
+        is_touched=False,
+    )  # fmt: skip
+    try:
+        with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+            bench = FlightBench(stack, node, Path(folder), case, arm)
+            for way in ways:
+                if WAYS[way].gains != WAYS[flown].gains:
+                    bench.exchange_pilot(pilot(way))
+                flown = way  # what else differs can be switched in flight
+                bench.switch(WAYS[way].later(settings.latency).switches)
+                record = found[way] = bench.fly(program)
+                print(f'{name}, {way}: {"lost" if record.is_lost else "flown"}', flush=True)
+                if record.is_lost:
+                    return
+    except (ValueError, TimeoutError, ArmClientError) as error:
+        found[flown] = ' '.join(str(error).split())[:160]
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--drones', nargs='*', default=list(DRONES), choices=list(DRONES))
+    parser.add_argument('--drones', nargs='*', default=['hexarotor'], choices=list(DRONES))
     parser.add_argument('--ways', nargs='*', default=list(WAYS), choices=list(WAYS))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
     parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
@@ -146,24 +162,23 @@ def main() -> int:
     context = get_context('spawn')
     with (
         tempfile.TemporaryDirectory() as folder,
-        ProcessPoolExecutor(len(options.drones), mp_context=context) as pool,
+        ProcessPoolExecutor(os.cpu_count(), mp_context=context) as pool,
     ):
         if options.model == 'identified':
             arm = pool.submit(identify, Path(folder), options.arm_seed).result()
         if options.wrong:
             arm = arm.with_errors(options.wrong, options.wrong_seed, Path(folder))
-        flights = {
-            name: pool.submit(
-                fly,
-                name,
-                number,
-                arm,
-                [way for way in options.ways if way in ways_of(name)],
-                settings,
-            )
-            for number, name in enumerate(options.drones)
+        flights = [
+            (name, pool.submit(fly, number, name, ways, arm, settings))
+            for number, (name, ways) in enumerate(jobs(options.drones, options.ways))
+        ]
+        found: dict[str, Records] = {name: {} for name in options.drones}
+        for name, flight in flights:
+            found[name].update(flight.result())
+        records = {
+            name: {way: flown[way] for way in options.ways if way in flown}
+            for name, flown in found.items()
         }
-        records = {name: flight.result() for name, flight in flights.items()}
         results = FlightResults(program, records, arm.law.get('urdf'))
     note = (
         f'Drones of 3 kg that carry an arm of 1.5 kg, the arm {arm.name}; '

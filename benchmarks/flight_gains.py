@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import yaml
 from flying.flight_program import FlightProgram
-from flying.flight_way import DRONES, load_drone
+from flying.flight_way import DRONES, height_frequency, load_drone
 from flying.rigid_flight import RigidFlight
 from scipy.optimize import minimize
 
@@ -28,9 +28,12 @@ from aerarm_ros.flight.incremental_estimate import IncrementalEstimate
 LEAD = 0.028  # [s]
 # From where the searches begin: position, attitude [rad/s], and the third number by kind.
 STARTS = (2.0, 9.0), (5.0, 8.0)
+INTEGRALS = 'integral', 'feed_forward'
 THIRD = {'integral': 0.25, 'observer': 8.0, 'indi': 20.0, 'feed_forward': 0.25}
 PX4_STARTS = [[1.0, 6.5, 3.0], [1.5, 8.0, 4.0]]
 KINDS = [*THIRD, 'px4', 'px4_feed_forward']
+# The search knows the arm's weight; a wrong one has to be found within seconds.
+INTEGRAL_MIN = 0.1
 SIMPLEX = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.5]])
 LOST = 1e3  # [mm]
 
@@ -41,8 +44,9 @@ def control(kind: str, drone: DroneConfig, flight: RigidFlight, values: np.ndarr
     arm = ArmFeedForward(drone, flight.body, lead=LEAD) if 'feed_forward' in kind else None
     if 'px4' in kind:
         return Px4Flight(drone, flight.body, Px4Gains.scaled(position, attitude, third)), arm
-    gains = FlightGains(position_frequency=position, attitude_frequency=attitude)
-    share = third if kind in ('integral', 'feed_forward') else 0.0
+    height = height_frequency(drone, position)
+    gains = FlightGains(position, height, attitude)
+    share = third if kind in INTEGRALS else 0.0
     gains = replace(gains, position_integral=share, attitude_integral=share)
     estimate: Disturbance | None = None
     if kind == 'observer':
@@ -58,6 +62,8 @@ def tune(kind: str, drone: DroneConfig, flight: RigidFlight, flights: int) -> di
 
     def cost(logarithms: np.ndarray) -> float:
         values = np.exp(logarithms)
+        if kind in INTEGRALS:
+            values[2] = max(values[2], INTEGRAL_MIN)
         errors = flight.fly(*control(kind, drone, flight, values))
         value = LOST * (2.0 - flight.flown) if errors is None else errors.position
         tried.append((value, values))

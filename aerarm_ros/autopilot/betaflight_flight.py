@@ -89,12 +89,12 @@ class BetaflightFlight:
         """Return the thrusts (n,) [N] that lead to the target, after a step of `dt` [s]."""
         arm = self._at_rest if arm is None else arm
         gains = self._gains
-        kp = gains.position_frequency**2
-        kd = 2.0 * gains.position_damping * gains.position_frequency
+        frequency = gains.position_frequencies
+        kp, kd = frequency**2, 2.0 * gains.position_damping * frequency
         error = target.position - state.position
-        error = _limited(error, gains.speed_max * kd / kp)
+        error = kd / kp * _limited(kp / kd * error, gains.speed_max)
         if self._is_armed:
-            step = gains.position_integral * gains.position_frequency * kp * dt * error
+            step = gains.position_integral * frequency * kp * dt * error
             self._push = np.clip(self._push + step, -_INTEGRAL, _INTEGRAL)
         feedback = kp * error + kd * (target.velocity - state.velocity) + self._push
         fed = self._acceleration.update(arm, state.rotation, dt)

@@ -9,6 +9,7 @@ import pinocchio as pin
 from aerarm_ros.autopilot.px4_gains import Px4Gains
 from aerarm_ros.control.base.frame_conversion import quaternion
 from aerarm_ros.description.drone_config import GRAVITY
+from aerarm_ros.model.cross_product import cross
 
 Array = npt.NDArray[np.float64]
 
@@ -152,9 +153,9 @@ class Px4Loops:
 def _attitude(down: Array, yaw: float) -> Array:
     """Return the attitude whose z axis is `down` and whose heading is `yaw` [rad]."""
     side = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
-    x = np.cross(side, down)
+    x = cross(side, down)
     x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(down, x), down])
+    return np.column_stack([x, cross(down, x), down])
 
 
 def _between(start: Array, end: Array) -> Array:

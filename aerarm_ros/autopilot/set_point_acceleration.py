@@ -8,6 +8,7 @@ from aerarm_ros.control.checks.gains import non_negative_number
 from aerarm_ros.description.drone_config import GRAVITY
 from aerarm_ros.flight.feed_forward import FeedForward
 from aerarm_ros.flight.flight_target import yaw_of
+from aerarm_ros.model.cross_product import cross
 
 Array = npt.NDArray[np.float64]
 
@@ -69,18 +70,18 @@ class SetPointAcceleration:
         if self._attitude_gain == 0.0:
             return np.asarray(acceleration)
         lean = self._lean(arm, dt)
-        return np.asarray(acceleration + GRAVITY * level @ np.cross(lean, _UP))
+        return np.asarray(acceleration + GRAVITY * level @ cross(lean, _UP))
 
     def _lean(self, arm: FeedForward, dt: float) -> Array:
         """Return the turn (3,) that is asked for besides that of the force, in level axes."""
         body = arm.body
         weight = body.mass * GRAVITY
-        rate = np.cross(_UP, -arm.force_rate) / weight
+        rate = cross(_UP, -arm.force_rate) / weight
         if self._rate_gain > 0.0:
-            spin = np.cross(_UP, -arm.force_curvature) / weight
+            spin = cross(_UP, -arm.force_curvature) / weight
             thrust = weight * _UP - arm.wrench[:3] * _UP
-            about_centre = arm.wrench[3:] - np.cross(body.centre, arm.wrench[:3])
-            moment = np.cross(body.centre, thrust) - about_centre
+            about_centre = arm.wrench[3:] - cross(body.centre, arm.wrench[:3])
+            moment = cross(body.centre, thrust) - about_centre
             rate = rate + (body.inertia @ spin + self._passing(moment, dt)) / self._rate_gain
         lean = rate * [1.0, 1.0, 0.0] / self._attitude_gain
         return np.asarray(lean * min(1.0, _LEAN_MAX / max(float(np.linalg.norm(lean)), 1e-9)))

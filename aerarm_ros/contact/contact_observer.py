@@ -6,6 +6,7 @@ import numpy.typing as npt
 from aerarm_ros.control.checks.gains import positive
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.flight_state import FlightState
+from aerarm_ros.model.cross_product import cross
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 
 Array = npt.NDArray[np.float64]
@@ -95,13 +96,13 @@ class ContactObserver:
             rest = (momentum - last) / dt - known
             self._estimate = self._estimate + gain * (rest - self._estimate)
         force, moment = self._estimate[:3] @ rotation, self._estimate[3:] @ rotation
-        return np.concatenate([force, moment + np.cross(centre, force)])
+        return np.concatenate([force, moment + cross(centre, force)])
 
     def _momentum(
         self, state: FlightState, q: Array, dq: Array, rotation: Array
     ) -> tuple[Array, Array]:
         """Return the momentum (6,) in the world, and the centre of mass in base axes."""
-        in_body = state.velocity @ state.rotation + np.cross(state.rate, self._mount)
+        in_body = state.velocity @ state.rotation + cross(state.rate, self._mount)
         twist = np.concatenate([in_body @ self._turn, state.rate @ self._turn])
         momentum = self.whole.centroidal_momentum(q, dq, twist)
         centre = self.whole.composite_inertia(q)[1]
@@ -110,5 +111,5 @@ class ContactObserver:
     def _known(self, rotors: Array, rotation: Array, centre: Array) -> Array:
         """Return what rotors and weight change of the momentum in a second, (6,)."""
         force = rotation @ rotors[:3] + self.whole.mass * _WEIGHT
-        moment = rotation @ (rotors[3:] - np.cross(centre, rotors[:3]))
+        moment = rotation @ (rotors[3:] - cross(centre, rotors[:3]))
         return np.concatenate([force, moment])

@@ -5,6 +5,7 @@ import numpy.typing as npt
 
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.model.cross_product import cross
 
 Array = npt.NDArray[np.float64]
 
@@ -58,7 +59,7 @@ class Allocation:
         """Return the largest moment about the vertical that a body that hovers gets [Nm]."""
         weight = body.mass * GRAVITY
         force = np.array([0.0, 0.0, weight])
-        hover = np.concatenate([force, np.cross(body.centre, force)])
+        hover = np.concatenate([force, cross(body.centre, force)])
         most = [abs(self.matrix[5] @ self.thrusts(hover + turn)) for turn in (-_TURN, _TURN)]
         return float(min(most))
 

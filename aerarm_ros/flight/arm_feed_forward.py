@@ -9,6 +9,7 @@ from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.feed_forward import FeedForward
 from aerarm_ros.flight.mass_properties import MassProperties
 from aerarm_ros.flight.stamped_values import StampedValues
+from aerarm_ros.model.cross_product import cross
 
 Array = npt.NDArray[np.float64]
 
@@ -84,7 +85,7 @@ class ArmFeedForward:
         if not np.isfinite(wrench.sum()) or np.abs(wrench[:3]).max() > 100.0 * self._drone.mass:
             raise RejectedInputError('base_wrench_motion: NaN, or no force of this arm')
         force, moment = self._rotation @ wrench[:3], self._rotation @ wrench[3:]
-        self._motion.add(stamp, np.concatenate([force, moment + np.cross(self._mount, force)]))
+        self._motion.add(stamp, np.concatenate([force, moment + cross(self._mount, force)]))
 
     def at(self, now: float) -> FeedForward:
         """Return what is to be fed forward at `now` [s]."""

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.model.cross_product import cross
 
 Array = npt.NDArray[np.float64]
 
@@ -50,8 +51,8 @@ class ArmLoad(NamedTuple):
         lever = rotation.T @ (mount - body.centre)  # from the centre of mass to the base
         inertia = rotation.T @ body.inertia @ rotation
         force, moment = -self.motion[:3], -self.motion[3:]
-        spin = np.linalg.solve(inertia, moment + np.cross(lever, force))
-        return np.concatenate([force / body.mass + np.cross(spin, lever), spin])
+        spin = np.linalg.solve(inertia, moment + cross(lever, force))
+        return np.concatenate([force / body.mass + cross(spin, lever), spin])
 
 
 def at_drone_centre(acceleration: Array, drone: DroneConfig) -> Array:
@@ -63,4 +64,4 @@ def at_drone_centre(acceleration: Array, drone: DroneConfig) -> Array:
     rotation = drone.mount.rotation
     linear, spin = rotation @ acceleration[:3], rotation @ acceleration[3:]
     lever = np.array(drone.centre_of_mass) - drone.mount.position
-    return np.concatenate([linear + np.cross(spin, lever), spin])
+    return np.concatenate([linear + cross(spin, lever), spin])

@@ -4,6 +4,7 @@ import numpy as np
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.flight.arm_load import ArmLoad
+from aerarm_ros.model.cross_product import cross
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.joint_reference import JointReference
 
@@ -32,5 +33,5 @@ class ArmLoadModel:
         """Return the load of a motion of n joints at one instant."""
         mass, com, inertia = self.dynamics.composite_inertia(motion.q)
         force = mass * self._gravity
-        weight = np.concatenate([force, np.cross(com, force)])
+        weight = np.concatenate([force, cross(com, force)])
         return ArmLoad(mass, com, inertia, weight, -self.dynamics.forces(*motion, _STILL)[:6])

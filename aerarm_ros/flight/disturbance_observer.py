@@ -7,6 +7,7 @@ from aerarm_ros.control.checks.gains import positive
 from aerarm_ros.description.drone_config import GRAVITY
 from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.model.cross_product import cross
 
 Array = npt.NDArray[np.float64]
 
@@ -37,14 +38,14 @@ class DisturbanceObserver:
     def update(self, state: FlightState, body: MassProperties, wrench: Array, dt: float) -> Array:
         """Return the estimate, see `Disturbance`."""
         spin = body.inertia @ state.rate
-        velocity = state.velocity + state.rotation @ np.cross(state.rate, body.centre)
+        velocity = state.velocity + state.rotation @ cross(state.rate, body.centre)
         momentum = np.concatenate([body.mass * velocity, spin])
         if self._expected is None:
             self._expected = momentum
         known = np.concatenate(
             [
                 state.rotation @ wrench[:3] + body.mass * _WEIGHT,
-                wrench[3:] - np.cross(body.centre, wrench[:3]) - np.cross(state.rate, spin),
+                wrench[3:] - cross(body.centre, wrench[:3]) - cross(state.rate, spin),
             ]
         )
         self._expected = self._expected + dt * (known + self._estimate)

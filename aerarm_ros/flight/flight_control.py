@@ -1,7 +1,5 @@
 """Position and attitude of a drone with its arm, on SE(3)."""
 
-from typing import TypeVar
-
 import numpy as np
 import numpy.typing as npt
 
@@ -14,9 +12,9 @@ from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
 from aerarm_ros.flight.mass_properties import MassProperties
 from aerarm_ros.flight.rotor_estimate import RotorEstimate
+from aerarm_ros.model.cross_product import cross
 
 Array = npt.NDArray[np.float64]
-Value = TypeVar('Value', float, npt.NDArray[np.float64])
 
 _UP = np.array([0.0, 0.0, 1.0])
 _SIDEWAYS = np.array([1.0, 1.0, 0.0])
@@ -73,7 +71,7 @@ class FlightControl:
         self._disturbance = disturbance
         self._is_full = drone.is_fully_actuated
         self._position_gains = _pid(
-            gains.position_frequency, gains.position_damping, gains.position_integral
+            gains.position_frequencies, gains.position_damping, gains.position_integral
         )
         stiffness = self._allocation.turning_moment(body) / (body.inertia[2, 2] * _YAW_STEP)
         heading = min(gains.attitude_frequency, float(np.sqrt(_YAW_SHARE * stiffness)))
@@ -116,8 +114,8 @@ class FlightControl:
             return self._thrusts(state, arm, ahead, _attitude(_UP, yaw), np.zeros((2, 3)), dt)
         # What is planned in axes of the body turns with its heading.
         turn = _heading_rate(state)
-        rate = arm.force_rate + np.cross(turn, arm.wrench_now[:3])
-        passing = np.cross(turn, 2.0 * arm.force_rate + np.cross(turn, arm.wrench[:3]))
+        rate = arm.force_rate + cross(turn, arm.wrench_now[:3])
+        passing = cross(turn, 2.0 * arm.force_rate + cross(turn, arm.wrench[:3]))
         turning = _turning(now, -level @ rate, -level @ (arm.force_curvature + passing))
         return self._thrusts(state, arm, ahead, _attitude(now, yaw), turning, dt)
 
@@ -147,15 +145,15 @@ class FlightControl:
     ) -> Array:
         kp, kd, ki = self._position_gains
         lever = state.rotation @ body.centre
-        velocity = state.velocity + state.rotation @ np.cross(state.rate, body.centre)
+        velocity = state.velocity + state.rotation @ cross(state.rate, body.centre)
         # With its heading turns where the centre belongs.
         turn = _heading_rate(state)
-        moving = np.cross(turn, level @ body.centre)
+        moving = cross(turn, level @ body.centre)
         error = target.position + level @ body.centre - (state.position + lever)
-        error = _limited(error, self._gains.speed_max * kd / kp)
+        error = kd / kp * _limited(kp / kd * error, self._gains.speed_max)
         self._push = _limited(self._push + ki * dt * error, _CORRECTION)
         feedback = kp * error + kd * (target.velocity + moving - velocity) + self._push
-        swung = np.cross(turn, moving)
+        swung = cross(turn, moving)
         return target.acceleration + swung + feedback - self._felt[:3] / body.mass
 
     def _bounded(self, force: Array, mass: float) -> Array:
@@ -186,15 +184,15 @@ class FlightControl:
         rate, spin = turning @ rotation  # in body axes
         # Axis by axis: an error of the heading that stays must not lean it by products of inertia.
         self._integrate(ki * dt * np.diag(inertia) * error)
-        spin = spin - np.cross(state.rate, rate)
+        spin = spin - cross(state.rate, rate)
         moment = inertia @ (spin + kp * error + kd * (rate - state.rate))
-        moment = moment + np.cross(state.rate, inertia @ state.rate)
-        about_centre = arm.wrench[3:] - np.cross(body.centre, arm.wrench[:3])
+        moment = moment + cross(state.rate, inertia @ state.rate)
+        about_centre = arm.wrench[3:] - cross(body.centre, arm.wrench[:3])
         moment = moment + self._moment - about_centre - self._felt[3:]
         in_body = rotation.T @ force
         if not self._is_full:
             in_body = in_body * _UP
-        wrench = np.concatenate([in_body, moment + np.cross(body.centre, in_body)])
+        wrench = np.concatenate([in_body, moment + cross(body.centre, in_body)])
         thrusts = self._allocation.thrusts(wrench)
         missing = (self._allocation.matrix[5] @ thrusts - wrench[5]) / inertia[2, 2]
         if abs(missing) > _YAW_MISSED:
@@ -215,8 +213,8 @@ def _heading_rate(state: FlightState) -> Array:
     return float(state.rotation[2] @ state.rate) * _UP
 
 
-def _pid(frequency: Value, damping: float, integral: float) -> tuple[Value, Value, Value]:
-    """Return gains per mass or inertia: [1/s^2], [1/s], [1/s^3]."""
+def _pid(frequency: Array, damping: float, integral: float) -> tuple[Array, Array, Array]:
+    """Return gains per mass or inertia, (3,): [1/s^2], [1/s], [1/s^3]."""
     kp = frequency**2
     return kp, 2.0 * damping * frequency, integral * frequency * kp
 
@@ -224,9 +222,9 @@ def _pid(frequency: Value, damping: float, integral: float) -> tuple[Value, Valu
 def _attitude(up: Array, yaw: float) -> Array:
     """Return the rotation whose z axis is along `up` and whose heading is `yaw` [rad]."""
     z = up / np.linalg.norm(up)
-    y = np.cross(z, [np.cos(yaw), np.sin(yaw), 0.0])
+    y = cross(z, np.array([np.cos(yaw), np.sin(yaw), 0.0]))
     y /= np.linalg.norm(y)
-    return np.column_stack([np.cross(y, z), y, z])
+    return np.column_stack([cross(y, z), y, z])
 
 
 def _turning(force: Array, rate: Array, curvature: Array) -> Array:
@@ -236,7 +234,7 @@ def _turning(force: Array, rate: Array, curvature: Array) -> Array:
     """
     length = np.linalg.norm(force)
     along = force / length
-    turning: Array = np.array([np.cross(along, rate), np.cross(along, curvature)]) / length
+    turning: Array = np.array([cross(along, rate), cross(along, curvature)]) / length
     return turning
 
 

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from aerarm_ros.control.checks.gains import non_negative_number, positive
 
 
@@ -11,12 +14,12 @@ class FlightGains:
 
     The attitude's loop closes through the rotors' lag, some 25 ms, so its frequency times that lag
     stays well below one; the position's loop closes through the attitude's, so it is some four
-    times slower.
+    times slower. Lift needs no lean: the height can be held more stiffly.
 
     Attributes
     ----------
-    position_frequency, attitude_frequency : float
-        Undamped natural frequency [rad/s].
+    position_frequency, height_frequency, attitude_frequency : float
+        Undamped natural frequency [rad/s]; that of the position is the horizontal one.
     position_damping, attitude_damping : float
         Damping ratio [-].
     position_integral, attitude_integral : float
@@ -33,6 +36,7 @@ class FlightGains:
     """
 
     position_frequency: float = 2.0
+    height_frequency: float = 3.0
     attitude_frequency: float = 9.0
     position_damping: float = 0.9
     attitude_damping: float = 0.8
@@ -48,3 +52,8 @@ class FlightGains:
                 non_negative_number(name, value)
             else:
                 positive(name, value)
+
+    @property
+    def position_frequencies(self) -> npt.NDArray[np.float64]:
+        """Those along the axes of the world, (3,) [rad/s]."""
+        return np.array([self.position_frequency, self.position_frequency, self.height_frequency])

@@ -7,6 +7,7 @@ from aerarm_ros.control.checks.gains import positive
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.model.cross_product import cross
 
 Array = npt.NDArray[np.float64]
 
@@ -44,14 +45,14 @@ class IncrementalEstimate:
             return self._twice
         spin = (rate - before) / dt
         lever = body.centre - self._imu
-        felt = state.specific_force + np.cross(spin, lever)
-        felt = felt + np.cross(rate, np.cross(rate, lever))
+        felt = state.specific_force + cross(spin, lever)
+        felt = felt + cross(rate, cross(rate, lever))
         momentum = body.inertia @ rate
-        moment = wrench[3:] - np.cross(body.centre, wrench[:3])
+        moment = wrench[3:] - cross(body.centre, wrench[:3])
         disturbance = np.concatenate(
             [
                 state.rotation @ (body.mass * felt - wrench[:3]),
-                body.inertia @ spin + np.cross(rate, momentum) - moment,
+                body.inertia @ spin + cross(rate, momentum) - moment,
             ]
         )
         gain = 1.0 - np.exp(-self._frequency * dt)

@@ -10,6 +10,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        'cross_product': ['cross'],
         'drive_train': ['DriveTrain'],
         'dynamics': ['Dynamics', 'checked_rotor_inertia'],
         'friction': ['viscous_coulomb'],

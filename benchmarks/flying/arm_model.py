@@ -37,6 +37,11 @@ class ArmModel:
     seed: int
     law: dict[str, object]
 
+    @property
+    def drawing(self) -> dict[str, object]:
+        """Parameters of a node that is told what the arm weighs; none for the drawn arm."""
+        return {key: self.law[key] for key in ('urdf',) if key in self.law}
+
     @classmethod
     def true(cls) -> 'ArmModel':
         """Return an arm as drawn, and its drawing."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray
 from flying.arm_model import ArmModel
 from flying.arm_swing import ArmSwing
 from flying.flight_case import FlightCase
@@ -23,13 +24,14 @@ from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
+from aerarm_ros.ros.executors.spinning import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 from aerarm_ros.ros.requests.parameter_request import set_parameter
 
 LEAD = 2.5  # [s]
 QUICK_LEAD = 1.5  # [s]
-SETTLING = 15.0  # [s] at most
+SETTLING = 10.0  # [s] at most
 
 
 class FlightBench:
@@ -60,13 +62,16 @@ class FlightBench:
             world['drone_file'] = write_drone(drone, folder / 'true.yaml')
             wrong = drone.with_errors(case.believed, case.believed)
             law['drone_file'] = write_drone(wrong, folder / 'believed.yaml')
-            pilot = {'drone_file': law['drone_file'], **dict(case.flight)}
+            self._pilot = {'drone_file': law['drone_file']}
             if case.is_told:
-                told = {'drone_file': law['drone_file'], 'lead': case.ahead, 'state_timeout': 10.0}
+                told = {'lead': case.ahead, 'state_timeout': 10.0, **dict(case.told)}
+                if case.is_touched:
+                    told['drone_file'] = law['drone_file']
                 self.start(stack, 'base_reaction', {**told, **arm.law})
-                pilot.update({key: arm.law[key] for key in ('urdf',) if key in arm.law})
-            # Else it knows the arm as drawn.
-            self.start(stack, 'flight_control', pilot)
+                self._pilot.update(arm.drawing)
+            # Else it knows the arm as drawn, unless it is told otherwise.
+            self._pilots = stack.enter_context(ExitStack())
+            self.start(self._pilots, 'flight_control', {**self._pilot, **dict(case.flight)})
         else:
             law['config'] = world['config'] = _hanging(folder / 'arm.yaml')
         # Of a late IMU the controller does not know.
@@ -77,7 +82,9 @@ class FlightBench:
         stack.callback(self.listener.destroy)
         topic = topics.JOINT_TRAJECTORY
         self.publisher = node.create_publisher(topic.type, topic.name, topic.qos)
-        self.client = ArmClient(node)
+        self.client = ArmClient(node, ['fake_hardware'], ['enable', 'disable', 'put_back'])
+        topic = topics.DIAGNOSTICS
+        node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
         self._world = AsyncParameterClient(node, 'fake_hardware')
         # A late odometry comes once the world runs, which it does not before the arm is enabled.
         self._is_late = 'odometry_delay' in dict(case.sensors)
@@ -138,6 +145,15 @@ class FlightBench:
         for name, value in values.items():
             set_parameter(self.node, 'flight_control', name, json.dumps(value), PATIENCE)
 
+    def exchange_pilot(self, flight: dict[str, object]) -> None:
+        """Have the drone brought back, and flown by a flight controller with other parameters."""
+        self.client.call('disable')
+        self.client.wait_for_mode(['idle'], PATIENCE)
+        self._pilots.close()
+        self.client.call('put_back')
+        self.start(self._pilots, 'flight_control', {**self._pilot, **flight})
+        self._take_off()
+
     def _get_ready(self, is_flying: bool) -> None:
         self.client.wait_for_mode(['idle'], PATIENCE)
         deadline = time.monotonic() + PATIENCE
@@ -148,9 +164,26 @@ class FlightBench:
                 raise TimeoutError(self.law.tail(3))
             time.sleep(0.05)
         if is_flying:
-            self._wait_for_pilot()
+            self._take_off()
+        else:
+            self._enable()
+
+    def _enable(self) -> None:
         self.client.call('enable')
         self.client.wait_for_mode(['running'], PATIENCE)
+
+    def _take_off(self) -> None:
+        """Wait until nobody holds the drone: one that is held looks as still as one that hovers."""
+        self._wait_for_pilot()
+        self._is_flying = False
+        self._enable()
+        if not spin_until(self.node, lambda: self._is_flying, PATIENCE):
+            raise TimeoutError('the drone is not let go')
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name.endswith(': drone'):
+                self._is_flying = status.message == 'flying'
 
     def start(
         self, stack: ExitStack, name: str, values: dict, arguments: tuple[str, ...] = ()

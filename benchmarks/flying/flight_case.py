@@ -38,6 +38,10 @@ class FlightCase:
         Whether the drone is told of its arm, to feed it forward.
     ahead : float
         How far ahead of time it is told [s].
+    told : tuple of pairs
+        Other parameters of who tells it.
+    is_touched : bool
+        Whether that looks for contact besides.
     law : tuple of pairs
         Parameters of the arm's controller.
     """
@@ -52,6 +56,8 @@ class FlightCase:
     flight: tuple[tuple[str, object], ...] = field(default=(), hash=False)
     is_told: bool = False
     ahead: float = 0.06
+    told: tuple[tuple[str, object], ...] = field(default=(), hash=False)
+    is_touched: bool = True
     law: tuple[tuple[str, object], ...] = field(default=(), hash=False)
 
     def variants(self) -> list['FlightCase']:

@@ -16,8 +16,8 @@ from aerarm_ros.description.arm_config import load_arm_config
 PATIENCE = 300.0  # [s] of the host, which may be busy
 
 
-_STILL = 5e-4  # [m]
-_NEAR = 2e-3  # [m] a drone that has sagged is still where it turns round, too
+_STILL = 3e-4  # [m]
+_NEAR = 1e-3  # [m] a drone that has sagged is still where it turns round, too
 _MANY = 125  # states in half a second
 
 

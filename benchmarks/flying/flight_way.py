@@ -11,6 +11,7 @@ from aerarm_ros.description.resources import resource
 DRONES = {'tilted_hexarotor': ('drones', 'tilted_hexarotor.yaml'), 'hexarotor': ('drone.yaml',)}
 GAINS = Path(__file__).with_name('gains.yaml')
 _LEAD, _LEAD_MAX = 0.028, 0.07  # [s]
+_HEIGHT = 3.0  # [rad/s]
 _NO_PARAMETERS = 'integral', 'position RMS [mm]'
 
 
@@ -36,6 +37,11 @@ class FlightWay:
     lead: float = 0.0
 
     @property
+    def is_told(self) -> bool:
+        """Whether anything is told."""
+        return self.posture or self.motion
+
+    @property
     def switches(self) -> dict[str, object]:
         """Parameters of `flight_control` that may be changed in flight."""
         return {'feed_posture': self.posture, 'feed_motion': self.motion, 'feed_lead': self.lead}
@@ -50,6 +56,9 @@ class FlightWay:
         gains = {name: value for name, value in tuned.items() if name not in _NO_PARAMETERS}
         if 'integral' in tuned:
             gains.update(position_integral=tuned['integral'], attitude_integral=tuned['integral'])
+        if 'position_frequency' in gains:
+            height = height_frequency(load_drone(drone), gains['position_frequency'])
+            gains['height_frequency'] = height
         loops = 'px4' if self.gains.startswith('px4') else 'own'
         return {**gains, 'loops': loops, 'rejection': self.rejection, **self.switches}
 
@@ -72,6 +81,11 @@ def ways_of(drone: str) -> list[str]:
     """Return the ways for which there are gains of a drone."""
     tuned = yaml.safe_load(GAINS.read_text())
     return [name for name, way in WAYS.items() if f'{drone}/{way.gains}' in tuned]
+
+
+def height_frequency(drone: DroneConfig, position_frequency: float) -> float:
+    """Return how stiffly all ways hold the height [rad/s]: lift waits for no lean."""
+    return position_frequency if drone.is_fully_actuated else _HEIGHT
 
 
 def load_drone(name: str) -> DroneConfig:

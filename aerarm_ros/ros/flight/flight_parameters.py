@@ -26,8 +26,12 @@ FLIGHT_PARAMETERS = (
     *grouped(
         'How stiffly the drone is held',
         Parameter(
-            'position_frequency', _GAINS.position_frequency, 'of the position loop', 'rad/s', 0.1,
-            20,
+            'position_frequency', _GAINS.position_frequency, 'of the position loop, horizontally',
+            'rad/s', 0.1, 20,
+        ),
+        Parameter(
+            'height_frequency', _GAINS.height_frequency, 'of the position loop, along the vertical',
+            'rad/s', 0.1, 20,
         ),
         Parameter(
             'attitude_frequency', _GAINS.attitude_frequency, 'of the attitude loop', 'rad/s', 1.0,
