@@ -67,10 +67,11 @@ class Settings:
     @property
     def gains(self) -> dict[str, object]:
         """Parameters of the flight controller in place of those that were found."""
+        if not self.frequencies:
+            return {}
+        position, attitude = self.frequencies
         names = 'position_frequency', 'height_frequency', 'attitude_frequency'
-        position, attitude = self.frequencies or (0.0, 0.0)
-        found = dict(zip(names, (position, position, attitude), strict=True))
-        return found if self.frequencies else {}
+        return dict(zip(names, (position, position, attitude), strict=True))
 
 
 def open_ros(offset: int) -> Node:
@@ -130,9 +131,10 @@ def fly_until_lost(
         with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
             bench = FlightBench(stack, node, Path(folder), case, arm)
             for way in ways:
-                if WAYS[way].gains != WAYS[flown].gains:
+                before, flown = flown, way
+                if WAYS[way].gains != WAYS[before].gains:
                     bench.exchange_pilot(pilot(way))
-                flown = way  # what else differs can be switched in flight
+                # What else differs can be switched in flight.
                 bench.switch(WAYS[way].later(settings.latency).switches)
                 record = found[way] = bench.fly(program)
                 print(f'{name}, {way}: {"lost" if record.is_lost else "flown"}', flush=True)
