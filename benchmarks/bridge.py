@@ -32,7 +32,7 @@ from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
 from aerarm_ros.ros.process.node_process import NodeProcess
-from aerarm_ros.ros.requests.arm_client import ArmClient
+from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
 PERIOD = 1e-3
 BRIDGE, CONTROLLER = 'fake_hardware', 'computed_torque'
@@ -150,7 +150,7 @@ def report(diagnosed: Diagnosed, before: dict[str, str], answers: int) -> None:
         print(f'{what:38}{row}')
     controller = diagnosed.values[CONTROLLER]
     latency = ', '.join(f'{name} {controller[f"answer {name} [us]"]}' for name in ('p50', 'p99'))
-    print(f'{"state to command [us]":38}{latency}')
+    print(f'{"state to torque [us]":38}{latency}')
     print(f'{"timing status":38}{diagnosed.messages["timing"]}')
 
 
@@ -161,7 +161,10 @@ def main() -> None:
     options, _ = parser.parse_known_args()
     codec_costs()
     cycle_costs(options.pure_cycles)
-    real_time_run(options.seconds)
+    try:
+        real_time_run(options.seconds)
+    except ArmClientError as error:
+        raise SystemExit(f'bridge: {error}') from None
 
 
 if __name__ == '__main__':

@@ -15,7 +15,9 @@ import sys
 import time
 from pathlib import Path
 
-os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+from aerarm_ros.algebra_threads import use_one_thread
+
+use_one_thread()
 
 import numpy as np  # noqa: E402
 

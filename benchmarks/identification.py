@@ -22,7 +22,9 @@ from collections.abc import Iterator, Sequence
 from importlib.metadata import files
 from pathlib import Path
 
-os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+from aerarm_ros.algebra_threads import use_one_thread
+
+use_one_thread()
 
 import numpy as np  # noqa: E402
 import yaml  # noqa: E402

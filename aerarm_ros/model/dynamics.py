@@ -46,7 +46,7 @@ class Dynamics:
 
     @property
     def rotor_inertia(self) -> Array:
-        """(n,) rotor inertia at the joints [kg m^2]."""
+        """(n,) rotor inertia at the joints [kg m^2], read-only."""
         return self._rotor_inertia
 
     def carry(self, payload: npt.ArrayLike) -> None:

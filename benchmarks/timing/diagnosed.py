@@ -9,6 +9,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
 from aerarm_msgs_py.topics import DIAGNOSTICS
+from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 CLIENT_PERIOD = 0.1  # [s] between two pairs of requests
 
@@ -32,11 +33,19 @@ class Diagnosed:
             rclpy.spin_once(self._node, timeout_sec=left)
 
     def wait_for(self, status: str, key: str = '') -> None:
-        """Wait until a status, with a value if `key` is given, has been received."""
+        """Wait until a status, with a value if `key` is given, has been received.
+
+        Raises
+        ------
+        ArmClientError
+            If it does not come.
+        """
         end = time.monotonic() + 20.0
         while key not in self.values.get(status, {}) if key else status not in self.values:
             if time.monotonic() > end:
-                raise SystemExit(f'no diagnostics of {status} {key}')
+                raise ArmClientError(
+                    f'no diagnostics of {status} {key} in 20 s: is the machine overloaded?'
+                )
             self.spin(0.1)
 
     def use_parameters(self, seconds: float) -> int:

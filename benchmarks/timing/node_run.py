@@ -37,7 +37,7 @@ class NodeFigures:
     Attributes
     ----------
     torque, torque_99
-        From a state's stamp to the torque, median and 99 % quantile, since the node's start.
+        From a state's publication to the torque, median and 99 % quantile, since the node's start.
     command, command_99
         From a state's stamp to the command's arrival at another process of the host.
     answered
@@ -114,6 +114,7 @@ def _run(
     diagnosed = Diagnosed(node, bridge)
     stack.callback(diagnosed.destroy)
     arm.wait_for_mode(['running'], 60.0)
+    diagnosed.wait_for('timing')
     diagnosed.wait_for(controller, 'answer p50 [us]')
     diagnosed.spin(WARM_UP)
     return _figures(diagnosed, {'bridge': master, controller: slave}, seconds, ask)

@@ -14,6 +14,7 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.whole_file import write_whole
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulated_base import mount_on_base, mount_on_drone
 from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
@@ -102,9 +103,11 @@ class FakeHardware(HardwareBridge):
         if values.truth_file:
             text = yaml.safe_dump(transport.plant.true_parameters(), sort_keys=False)
             try:
-                Path(values.truth_file).write_text(text)
+                write_whole(Path(values.truth_file), text)
             except OSError as error:
-                raise ValueError(f'parameter truth_file: {error}') from None
+                raise ValueError(
+                    f'parameter truth_file: {values.truth_file} cannot be written: {error.strerror}'
+                ) from None
         if values.fault:
             FaultRequest.parse(values.fault, len(transport.boards)).apply(transport)
         return transport

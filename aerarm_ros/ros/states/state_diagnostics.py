@@ -41,7 +41,7 @@ class StateDiagnostics:
     Attributes
     ----------
     latency
-        Time from a state's publication to the answer.
+        Time from a state's publication to the finished answer; a controller's is not sent yet.
     rejections, last_rejection
         Inputs not used, and why the last one wasn't.
     """
