@@ -30,6 +30,7 @@ from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
@@ -75,25 +76,34 @@ def emulated_cycle(cycles: int) -> None:
 
 
 def control_law(cycles: int) -> None:
-    """Run computed torque with observer and friction: state's bytes in, command's bytes out."""
+    """Run computed torque with observer and friction: state's bytes in, command's bytes out.
+
+    The arm is on its way all the time: to hold it takes a fifth less.
+    """
     config, robot = load_arm_config(), load_robot()
     dynamics = MovingBaseDynamics(robot, config.column('reflected_inertia'))
     friction = FrictionCompensation(robot.viscous, robot.coulomb, load_share=0.04)
     limits = JointLimits.from_config(config)
+    follower = TrajectoryFollower(limits, FollowerTolerances.uniform(len(NAMES)))
     loop = ControlLoop(
         limits,
-        TrajectoryFollower(limits, FollowerTolerances.uniform(len(NAMES))),
+        follower,
         ComputedTorque(dynamics, 400.0, 40.0, friction=friction),
         MomentumObserver(dynamics, 30.0, friction),
     )
-    cdr, q, dq = JointStateCdr(NAMES), config.rest_position, np.zeros(4)
-    for index in range(cycles):
-        sample = cdr.unpack(cdr.pack(index * 1_000_000, q, dq, dq))
-        state = ArmState(*map(np.array, (sample.position, sample.velocity, sample.effort)))
+    cdr, rest, tau = JointStateCdr(NAMES), np.array(config.rest_position), np.zeros(len(NAMES))
+    loop.update(ArmState(rest, tau, tau), 0.0)
+    way = JointTrajectory(limits, NAMES, [0.0, 2.0 * MOST * PERIOD], [rest, 0.5 * rest])
+    follower.follow(way, 0.0)
+    for index in range(1, cycles + 1):
+        stamp_ns, (q, dq, _) = index * 1_000_000, follower.reference
+        sample = cdr.unpack(cdr.pack(stamp_ns, q, dq, tau))
+        state = ArmState(sample.position, sample.velocity, sample.effort)
         command = loop.update(state, index * PERIOD)
+        cdr.pack(stamp_ns, effort=command.tau)
         loop.observe()
-        if command is not None:
-            cdr.pack(index * 1_000_000, effort=command.tau)
+    if follower.status != 'moving':
+        raise SystemExit(f'the arm is not on its way: {follower.outcome}')
 
 
 def topics(cycles: int) -> None:
