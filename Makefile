@@ -77,7 +77,8 @@ energy: setup
 	$(BIN)/python benchmarks/energy.py --moves 100 --out output/energy
 
 flight: setup
-	$(BIN)/python benchmarks/$(if $(filter betaflight,$(AUTOPILOT)),betaflight,flight).py $(if $(DRONES),--drones $(DRONES)) --out output/flight
+	$(if $(filter-out betaflight,$(AUTOPILOT)),$(error AUTOPILOT=$(AUTOPILOT): only betaflight is known; leave it out for the drone's own controller))
+	$(BIN)/python benchmarks/$(if $(AUTOPILOT),betaflight,flight).py $(if $(DRONES),--drones $(DRONES)) --out output/flight
 
 view: setup
 	$(BIN)/view

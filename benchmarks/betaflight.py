@@ -71,7 +71,7 @@ def main() -> int:
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
     parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     program = find_betaflight()
     if program is None:
         print(HOW)
@@ -79,8 +79,8 @@ def main() -> int:
     arm = ArmModel.true()
     with tempfile.TemporaryDirectory() as folder:
         if options.model == 'identified':
-            arm = identify(Path(folder), options.arm_seed)
-        node = open_ros(0)
+            arm = identify(os.getpid(), Path(folder), options.arm_seed)
+        node = open_ros(os.getpid())
         try:
             records = fly(node, program, arm, options.ways, options.parts)
         finally:

@@ -8,6 +8,7 @@ after it began, the error of the mean over a second and the largest (`contact_ba
 """
 
 import argparse
+import os
 import sys
 import tempfile
 from contextlib import ExitStack
@@ -131,14 +132,14 @@ def main() -> int:
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
     parser.add_argument('--raw', action='store_true', help='without zero_contact beforehand')
     parser.add_argument('--cases', nargs='*', default=list(CASES), choices=list(CASES))
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     print(f'{options.drone}, the arm {options.model}, forces in N')
     print('| | slow | fast | 2 N | 5 N | 10 N |')
     with tempfile.TemporaryDirectory() as folder:
         arm = ArmModel.true()
         if options.model == 'identified':
-            arm = identify(Path(folder), seed=7)
-        for number, case in enumerate(options.cases):
+            arm = identify(os.getpid(), Path(folder), seed=7)
+        for number, case in enumerate(options.cases, os.getpid()):
             node = open_ros(number)
             try:
                 cells = fly(node, options.drone, arm, CASES[case], not options.raw)

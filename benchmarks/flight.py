@@ -74,18 +74,18 @@ class Settings:
         return dict(zip(names, (position, position, attitude), strict=True))
 
 
-def open_ros(offset: int) -> Node:
-    """Return a node in a domain of its own."""
-    os.environ['ROS_DOMAIN_ID'] = str(1 + (os.getpid() + offset) % 100)
+def open_ros(number: int) -> Node:
+    """Return a node in the domain of a number, which nobody else who runs now may have."""
+    os.environ['ROS_DOMAIN_ID'] = str(1 + number % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rclpy.init(args=[])
     return rclpy.create_node('flight')
 
 
-def identify(folder: Path, seed: int) -> ArmModel:
+def identify(number: int, folder: Path, seed: int) -> ArmModel:
     """Return an arm and what is found out of it."""
     try:
-        return ArmModel.identified(open_ros(0), folder, seed)
+        return ArmModel.identified(open_ros(number), folder, seed)
     finally:
         rclpy.shutdown()
 
@@ -158,21 +158,22 @@ def main() -> int:
     parser.add_argument('--frequencies', nargs=2, type=float, default=(), metavar='RAD_PER_S',
                         help='of position and attitude, for all ways')  # fmt: skip
     parser.add_argument('--out', type=Path, help='folder for the page')
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     settings = Settings(tuple(options.parts), options.latency, tuple(options.frequencies))
     arm, program = ArmModel.true(), FlightProgram(parts=options.parts)
+    first = os.getpid()  # those of workers may differ by as much as their flights' numbers
     context = get_context('spawn')
     with (
         tempfile.TemporaryDirectory() as folder,
         ProcessPoolExecutor(os.cpu_count(), mp_context=context) as pool,
     ):
         if options.model == 'identified':
-            arm = pool.submit(identify, Path(folder), options.arm_seed).result()
+            arm = pool.submit(identify, first, Path(folder), options.arm_seed).result()
         if options.wrong:
             arm = arm.with_errors(options.wrong, options.wrong_seed, Path(folder))
         flights = [
             (name, pool.submit(fly, number, name, ways, arm, settings))
-            for number, (name, ways) in enumerate(jobs(options.drones, options.ways))
+            for number, (name, ways) in enumerate(jobs(options.drones, options.ways), first)
         ]
         found: dict[str, Records] = {name: {} for name in options.drones}
         for name, flight in flights:

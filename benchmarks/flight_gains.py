@@ -90,7 +90,7 @@ def main() -> None:
     parser.add_argument('--seconds', type=float, default=1.0, help='of full swing')
     parser.add_argument('--drones', nargs='*', default=list(DRONES), choices=list(DRONES))
     parser.add_argument('--kinds', nargs='*', default=KINDS, choices=KINDS)
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     motion = FlightProgram(options.seconds).without('slow', 'excitation')
     for name in options.drones:
         drone = load_drone(name)

@@ -8,6 +8,7 @@ over to the controller and once without. `--noise` is the IMU's.
 """
 
 import argparse
+import os
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -155,7 +156,7 @@ def main() -> int:
     )
     parser.add_argument('--shares', type=float, nargs='*', default=(1.0, 0.0), help='handed over')
     options = parser.parse_args()
-    node = open_ros(0)
+    node = open_ros(os.getpid())
     try:
         with tempfile.TemporaryDirectory() as folder:
             arm = ArmModel.true()

@@ -14,6 +14,7 @@ from aerarm_ros.flight.flight_gains import FlightGains
 from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
 from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.motion.limited import limited
 
 Array = npt.NDArray[np.float64]
 
@@ -92,7 +93,7 @@ class BetaflightFlight:
         frequency = gains.position_frequencies
         kp, kd = frequency**2, 2.0 * gains.position_damping * frequency
         error = target.position - state.position
-        error = kd / kp * _limited(kp / kd * error, gains.speed_max)
+        error = kd / kp * limited(kp / kd * error, gains.speed_max)
         if self._is_armed:
             step = gains.position_integral * frequency * kp * dt * error
             self._push = np.clip(self._push + step, -_INTEGRAL, _INTEGRAL)
@@ -135,7 +136,7 @@ class BetaflightFlight:
         """Return roll, pitch, throttle and yaw for a force in the world, and a turn [rad]."""
         setup, heading = self._setup, yaw_of(state.rotation)
         lift = max(force[2], 0.2 * self._at_rest.body.mass * GRAVITY)
-        sideways = _limited(force[:2], lift * float(np.tan(self._gains.tilt_max)))
+        sideways = limited(force[:2], lift * float(np.tan(self._gains.tilt_max)))
         along = pin.exp3(-heading * _UP) @ np.append(sideways, lift)
         thrust = float(np.append(sideways, lift) @ state.rotation[:, 2])
         x, y, z = along / np.linalg.norm(along)
@@ -143,12 +144,6 @@ class BetaflightFlight:
         yaw = -np.degrees(_HEADING * turn) / setup.yaw_rate  # to the right is positive
         throttle = setup.throttle(thrust / float(self._thrust_max.sum()))
         return [_pulse(roll), _pulse(pitch), throttle, _pulse(yaw)]
-
-
-def _limited(vector: Array, length: float) -> Array:
-    """Return a vector that is no longer than that."""
-    norm = float(np.linalg.norm(vector))
-    return vector if norm <= length else vector * (length / norm)
 
 
 def _pulse(share: float) -> int:

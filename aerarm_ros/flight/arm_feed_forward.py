@@ -18,6 +18,8 @@ _FADE = 0.1  # [s]
 _SPACING = 0.012  # [s] of the differences that are derivatives
 _STEP_MAX = 0.05  # [s]
 _MASS_MAX = 3.0  # of the drone's; of an arm that is heavier something is wrong
+_ROUNDING = 1e-9  # [m^2]
+_REACH = 3.0  # [m] its centre is nearer, or was told in another unit
 
 
 class ArmFeedForward:
@@ -72,6 +74,11 @@ class ArmFeedForward:
         numbers = np.concatenate([[mass], com, inertia.ravel()])
         if not np.isfinite(numbers.sum()) or not 0.0 < mass < _MASS_MAX * self._drone.mass:
             raise RejectedInputError(f'arm_inertia: {mass:.3g} kg under a drone, or NaN')
+        if np.linalg.norm(com) > _REACH or np.linalg.eigvalsh(inertia)[0] < -_ROUNDING * mass:
+            raise RejectedInputError(
+                f'arm_inertia: its centre is more than {_REACH:g} m away, or it has less than no '
+                'moment of inertia'
+            )
         self._arm.add(stamp, numbers)
 
     def offer_motion(self, stamp: float, wrench: Array) -> None:
@@ -82,8 +89,8 @@ class ArmFeedForward:
         RejectedInputError
             If it is not finite, or larger than any motion's.
         """
-        if not np.isfinite(wrench.sum()) or np.abs(wrench[:3]).max() > 100.0 * self._drone.mass:
-            raise RejectedInputError('base_wrench_motion: NaN, or no force of this arm')
+        if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > 100.0 * self._drone.mass:
+            raise RejectedInputError('base_wrench_motion: NaN, or no force or moment of this arm')
         force, moment = self._rotation @ wrench[:3], self._rotation @ wrench[3:]
         self._motion.add(stamp, np.concatenate([force, moment + cross(self._mount, force)]))
 

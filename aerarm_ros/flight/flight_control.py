@@ -13,6 +13,7 @@ from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
 from aerarm_ros.flight.mass_properties import MassProperties
 from aerarm_ros.flight.rotor_estimate import RotorEstimate
 from aerarm_ros.model.cross_product import cross
+from aerarm_ros.motion.limited import limited
 
 Array = npt.NDArray[np.float64]
 
@@ -132,8 +133,8 @@ class FlightControl:
         if self._disturbance is None:
             return
         felt = self._disturbance.update(state, arm.body, wrench + arm.wrench_now, dt)
-        force = _limited(felt[:3], _CORRECTION * arm.body.mass)
-        self._felt = np.concatenate([force, _limited(felt[3:], self._moment_max)])
+        force = limited(felt[:3], _CORRECTION * arm.body.mass)
+        self._felt = np.concatenate([force, limited(felt[3:], self._moment_max)])
 
     def _wanted_acceleration(
         self,
@@ -150,20 +151,20 @@ class FlightControl:
         turn = _heading_rate(state)
         moving = cross(turn, level @ body.centre)
         error = target.position + level @ body.centre - (state.position + lever)
-        error = kd / kp * _limited(kp / kd * error, self._gains.speed_max)
-        self._push = _limited(self._push + ki * dt * error, _CORRECTION)
+        error = kd / kp * limited(kp / kd * error, self._gains.speed_max)
+        self._push = limited(self._push + ki * dt * error, _CORRECTION)
         feedback = kp * error + kd * (target.velocity + moving - velocity) + self._push
         swung = cross(turn, moving)
         return target.acceleration + swung + feedback - self._felt[:3] / body.mass
 
     def _bounded(self, force: Array, mass: float) -> Array:
         """Return a force with the weight added, its tilt and its lift within bounds [N]."""
-        sideways = _limited(force * _SIDEWAYS, mass * GRAVITY * np.tan(self._gains.tilt_max))
+        sideways = limited(force * _SIDEWAYS, mass * GRAVITY * np.tan(self._gains.tilt_max))
         lift = max(force[2] + mass * GRAVITY, _LIFT_MIN * mass * GRAVITY)
         return np.array([sideways[0], sideways[1], lift])
 
     def _integrate(self, step: Array) -> None:
-        moment, most = _limited(self._moment + step, self._moment_max), self._yaw_max
+        moment, most = limited(self._moment + step, self._moment_max), self._yaw_max
         self._moment = np.append(moment[:2], min(max(moment[2], -most), most))
 
     def _thrusts(
@@ -236,9 +237,3 @@ def _turning(force: Array, rate: Array, curvature: Array) -> Array:
     along = force / length
     turning: Array = np.array([cross(along, rate), cross(along, curvature)]) / length
     return turning
-
-
-def _limited(vector: Array, length: float) -> Array:
-    """Return a vector that is no longer than that."""
-    norm = float(np.linalg.norm(vector))
-    return vector if norm <= length else vector * (length / norm)

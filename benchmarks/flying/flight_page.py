@@ -9,6 +9,7 @@ from flying.flight_replay import replay
 from flying.flight_results import BASELINE, BEST, COLUMNS, GOALS, FlightResults
 from flying.flight_way import load_drone
 
+from aerarm_ros.description.whole_file import write_whole
 from aerarm_ros.pages.html_text import Html, bullets, page, paragraph, section, table
 from aerarm_ros.pages.page_origin import origin
 from aerarm_ros.pages.plots import figure_html, plotly_figure, plotting_script
@@ -19,7 +20,7 @@ _THINNED = 8  # one in so many states is drawn
 def write_page(path: Path, results: FlightResults, note: str) -> None:
     """Write the page, and say where; parameters as of `flight_page`."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(flight_page(results, note), encoding='utf-8')
+    write_whole(path, flight_page(results, note))
     print(f'Page      {path}')
 
 

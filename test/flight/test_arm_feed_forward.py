@@ -105,7 +105,12 @@ def test_nonsense_is_refused(arm: ArmFeedForward) -> None:
     for mass in (np.nan, 0.0, 50.0):
         with pytest.raises(RejectedInputError, match='arm_inertia'):
             arm.offer_inertia(0.0, mass, COM, INERTIA)
-    for force in (np.nan, 1e4):
+    for com, inertia in ((1e3 * COM, INERTIA), (COM, INERTIA - 0.06 * np.diag([0.0, 0.0, 1.0]))):
+        with pytest.raises(RejectedInputError, match='arm_inertia: its centre'):
+            arm.offer_inertia(0.0, 1.5, com, inertia)
+    for force, moment in ((np.nan, 0.0), (1e4, 0.0), (0.0, 1e4)):
         with pytest.raises(RejectedInputError, match='base_wrench_motion'):
-            arm.offer_motion(0.0, np.full(6, force))
-    assert not np.any(arm.at(0.0).wrench)
+            arm.offer_motion(0.0, np.repeat([force, moment], 3))
+    told = arm.at(0.0)
+    assert not np.any(told.wrench)
+    np.testing.assert_array_equal(told.body.inertia, hanging().inertia)

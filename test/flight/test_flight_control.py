@@ -8,8 +8,11 @@ import pytest
 from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.flight.allocation import Allocation
 from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
 from aerarm_ros.flight.arm_load_model import ArmLoadModel
+from aerarm_ros.flight.flight_control import FlightControl
+from aerarm_ros.flight.flight_gains import FlightGains
 from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
 from aerarm_ros.motion.joint_reference import JointReference
 
@@ -126,6 +129,20 @@ def test_a_wrong_mass_is_found_out_by_the_integral(fly) -> None:
     while flight.time < 5.0:
         flight.step()
     np.testing.assert_allclose(flight.state.position, 0.0, atol=0.05)
+
+
+def test_height_and_place_have_stiffnesses_of_their_own(fly) -> None:
+    """Off by e it is pushed back by m w^2 e."""
+    flight = fly(DRONES['3 kg tilted'])
+    gains = FlightGains(1.5, 4.0, position_integral=0.0, attitude_integral=0.0)
+    control, body = FlightControl(flight.plant.drone, flight.body, gains), flight.body
+    still = flight.state._replace(velocity=np.zeros(3), rotation=np.eye(3), rate=np.zeros(3))
+    for axis, frequency in enumerate((1.5, 1.5, 4.0)):
+        off = 0.01 * np.eye(3)[axis]
+        target = FlightTarget(still.position + off, 0.0)
+        thrusts = control.update(still, target, 0.004)
+        force = (Allocation(flight.plant.drone).matrix @ thrusts)[:3] / body.mass
+        np.testing.assert_allclose(force, [0.0, 0.0, 9.81] + frequency**2 * off, atol=1e-4)
 
 
 @pytest.mark.parametrize('name', ['3 kg tilted', '1.3 kg quadrotor'])

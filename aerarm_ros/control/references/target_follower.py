@@ -8,6 +8,7 @@ import numpy.typing as npt
 from aerarm_ros.control.checks.gains import positive
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.limited import limited
 from aerarm_ros.motion.task_reference import TaskReference
 
 Array = npt.NDArray[np.float64]
@@ -88,7 +89,7 @@ class TargetFollower:
         velocity, self._moving_until = np.zeros(3), -np.inf
         period = np.inf if self._target_time is None else now - self._target_time
         if 1e-4 < period < _STREAM_GAP:
-            velocity = _limited((target - self._target) / period, self._velocity_max)
+            velocity = limited((target - self._target) / period, self._velocity_max)
             self._moving_until = now + _SILENT_PERIODS * period
         self._target, self._target_velocity, self._target_time = target, velocity, now
 
@@ -109,15 +110,9 @@ class TargetFollower:
             self._velocity_max,
             sqrt(self._acceleration_max * (sqrt(error @ error) + 1e-12)),
         )
-        approach = _limited(0.5 * w * error, speed)
+        approach = limited(0.5 * w * error, speed)
         wanted = 2.0 * w * (approach + target_velocity - self._v)
-        acceleration = _limited(wanted, self._acceleration_max)
+        acceleration = limited(wanted, self._acceleration_max)
         self._p = self._p + dt * (self._v + (0.5 * dt) * acceleration)
         self._v = self._v + dt * acceleration
         return TaskReference(self._p, self._v, acceleration)
-
-
-def _limited(vector: Array, length: float) -> Array:
-    """Return `vector`, shortened to `length` if it is longer."""
-    norm = sqrt(vector @ vector)
-    return vector if norm <= length else (length / norm) * vector

@@ -1,0 +1,10 @@
+import numpy as np
+
+from aerarm_ros.motion.limited import limited
+
+
+def test_what_is_too_long_is_shortened_in_its_direction() -> None:
+    vector = np.array([3.0, 0.0, -4.0])
+    np.testing.assert_allclose(limited(vector, 2.5), 0.5 * vector, rtol=1e-15)
+    np.testing.assert_array_equal(limited(vector, 5.0), vector)
+    np.testing.assert_array_equal(limited(np.zeros(3), 0.0), 0.0)
