@@ -64,7 +64,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         'periodic motion; final is one second after it stopped, where dry friction holds the arm '
         'beside its reference unless something integrates.'
     )
-    report.write(path, note)
+    try:
+        report.write(path, note)
+    except OSError as error:
+        print_error(NAME, f'{path} cannot be written: {error.strerror}: check the free space')
+        return 1
     print(f'\nPage      {path}')
     return 0
 
