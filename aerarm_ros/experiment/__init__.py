@@ -12,5 +12,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'experiment_bench': ['ExperimentBench', 'ExperimentRun'],
         'experiment_case': ['ExperimentCase', 'all_cases'],
         'experiment_report': ['ExperimentReport'],
+        'parallel_runs': ['run_all'],
     },
 )

@@ -6,8 +6,10 @@ a table of errors and writes an HTML page.
 """
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
@@ -20,9 +22,10 @@ from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
-from aerarm_ros.experiment.experiment_bench import ExperimentBench
+from aerarm_ros.experiment.experiment_bench import ExperimentBench, ExperimentRun
 from aerarm_ros.experiment.experiment_case import ExperimentCase, all_cases
 from aerarm_ros.experiment.experiment_report import ExperimentReport
+from aerarm_ros.experiment.parallel_runs import run_all
 from aerarm_ros.ros.process.exit_status import INTERRUPTED, print_error
 from aerarm_ros.ros.process.one_line_parser import OneLineParser
 from aerarm_ros.ros.process.stop_signals import StopSignals
@@ -48,8 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f'{len(cases)} runs of {motion.duration:.0f} s; plant: {origin}', flush=True)
     try:
         with StopSignals(_interrupt):
-            for index, case in enumerate(cases, start=1):
-                _run(bench, report, case, f'{index}/{len(cases)}')
+            workers = min(len(cases), len(os.sched_getaffinity(0)))
+            with closing(run_all(bench, cases, workers)) as runs:
+                for index, run in enumerate(runs, start=1):
+                    _tell(report, run, f'{index}/{len(cases)}')
     except KeyboardInterrupt:
         print_error(NAME, 'interrupted, no page was written')
         return INTERRUPTED
@@ -137,10 +142,8 @@ def _motion(config: ArmConfig, robot: Robot, options: argparse.Namespace) -> Ram
     return RampedExcitation(trajectory, 1, settings.ramp_time)
 
 
-def _run(
-    bench: ExperimentBench, report: ExperimentReport, case: ExperimentCase, progress: str
-) -> None:
-    name, joints, _, _, tool, *_ = report.add(bench.run(case))
+def _tell(report: ExperimentReport, run: ExperimentRun, progress: str) -> None:
+    name, joints, _, _, tool, *_ = report.add(run)
     print(f'{progress:>6}  {name}: joints {joints} mrad, tool {tool} mm RMS', flush=True)
 
 

@@ -18,6 +18,7 @@ from aerarm_ros.experiment.experiment_case import (
     ExperimentCase,
     all_cases,
 )
+from aerarm_ros.experiment.parallel_runs import run_all
 from aerarm_ros.identification.files.identified_urdf import identified_urdf
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes import experiment
@@ -100,11 +101,12 @@ def test_a_joint_held_on_a_moving_base_is_no_stuck_encoder(nominal) -> None:
     assert np.ptp(run.effort[held], axis=0).max() > 2.0
 
 
-def test_a_run_is_the_same_every_time(nominal, motion) -> None:
-    short = RampedExcitation(motion.trajectory, 1, 0.1)
+def test_a_run_is_the_same_every_time_in_every_process(nominal, motion) -> None:
+    bench = make_bench(nominal, RampedExcitation(motion.trajectory, 1, 0.1))
     case = ExperimentCase(HOST, CAD, observer=True)
-    first, second = (make_bench(nominal, short).run(case).q for _ in range(2))
-    np.testing.assert_array_equal(first, second)
+    (here,), (there,) = (run_all(bench, [case], workers) for workers in (1, 2))
+    assert there.case == case
+    np.testing.assert_array_equal(here.q, there.q)
 
 
 def test_every_case_has_a_name_of_its_own() -> None:
@@ -114,12 +116,29 @@ def test_every_case_has_a_name_of_its_own() -> None:
 
 def test_writes_table_and_page(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr(experiment, 'FUNDAMENTAL', 0.4)  # not to wait for 10 s
-    only = 'computed torque, host; true; still'
-    assert experiment.main(['--only', only, '--amplitude', '0.05', '--out', str(tmp_path)]) == 0
+    runs: list[ExperimentRun] = []
+    run = ExperimentBench.run
+
+    def run_once(bench: ExperimentBench, case: ExperimentCase) -> ExperimentRun:
+        runs[:] = runs or [run(bench, case)]
+        return runs[0]
+
+    monkeypatch.setattr(ExperimentBench, 'run', run_once)
+    only, file = 'computed torque, host; true; still', tmp_path / 'controllers.html'
+    arguments = ['--only', only, '--amplitude', '0.05', '--out', str(tmp_path)]
+    assert experiment.main(arguments) == 0
     assert only in capsys.readouterr().out
-    page = (tmp_path / 'controllers.html').read_text()
+    page = file.read_text()
     assert only in page
     assert 'Path of the tool' in page
+
+    file.unlink()
+    file.mkdir()  # so that no page can be written
+    assert experiment.main(arguments) == 1
+    said = capsys.readouterr()
+    assert only in said.out
+    assert said.err.count('\n') == 1
+    assert f'{file} cannot be written: Is a directory' in said.err
 
 
 def test_an_identified_arm_has_the_friction_of_its_file_and_no_other(tmp_path, monkeypatch) -> None:

@@ -9,6 +9,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from multiprocessing.synchronize import Event
 from typing import Any
 
@@ -50,7 +51,7 @@ def design_all(
     # Started afresh rather than forked: the parent may have threads (BLAS, a ROS context).
     context = multiprocessing.get_context('spawn')
     stopping = context.Event()
-    with _single_threaded_algebra(), _interrupts_held_back():
+    with _single_threaded_algebra(), interrupts_held_back():
         pool = context.Pool(
             max(1, min(workers, starts)), _prepare_worker, (specification, stopping)
         )
@@ -113,11 +114,12 @@ def _work(start: int) -> Outcome | None:
 
 
 @contextmanager
-def _interrupts_held_back() -> Iterator[None]:
+def interrupts_held_back() -> Iterator[None]:
     """Block SIGINT for this thread, and for good in the processes it starts meanwhile.
 
     A Ctrl-C reaches every process of the terminal; the parent decides what it means.
     """
+    resource_tracker.ensure_running()  # else it starts with the pool, and unblocks SIGINT
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
