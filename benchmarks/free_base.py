@@ -22,6 +22,7 @@ from flying.arm_model import ArmModel
 from flying.arm_swing import MOTIONS, ArmSwing
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
+from flying.grown_motion import RAMP
 from rclpy.node import Node
 
 from aerarm_ros.ros.requests.arm_client import ArmClientError
@@ -32,6 +33,7 @@ BASES = ('none', 'attitude', 'full', 'free')
 LINE = '{:>7} {:9} {:23} {:10} {:5} {:>10} {:>6} {:>6} {:>6}'
 HEADINGS = ('drone', 'uses', 'what is wrong', 'arm', '', 'RMS [mrad]', 'max', 'growth', 'mm off')
 GOALS = {'true': 1.3, 'identified': 2.0}
+SHORTEST = 3.0 * RAMP  # [s]
 LOST = 1.0  # [m] off its place a drone does not hold, and the errors say nothing of the law
 
 
@@ -116,6 +118,8 @@ def main() -> None:
     parser.add_argument('--seconds', type=float, nargs=2, default=(14.0, 14.0),
                         help='length of the slow and of the fast motion')  # fmt: skip
     options, _ = parser.parse_known_args()
+    if min(options.seconds) < SHORTEST:
+        parser.error(f'argument --seconds: {SHORTEST:g} s at least, most of it begins and ends')
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rclpy.init(args=[])
