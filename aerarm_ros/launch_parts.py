@@ -34,6 +34,7 @@ from launch_ros.substitutions import FindPackageShare
 from aerarm_ros.launch_requirements import missing
 from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 from aerarm_ros.ros.process.exit_status import INTERRUPTED
+from aerarm_ros.ros.process.node_process import STOP_TIMEOUT
 
 SHARE = FindPackageShare('aerarm_ros')
 CONTROLLERS = ('gravity_compensation', 'computed_torque', 'impedance_control', 'kinematic_control')
@@ -162,8 +163,13 @@ def bringup() -> IncludeLaunchDescription:
 def node(
     executable: SomeSubstitutionsType, parameters: Mapping[str, Any] | None = None, **options: Any
 ) -> Node:
-    """Return a node of this package with the parameter file's values, then the given ones."""
+    """Return a node of this package with the parameter file's values, then the given ones.
+
+    Launch asks a second time after `sigterm_timeout` [s], and a node asked twice ends at once: that
+    is 5 s where nobody says otherwise, in which a recorder on a busy host is not done with its bag.
+    """
     return Node(
+        sigterm_timeout=LaunchConfiguration('sigterm_timeout', default=str(STOP_TIMEOUT)),
         package='aerarm_ros',
         executable=executable,
         parameters=[LaunchConfiguration('params_file'), *([parameters] if parameters else [])],
