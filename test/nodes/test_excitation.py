@@ -21,6 +21,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
 from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.ros.diagnostics.waiting_notice import PATIENCE, REPETITION
 from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 START = np.array([0.1, 1.4, -0.1, 0.2])
@@ -190,21 +191,24 @@ def test_says_how_much_was_damped(tmp_path: Path, environment, allowed, expected
     assert ('not the motion that was planned' in log) == (expected == 1)
 
 
-def run_until_it_hears_the_mode(tmp_path: Path, **parameters: object) -> tuple[int, str]:
-    """Return how it ends, given more time where a busy machine did not let it hear the arm."""
+def run_until_it_hears_the_mode(tmp_path: Path, **parameters: object) -> tuple[int, str, int]:
+    """Return how it ends, given more time [s] where a busy machine did not let it hear the arm."""
     for seconds in (3, 15, 60):
         status, log = run(tmp_path, wait_timeout=seconds, **parameters)
         if "arm_mode is '" in log:
             break
-    return status, log
+    return status, log, seconds
 
 
 def test_says_what_it_waits_for(tmp_path: Path, environment) -> None:
     with ideal_arm(tmp_path, environment, '--mode', 'idle'):
-        status, log = run_until_it_hears_the_mode(tmp_path, subscribers=2, wait_for_recorder=True)
+        status, log, seconds = run_until_it_hears_the_mode(
+            tmp_path, subscribers=2, wait_for_recorder=True
+        )
     assert status == 1
     assert "arm_mode is 'idle': run 'arm enable'" in log
-    assert log.count('waiting: ') == 1
+    # Now and then only.
+    assert 1 <= log.count('waiting: ') <= 1 + (seconds - PATIENCE) // REPETITION
     assert 'joint_command has 1 of 2 subscribers' in log
     assert 'joint_command and joint_states not being recorded' in log
 
@@ -220,7 +224,7 @@ def test_starts_only_from_an_arm_that_is_held(
     tmp_path: Path, environment, mode: str, advice: str
 ) -> None:
     with ideal_arm(tmp_path, environment, '--mode', mode) as seen:
-        status, log = run_until_it_hears_the_mode(tmp_path)
+        status, log, _ = run_until_it_hears_the_mode(tmp_path)
     assert status == 1
     assert f"arm_mode is '{mode}': " in log
     assert advice in log
