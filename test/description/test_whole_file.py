@@ -1,5 +1,7 @@
 """A file that is written beside its place first."""
 
+import os
+import threading
 from pathlib import Path
 
 import pytest
@@ -26,3 +28,14 @@ def test_what_cannot_be_written_leaves_what_was_there(tmp_path: Path) -> None:
         write_whole(folder, 'text')
     assert path.read_text() == 'before'
     assert sorted(tmp_path.iterdir()) == [folder, path]
+
+
+def test_what_is_no_file_is_written_to_and_stays(tmp_path: Path) -> None:
+    pipe = tmp_path / 'pipe'
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=write_whole, args=(pipe, 'text'))
+    writer.start()
+    assert pipe.read_text() == 'text'
+    writer.join()
+    assert pipe.is_fifo()
+    assert list(tmp_path.iterdir()) == [pipe]
