@@ -64,6 +64,10 @@ class SpiBoards:
         """Make something go wrong with a board."""
         self._ask({'inject': fault})
 
+    def let_pass(self, seconds: float) -> None:
+        """Let the time of paced boards go on without frames."""
+        self._ask({'pass': seconds})
+
     def report(self) -> list[dict]:
         """Return what each board saw and in what state it is."""
         return self._ask({})

@@ -3,7 +3,7 @@
 Usage: python spi_server.py SOCKET [PACED]
 
 With PACED a millisecond passes with each round of frames, however long the host takes for it, and
-none without frames: nobody is too late.
+none without frames but what a command lets pass: nobody is too late.
 
 Takes commands as lines of JSON on standard input and answers each with a line:
 
@@ -11,6 +11,7 @@ Takes commands as lines of JSON on standard input and answers each with a line:
     {"vanish": PATH}                 the device is gone
     {"come back": PATH}              another device of that name is there
     {"inject": "NAME:BOARD..."}      a fault of an emulated board, see FaultRequest
+    {"pass": SECONDS}                time goes on for paced boards, without frames
     {}                               nothing
 
 The answer tells, for each board, what it saw and in what state it is.
@@ -105,8 +106,7 @@ class SpiServer:
         frame = device.connection.recv(length, socket.MSG_WAITALL)
         device.transfers += 1
         if self.paced:
-            self.time += ROUND / len(self.devices)
-            self.boards.advance(self.time)
+            self.let_pass(ROUND / len(self.devices))
         if device.eio:
             device.connection.sendall(COUNT.pack(-errno.EIO))
             return
@@ -117,6 +117,13 @@ class SpiServer:
             answer = self.boards.exchange(device.board, frame)
         answer = answer[: device.length_max]
         device.connection.sendall(COUNT.pack(len(answer)) + answer)
+
+    def let_pass(self, seconds: float) -> None:
+        """Advance paced boards, in steps as short as between frames: longer ones would be cut."""
+        end = self.time + seconds
+        while self.time < end:
+            self.time = min(self.time + ROUND, end)
+            self.boards.advance(self.time)
 
     def hang_up(self, device: Device) -> None:
         if device.connection is not None:
@@ -140,6 +147,8 @@ class SpiServer:
             self.devices[command['come back']].missing = False
         if 'inject' in command:
             FaultRequest.parse(command['inject'], len(self.boards.boards)).apply(self.boards)
+        if 'pass' in command:
+            self.let_pass(command['pass'])
         self.answer()
 
     def answer(self) -> None:
