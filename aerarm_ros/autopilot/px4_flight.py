@@ -34,7 +34,14 @@ class Px4Flight:
     gains : Px4Gains
     knows_loops : bool
         Whether the loops' gains serve to lean ahead.
+
+    Attributes
+    ----------
+    problem : str
+        As a `FlightControl` has it.
     """
+
+    problem = ''
 
     def __init__(
         self, drone: DroneConfig, body: MassProperties, gains: Px4Gains, knows_loops: bool = True

@@ -56,7 +56,14 @@ class FlightControl:
     gains : FlightGains, optional
     disturbance : Disturbance, optional
         Its estimate is compensated.
+
+    Attributes
+    ----------
+    problem : str
+        Why the rotors are not to be commanded; '', as nothing keeps this law from it.
     """
+
+    problem = ''
 
     def __init__(
         self,

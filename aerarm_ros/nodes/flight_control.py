@@ -19,7 +19,6 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.flight.flight_estimator import FlightEstimator
 from aerarm_ros.flight.flight_path import FlightPath
@@ -156,7 +155,7 @@ class FlightControlNode:
         else:
             self._note_silence()
             return
-        if isinstance(self._law, BetaflightFlight) and self._law.problem:
+        if self._law.problem:
             self._doing = self._law.problem
             return
         self._answered_ns = stamp_ns

@@ -32,6 +32,7 @@ from aerarm_ros.ros.requests.parameter_request import set_parameter
 LEAD = 2.5  # [s]
 QUICK_LEAD = 1.5  # [s]
 SETTLING = 10.0  # [s] at most
+HELD, FLYING = 'held', 'flying'  # as the drone's status begins
 
 
 class FlightBench:
@@ -82,6 +83,7 @@ class FlightBench:
         stack.callback(self.listener.destroy)
         topic = topics.JOINT_TRAJECTORY
         self.publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+        self._drone_does = ''
         self.client = ArmClient(node, ['fake_hardware'], ['enable', 'disable', 'put_back'])
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
@@ -173,17 +175,24 @@ class FlightBench:
         self.client.wait_for_mode(['running'], PATIENCE)
 
     def _take_off(self) -> None:
-        """Wait until nobody holds the drone: one that is held looks as still as one that hovers."""
+        """Wait until nobody holds the drone: one that is held looks as still as one that hovers.
+
+        That it was held before has to be heard first: what it did in the last flight may be told
+        late.
+        """
         self._wait_for_pilot()
-        self._is_flying = False
+        self._wait_for_drone(HELD)
         self._enable()
-        if not spin_until(self.node, lambda: self._is_flying, PATIENCE):
-            raise TimeoutError('the drone is not let go')
+        self._wait_for_drone(FLYING)
+
+    def _wait_for_drone(self, wanted: str) -> None:
+        if not spin_until(self.node, lambda: self._drone_does.startswith(wanted), PATIENCE):
+            raise TimeoutError(f'the drone is not {wanted}, but {self._drone_does or "silent"}')
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             if status.name.endswith(': drone'):
-                self._is_flying = status.message == 'flying'
+                self._drone_does = status.message
 
     def start(
         self, stack: ExitStack, name: str, values: dict, arguments: tuple[str, ...] = ()
