@@ -43,7 +43,8 @@ def control(kind: str, drone: DroneConfig, flight: RigidFlight, values: np.ndarr
     position, attitude, third = values.tolist()
     arm = ArmFeedForward(drone, flight.body, lead=LEAD) if 'feed_forward' in kind else None
     if 'px4' in kind:
-        return Px4Flight(drone, flight.body, Px4Gains.scaled(position, attitude, third)), arm
+        px4 = Px4Gains.scaled(position, attitude, third)
+        return Px4Flight(drone, flight.body, px4, holds_heading=False), arm
     height = height_frequency(drone, position)
     gains = FlightGains(position, height, attitude)
     share = third if kind in INTEGRALS else 0.0

@@ -34,6 +34,8 @@ class Px4Flight:
     gains : Px4Gains
     knows_loops : bool
         Whether the loops' gains serve to lean ahead.
+    holds_heading : bool
+        Whether set points have a heading; else it is left to itself.
 
     Attributes
     ----------
@@ -44,8 +46,14 @@ class Px4Flight:
     problem = ''
 
     def __init__(
-        self, drone: DroneConfig, body: MassProperties, gains: Px4Gains, knows_loops: bool = True
+        self,
+        drone: DroneConfig,
+        body: MassProperties,
+        gains: Px4Gains,
+        knows_loops: bool = True,
+        holds_heading: bool = True,
     ) -> None:
+        self._holds_heading = holds_heading
         self._allocation = Allocation(drone)
         most = drone.column('thrust_max')
         matrix = np.abs(self._allocation.matrix)
@@ -71,9 +79,8 @@ class Px4Flight:
         wanted = target.acceleration
         if arm is not None:
             wanted = wanted + self._acceleration.update(arm, state.rotation, dt)
-        set_point = Px4SetPoint(
-            ned(target.position), heading(target.yaw), ned(target.velocity), ned(wanted)
-        )
+        yaw = heading(target.yaw) if self._holds_heading else np.nan
+        set_point = Px4SetPoint(ned(target.position), yaw, ned(target.velocity), ned(wanted))
         return self._thrusts(state, set_point, dt)
 
     def level(self, state: FlightState, dt: float) -> Array:

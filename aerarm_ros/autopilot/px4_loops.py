@@ -9,6 +9,7 @@ import pinocchio as pin
 from aerarm_ros.autopilot.px4_gains import Px4Gains
 from aerarm_ros.control.base.frame_conversion import quaternion
 from aerarm_ros.description.drone_config import GRAVITY
+from aerarm_ros.flight.flight_target import yaw_of
 from aerarm_ros.model.cross_product import cross
 
 Array = npt.NDArray[np.float64]
@@ -27,7 +28,7 @@ class Px4SetPoint(NamedTuple):
     position : (3,) ndarray
         [m]
     yaw : float
-        From north to the right [rad].
+        From north to the right [rad]; NaN leaves the heading to itself.
     velocity, acceleration : (3,) ndarray
         [m/s], [m/s^2]; NaN where there is none.
     """
@@ -96,7 +97,9 @@ class Px4Loops:
         `dt` is the time since the last update [s].
         """
         thrust = self._thrust(state, wanted, dt)
-        return float(np.linalg.norm(thrust)), self._torque(state, thrust, wanted.yaw, dt)
+        # Without one it takes the heading that is, so that only its angular velocity is damped.
+        yaw = yaw_of(state.rotation) if np.isnan(wanted.yaw) else wanted.yaw
+        return float(np.linalg.norm(thrust)), self._torque(state, thrust, yaw, dt)
 
     def _thrust(self, state: Px4State, wanted: Px4SetPoint, dt: float) -> Array:
         """Return the thrust (3,) in the world, as a share of the largest."""

@@ -18,13 +18,15 @@ _AT_LIMIT = 1e-6  # of the largest thrust
 class FlightFigures(NamedTuple):
     """RMS and maximum of the drone's place [mm], its tilt [deg] and the tool's place [mm].
 
-    `limited` is the share of the time in which a rotor is at a limit [%].
+    `heading_max` is its largest turn about the vertical [deg], `limited` the share of the time in
+    which a rotor is at a limit [%].
     """
 
     place: float
     place_max: float
     tilt: float
     tilt_max: float
+    heading_max: float
     tool: float
     tool_max: float
     limited: float
@@ -62,6 +64,11 @@ class FlightRecord:
         """Angles between the body's z and the vertical, (K,) [rad]."""
         x, y = self.attitudes[:, 0], self.attitudes[:, 1]
         return np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
+
+    @property
+    def headings(self) -> np.ndarray:
+        """Turns about the vertical, (K,) [rad]."""
+        return Rotation.from_quat(self.attitudes).as_euler('ZYX')[:, 0]
 
     @property
     def is_lost(self) -> bool:
@@ -102,8 +109,9 @@ class FlightRecord:
         low, high = drone.column('thrust_min'), drone.column('thrust_max')
         room = np.minimum(self.thrusts - low, high - self.thrusts)
         limited = 100.0 * float(np.mean(np.any(room < _AT_LIMIT * high, axis=1)))
-        rows = [f(values) for values in (away, tilt, tool) for f in (_rms, np.max)]
-        return FlightFigures(*map(float, rows), limited)
+        place, tilted, reached = [(_rms(x), float(x.max())) for x in (away, tilt, tool)]
+        heading = float(np.degrees(np.abs(self.headings).max()))
+        return FlightFigures(*place, *tilted, heading, *reached, limited)
 
     def _tool_errors(self, motion: JointMotion, drone: DroneConfig) -> np.ndarray:
         """Return how far the tool is from where it would be under a drone at its place [m]."""

@@ -13,6 +13,7 @@ COLUMNS = (
     'largest',
     'tilt RMS [deg]',
     'largest',
+    'heading, largest [deg]',
     'tool RMS [mm]',
     'largest',
     'a rotor at a limit [%]',
@@ -25,8 +26,8 @@ GOALS = {
     ('tilted_hexarotor', 'slow'): 4.0,
     ('tilted_hexarotor', 'fast'): 5.0,
 }
-_LINE = '{:17} {:24} {:17} {:>8} {:>7} {:>7} {:>6} {:>8} {:>7} {:>7}'
-_HEADINGS = ('place mm', 'max', 'tilt deg', 'max', 'tool mm', 'max', 'limit %')
+_LINE = '{:17} {:24} {:17} {:>8} {:>7} {:>7} {:>6} {:>7} {:>8} {:>7} {:>7}'
+_HEADINGS = ('place mm', 'max', 'tilt deg', 'max', 'heading', 'tool mm', 'max', 'limit %')
 
 
 class FlightResults:
@@ -71,8 +72,9 @@ class FlightResults:
     def text(self) -> str:
         """Return a table to print, and how many times better the best way is."""
         lines = [_LINE.format('drone', 'against the arm', 'motion', *_HEADINGS)]
+        lost = ['lost', *['-'] * (len(COLUMNS) - 1)]
         for (drone, way, part), figures in self.figures.items():
-            shown = ['lost', *['-'] * 6] if figures is None else [f'{x:.2f}' for x in figures]
+            shown = lost if figures is None else [f'{x:.2f}' for x in figures]
             lines.append(_LINE.format(drone, way, part, *shown))
         for drone, flights in self.records.items():
             reasons = {way: text for way, text in flights.items() if isinstance(text, str)}

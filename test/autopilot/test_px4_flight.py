@@ -83,3 +83,14 @@ def test_what_lasts_is_left_to_the_integral() -> None:
     for _ in range(1000):
         last = acceleration.update(moved, level, CYCLE)
     assert abs(last[0]) < 1e-3
+
+
+@pytest.mark.parametrize('holds_heading', [True, False])
+def test_a_heading_that_is_not_held_stays_where_it_is(holds_heading: bool) -> None:
+    flight = Px4Flight(DRONE, BODY, GAINS, holds_heading=holds_heading)
+    state = FlightState(np.zeros(3), np.zeros(3), turned(np.array([0.0, 0.0, 0.1])), np.zeros(3))
+    wrench = DRONE.allocation @ flight.update(state, FlightTarget(np.zeros(3), 0.0), CYCLE)
+    assert wrench[2] == pytest.approx(BODY.mass * GRAVITY)
+    # Turned to the left; held, it is turned back.
+    assert (wrench[5] < -1e-6) == holds_heading
+    assert holds_heading or wrench[5] == pytest.approx(0.0, abs=1e-9)

@@ -57,6 +57,20 @@ def test_a_turn_is_answered_by_the_product_of_both_gains(axis: int) -> None:
     np.testing.assert_allclose(moment, expected, atol=2e-6)
 
 
+def test_without_a_heading_only_its_turning_is_damped() -> None:
+    east = turned(2, np.pi / 2.0)
+    _, moment = answer(np.array([2.0, 0.0, 0.0]), east, np.nan)
+    # Who looks east rolls to the left for an acceleration to the north.
+    assert moment[0] < 0.0
+    np.testing.assert_allclose(moment[1:], 0.0, atol=1e-12)
+    _, held = answer(np.array([2.0, 0.0, 0.0]), east, 0.0)
+    assert held[2] < -0.1
+    state = Px4State(ZERO, ZERO, east, np.array([0.0, 0.0, 0.3]))
+    set_point = Px4SetPoint(ZERO, np.nan, NOWHERE, NOWHERE)
+    _, damped = Px4Loops(Px4Gains(), HOVER).update(state, set_point, 0.004)
+    assert damped[2] == pytest.approx(-0.3 * Px4Gains().mc_yawrate_p)
+
+
 def test_the_tilt_that_is_asked_for_is_limited() -> None:
     thrust, _ = answer(np.array([100.0, 0.0, 0.0]))
     assert thrust == pytest.approx(HOVER / np.cos(Px4Gains().tilt_max))

@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.nodes import mavros_feedforward
 
-IGNORE_VELOCITY, IGNORE_ACCELERATION, IS_FORCE = 56, 448, 512
+IGNORE_VELOCITY, IGNORE_ACCELERATION, IS_FORCE, IGNORE_YAW = 56, 448, 512, 1024
 ADDED = np.array([1.0, -2.0, 0.5])
 
 
@@ -32,6 +32,12 @@ def test_it_is_added_to_what_is_asked_for(ignored: int, own: list[float]) -> Non
     assert after.type_mask == IGNORE_VELOCITY
     assert (after.header.stamp.sec, after.header.stamp.nanosec) == (3, 7)
     assert before.acceleration_or_force.x == 0.1
+
+
+def test_a_heading_that_is_left_open_stays_so() -> None:
+    before = set_point(IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW)
+    after = mavros_feedforward.add_acceleration(before, ADDED, 0)
+    assert after.type_mask == IGNORE_VELOCITY | IGNORE_YAW
 
 
 @pytest.mark.parametrize('unfit', [set_point(IS_FORCE), set_point(0, frame=8)])

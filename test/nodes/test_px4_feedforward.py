@@ -36,6 +36,13 @@ def test_it_is_added_north_east_down_and_the_rest_stays(asked: np.ndarray) -> No
     assert after.yaw == 0.5
 
 
+def test_a_heading_that_is_left_open_stays_so() -> None:
+    before = set_point(OPEN)
+    before.yaw = float('nan')
+    after = px4_feedforward.add_acceleration(before, np.array([1.0, 2.0, 0.5]), 0)
+    assert np.isnan([after.yaw, after.yawspeed]).all()
+
+
 def test_px4_pushes_to_where_it_points() -> None:
     # To the east in ROS's world: a PX4 that looks north rolls to the right.
     sent = px4_feedforward.add_acceleration(set_point(OPEN), np.array([1.5, 0.0, 0.0]), 0)

@@ -74,6 +74,10 @@ FLIGHT_PARAMETERS = (
         Parameter(
             'mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K and MC_PITCHRATE_K', '', 0.1, 30.0
         ),
+        Parameter(
+            'hold_heading', True, "whether PX4's set points have a heading; if not, yaw is NaN and "
+            'the heading is left to itself',
+        ),
     ),
     *grouped(
         'What is fed forward of the arm',
@@ -102,9 +106,8 @@ def flight_control(
     if values.loops == PX4:
         if drone.is_fully_actuated:
             raise ValueError("loops 'px4': PX4's loops lean a drone, and this one pushes sideways")
-        return Px4Flight(
-            drone, body, Px4Gains.scaled(values.mpc_xy_p, values.mc_att_p, values.mc_rate_k)
-        )
+        px4 = Px4Gains.scaled(values.mpc_xy_p, values.mc_att_p, values.mc_rate_k)
+        return Px4Flight(drone, body, px4, holds_heading=values.hold_heading)
     gains = {name: getattr(values, name) for name in vars(_GAINS)}
     if values.loops == BETAFLIGHT:
         return BetaflightFlight(drone, body, BetaflightLink(), FlightGains(**gains))
