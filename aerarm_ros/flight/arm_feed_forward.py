@@ -94,6 +94,15 @@ class ArmFeedForward:
         force, moment = self._rotation @ wrench[:3], self._rotation @ wrench[3:]
         self._motion.add(stamp, np.concatenate([force, moment + cross(self._mount, force)]))
 
+    def is_late(self, now: float) -> bool:
+        """Return whether the arm is told, but not yet as far ahead as `now` [s] needs."""
+        ahead = now + self.lead
+        needs = (
+            (self.use_posture, self._arm.newest, ahead),
+            (self.use_motion, self._motion.newest, ahead + _SPACING),
+        )
+        return any(used and newest is not None and newest < need for used, newest, need in needs)
+
     def at(self, now: float) -> FeedForward:
         """Return what is to be fed forward at `now` [s]."""
         step = min(max(now - self._time, 0.0), _STEP_MAX)

@@ -26,6 +26,11 @@ class StampedValues:
         self._times: deque[float] = deque(maxlen=_KEPT)
         self._values: deque[Array] = deque(maxlen=_KEPT)
 
+    @property
+    def newest(self) -> float | None:
+        """Time of the last value [s], None before the first."""
+        return self._times[-1] if self._times else None
+
     def add(self, time: float, value: Array) -> None:
         """Take a value of a time [s]; one that is not newer than the last is ignored."""
         times = self._times

@@ -44,6 +44,7 @@ from aerarm_ros.ros.states.flight_stream import FlightStream
 
 NAME = 'flight_control'
 _WAIT = 0.1  # [s]
+_NAP = 1e-3  # [s]
 _STEP_MAX = 0.05  # [s] longest time over which an integral grows at once
 _LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, for a trajectory's start
 _REMEMBERED = 5.0  # [s] for which a rejection is a warning
@@ -83,7 +84,7 @@ class FlightControlNode:
         self._doing = 'waiting for odometry'
         self._thrust = np.zeros(drone.n)
         self._error = np.zeros(3)
-        self._answers = self._rejections = 0
+        self._answers = self._rejections = self._late = 0
         self._rejection, self._rejected_at = '', -np.inf
         self._requests: deque[Callable[[], None]] = deque()
         self._stopping = False
@@ -129,9 +130,22 @@ class FlightControlNode:
             return
         if sample is not None:
             self._try(partial(self._estimator.offer_odometry, sample))
+        deadline = time.monotonic() + self.values.arm_wait
+        self._take_requests()
+        while self._is_told_late() and not self._stopping and time.monotonic() < deadline:
+            time.sleep(_NAP)
+            self._take_requests()
+        self._late += self._is_told_late()
+        self._fly(stamp_ns)
+
+    def _take_requests(self) -> None:
         while self._requests:
             self._try(self._requests.popleft())
-        self._fly(stamp_ns)
+
+    def _is_told_late(self) -> bool:
+        """Return whether the arm is told later than it is needed."""
+        now = self._estimator.stamp
+        return now is not None and self._arm.is_late(now)
 
     def _fly(self, stamp_ns: int) -> None:
         """Command the rotors, if enough is known, in answer to a sample of a stamp [ns]."""
@@ -205,6 +219,7 @@ class FlightControlNode:
             'commands': self._answers,
             'rejected inputs': self._rejections,
             'last rejection': self._rejection,
+            'arm told late': self._late,
             'position error [m]': f'{np.linalg.norm(self._error):.3f}',
             'largest thrust [%]': f'{100.0 * (self._thrust / self._thrust_max).max():.0f}',
         }

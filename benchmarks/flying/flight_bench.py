@@ -32,6 +32,8 @@ from aerarm_ros.ros.requests.parameter_request import set_parameter
 LEAD = 2.5  # [s]
 QUICK_LEAD = 1.5  # [s]
 SETTLING = 10.0  # [s] at most
+FOLLOWED = 0.3  # [rad] that a joint is off its motion at most
+ARM_WAIT = 5.0  # [s] of the host
 HELD, FLYING = 'held', 'flying'  # as the drone's status begins
 
 
@@ -70,6 +72,9 @@ class FlightBench:
                     told['drone_file'] = law['drone_file']
                 self.start(stack, 'base_reaction', {**told, **arm.law})
                 self._pilot.update(arm.drawing)
+                if world['pace'] == 'lockstep':
+                    # Else how much of it is told in time would depend on the host.
+                    self._pilot['arm_wait'] = ARM_WAIT
             # Else it knows the arm as drawn, unless it is told otherwise.
             self._pilots = stack.enter_context(ExitStack())
             self.start(self._pilots, 'flight_control', {**self._pilot, **dict(case.flight)})
@@ -78,7 +83,7 @@ class FlightBench:
         # Of a late IMU the controller does not know.
         deaf = () if case.hears_rotors else ('--ros-args', '-r', 'rotor_command:=unheard', '--')
         self.law = self.start(stack, 'computed_torque', law, deaf)
-        self.start(stack, 'fake_hardware', world)
+        self._bridge = self.start(stack, 'fake_hardware', world)
         self.listener = FlightListener(node, rotors)
         stack.callback(self.listener.destroy)
         topic = topics.JOINT_TRAJECTORY
@@ -110,7 +115,13 @@ class FlightBench:
         return times[moving], 1e3 * (q - motion.evaluate(times[moving])[0])
 
     def fly(self, program: FlightProgram) -> FlightRecord:
-        """Return what drone and arm did; the program begins at 0, a little after the record."""
+        """Return what drone and arm did; the program begins at 0, a little after the record.
+
+        Raises
+        ------
+        ValueError
+            If the arm does not follow: a drone under an arm that stopped is a still one.
+        """
         begin = self.wait_until_still() + QUICK_LEAD
         names, motion = load_arm_config().joint_names, program.motion
         self.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
@@ -122,7 +133,10 @@ class FlightBench:
             now, _ = self.listener.next()
             if payloads and now > begin + payloads[0][0]:
                 self.tell_world('payload', payloads.pop(0)[1])
-        return self.listener.record().shifted(begin)
+        record = self.listener.record().shifted(begin)
+        if not record.is_lost and (off := record.largest_joint_error(motion)) > FOLLOWED:
+            raise ValueError(f'the arm is {off:.2f} rad off its motion: {self._bridge.tail(1)}')
+        return record
 
     def tell_world(self, name: str, numbers: list[float]) -> None:
         """Change a parameter of the emulated world, and do not wait for it."""

@@ -92,6 +92,12 @@ class FlightRecord:
         """Return the same with times after that one [s]."""
         return replace(self, times=self.times - begin, command_times=self.command_times - begin)
 
+    def largest_joint_error(self, motion: JointMotion) -> float:
+        """Return how far a joint was off a motion that began at time 0, while it lasted [rad]."""
+        moving = (self.times >= 0.0) & (self.times <= motion.duration)
+        wanted = motion.evaluate(self.times[moving]).q
+        return float(np.abs(self.postures[moving] - wanted).max(initial=0.0))
+
     def figures(self, motion: JointMotion, drone: DroneConfig) -> FlightFigures | None:
         """Return what it was like, None where the drone was lost.
 

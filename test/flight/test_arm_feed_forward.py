@@ -43,6 +43,18 @@ def run(arm: ArmFeedForward, begin: float, end: float):
     return now, told
 
 
+def test_what_is_not_told_far_enough_ahead_is_late(arm: ArmFeedForward) -> None:
+    assert not arm.is_late(1.0)  # nobody tells anything
+    tell(arm, 0.0, 1.0 + AHEAD)
+    assert not arm.is_late(1.0)
+    assert arm.is_late(1.02)  # derivatives reach beyond the lead
+    arm.use_motion = False
+    assert not arm.is_late(1.02)
+    assert arm.is_late(1.0 + AHEAD)
+    arm.use_posture = False
+    assert not arm.is_late(2.0)
+
+
 def test_it_is_of_when_a_command_acts(arm: ArmFeedForward) -> None:
     tell(arm, 0.0, 1.0 + AHEAD)
     now, told = run(arm, 0.0, 1.0)

@@ -111,8 +111,15 @@ class DroneSensors:
 
 
 @pytest.fixture
-def drone(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterator[DroneSensors]:
-    parameters = {'drone_file': resource('config', 'drone.yaml')}
+def arm_wait() -> float:
+    return 0.0
+
+
+@pytest.fixture
+def drone(
+    ros_domain: dict[str, str], ros_node: Node, tmp_path: Path, arm_wait: float
+) -> Iterator[DroneSensors]:
+    parameters = {'drone_file': resource('config', 'drone.yaml'), 'arm_wait': arm_wait}
     log = tmp_path / 'flight_control.log'
     with NodeProcess('flight_control', (), parameters, log=log) as process:
         yield DroneSensors(ros_node, process)
@@ -181,6 +188,34 @@ def test_what_is_told_of_the_arm_is_fed_forward(drone: DroneSensors) -> None:
             break
     else:
         raise AssertionError(f'{drone.thrust()} N')
+
+
+@pytest.mark.parametrize('arm_wait', [0.0, 10.0])
+def test_it_waits_for_the_arm_if_it_may(drone: DroneSensors, arm_wait: float) -> None:
+    drone.hover_until('in order')  # nothing is told: nothing to wait for
+    topic = topics.MOTION_WRENCH
+    wrenches = drone.node.create_publisher(topic.type, topic.name, topic.qos)
+    assert spin_until(drone.node, wrenches.get_subscription_count, PATIENCE)
+    told_ns = drone.now_ns + 300_000_000
+
+    def answered_ns() -> int:
+        stamp = drone.commands[-1].header.stamp
+        return stamp.sec * 10**9 + stamp.nanosec
+
+    def tell(steps: int) -> None:
+        told = WrenchStamped()
+        told.header.stamp.sec, told.header.stamp.nanosec = divmod(told_ns, 10**9)
+        for _ in range(steps):
+            wrenches.publish(told)  # each time: of the newest alone one may be lost
+            drone.hover(1)
+
+    while drone.now_ns < told_ns + 20 * STEP_NS:
+        tell(1)
+    assert (answered_ns() < told_ns) == (arm_wait > 0.0)
+    told_ns = drone.now_ns + 10**9
+    waited_ns = answered_ns()
+    tell(50)
+    assert answered_ns() > waited_ns
 
 
 def test_it_goes_along_a_trajectory_and_refuses_what_is_none(drone: DroneSensors) -> None:

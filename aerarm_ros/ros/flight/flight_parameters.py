@@ -88,6 +88,11 @@ FLIGHT_PARAMETERS = (
             "is told of ahead of time (base_reaction's lead), that much of it is used", 's', 0.0,
             0.08, live=True,
         ),
+        Parameter(
+            'arm_wait', 0.0, 'for which an answer waits for what is told of the arm, if it comes '
+            'late: for worlds in lockstep on a busy host, 0 where a drone falls meanwhile', 's',
+            0.0, 10.0,
+        ),
     ),
 )  # fmt: skip
 
