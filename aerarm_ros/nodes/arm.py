@@ -21,7 +21,7 @@ from rclpy.utilities import remove_ros_args
 from aerarm_ros.hardware.bridge_modes import MODES
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS
 from aerarm_ros.hardware.emulation.fault_request import FORM
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS
+from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
 from aerarm_ros.ros.process.completion import lazy_script, parser_script
 from aerarm_ros.ros.process.exit_status import USER_ERROR, print_error
 from aerarm_ros.ros.process.node_main import run_node
@@ -41,6 +41,12 @@ _MEANING = {
     'home': "turn slowly to the encoders' index pulses, from the rest posture: THE ARM MOVES",
     'e_stop': 'damp the arm at once, latched until clear_fault',
     'put_back': f'{_FAKE} with motors off: the arm back where it started',
+}
+# Which bridges are asked, if none is named.
+_WHO = {
+    'e_stop': 'every one there is, of any name and namespace',
+    'disable': "every one of this node's namespace",
+    'put_back': _FAKE,
 }
 # What runs another executable: its name, the parameter that is given, and what it is.
 _PROGRAMS = {
@@ -86,7 +92,7 @@ def _say_wait(what: str) -> None:
 
 def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     """Return a call of the bridge's service, made ready: discovery takes its time."""
-    bridges = options.bridge or ((_FAKE,) if options.command == 'put_back' else BRIDGES)
+    bridges = options.bridge or ([_FAKE] if options.command == 'put_back' else [])
     client = ArmClient(node, bridges, [options.command], _say_wait)
 
     def ask() -> None:
@@ -94,7 +100,11 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
             # An arm that is where it shall end up need not come from there.
             modes = [options.wait_before, *(options.wait or ())]
             client.wait_for_mode(modes, options.timeout)
-        print(client.call(options.command, options.timeout), flush=True)
+        if options.command in STOPS:
+            for answer in client.stop(options.command, options.timeout):
+                print(answer, flush=True)
+        else:
+            print(client.call(options.command, options.timeout), flush=True)
         if options.wait:
             client.wait_for_mode(options.wait, options.timeout)
             print(f'arm_mode {client.mode}', flush=True)
@@ -160,7 +170,7 @@ def make_parser() -> argparse.ArgumentParser:
         return command
 
     for name in (*ACTIONS, 'put_back'):
-        _add_waits(add(name, _MEANING[name], _action))
+        _add_waits(add(name, _MEANING[name], _action), _WHO.get(name, ' or '.join(BRIDGES)))
     command = add('go', 'let the controller that runs move the arm to a posture', _go)
     command.add_argument('angle', type=finite_number, nargs='+', help='of each joint in turn [rad]')
     command.add_argument(
@@ -222,12 +232,12 @@ def _init(options: argparse.Namespace) -> int:
     return 0
 
 
-def _add_waits(command: argparse.ArgumentParser) -> None:
+def _add_waits(command: argparse.ArgumentParser, default: str) -> None:
     command.add_argument(
         '--bridge',
         action='append',
         metavar='NODE',
-        help=f'node name of the bridge (default: {" or ".join(BRIDGES)})',
+        help=f'node name of the bridge (default: {default})',
     )
     command.add_argument(
         '--wait-before', choices=MODES, metavar='MODE', help='mode to wait for before asking'

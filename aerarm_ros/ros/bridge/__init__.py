@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'bridge_diagnostics': ['BridgeDiagnostics', 'Watched'],
         'bridge_parameters': ['BRIDGE_PARAMETERS'],
-        'bridge_services': ['ACTIONS', 'BridgeServices', 'STOPS'],
+        'bridge_services': ['ACTIONS', 'BridgeServices', 'EVERYWHERE', 'STOPS'],
         'bridge_streams': ['BridgeStreams'],
         'bridge_timing': ['BridgeTiming'],
         'cycle_requests': ['Action', 'CycleRequests'],

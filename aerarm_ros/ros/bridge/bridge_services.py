@@ -20,6 +20,8 @@ ACTIONS: dict[str, Action] = {
 }
 # What is done even if it comes late.
 STOPS = {'disable', 'e_stop'}
+# What goes to every arm: one too many that is damped is safe, one that is missed is not.
+EVERYWHERE = {'e_stop'}
 
 
 class BridgeServices:

@@ -9,8 +9,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS
+from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
 from aerarm_ros.ros.requests.bridge_service import BridgeService
+from aerarm_ros.ros.requests.stop_service import StopService
 
 PUT_BACK = 'put_back'
 _FAULT = 'fault '
@@ -31,8 +32,11 @@ class PageRequests:
     def __init__(self, node: Node, bridges: Sequence[str]) -> None:
         self._node = node
         self._bridges = bridges
+        self._stops = {action: StopService(node, action, bridges) for action in STOPS}
         self._services = {
-            action: BridgeService(node, action, bridges) for action in (*ACTIONS, PUT_BACK)
+            action: BridgeService(node, action, bridges)
+            for action in (*ACTIONS, PUT_BACK)
+            if action not in STOPS
         }
         self._lock = threading.Lock()
         self._parameters: dict[str, AsyncParameterClient] = {}
@@ -52,7 +56,7 @@ class PageRequests:
         """
         if action.startswith(_FAULT):
             return self._mend(action.removeprefix(_FAULT))
-        service = self._services.get(action)
+        service = self._stops.get(action) or self._services.get(action)
         return (False, f'there is no {action}') if service is None else service.call()
 
     def _mend(self, fault: str) -> tuple[bool, str]:

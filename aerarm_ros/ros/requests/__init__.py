@@ -11,10 +11,14 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'arm_at_end': ['AT_END_PARAMETERS', 'ArmAtEnd'],
         'arm_client': ['ArmClient', 'ArmClientError', 'BRIDGES'],
+        'bridge_finder': ['BridgeFinder'],
         'bridge_service': ['BridgeService'],
         'parameter_request': ['set_parameter'],
         'rejection_watch': ['RejectionWatch'],
         'set_point_request': ['SetPointRequest'],
+        'service_call': ['ServiceCall'],
+        'stop_request': ['StopRequest'],
+        'stop_service': ['StopService'],
         'tool_request': ['ToolRequest'],
     },
 )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from math import inf
 
 from rclpy.client import Client
 from rclpy.node import Node
@@ -13,9 +14,18 @@ from std_srvs.srv import Trigger
 from aerarm_msgs_py import topics
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
 from aerarm_ros.ros.executors.spinning import spin_until, this_domain
+from aerarm_ros.ros.requests.bridge_finder import (
+    BridgeFinder,
+    bridges_among,
+    offered_triggers,
+    same_name_problem,
+)
+from aerarm_ros.ros.requests.service_call import ServiceCall
+from aerarm_ros.ros.requests.stop_request import StopRequest
 
 BRIDGES = ('hardware_bridge', 'fake_hardware')
 _DISCOVERY_TIME = 0.5  # [s]
+_SEEN_AFTER_DEATH = 6.0  # [s] for which others see a killed node, with the packaged profile
 _QUIET = 1.0  # [s] in which who waits need not be told what for
 
 
@@ -34,7 +44,8 @@ class ArmClient:
     node
         Owner of clients and subscription.
     bridges
-        Node names the bridge may have.
+        Node names the bridge may have, by default those of `BRIDGES`. What stops an arm finds all
+        other bridges too, unless names are given.
     actions
         Those that will be called.
     on_wait
@@ -49,16 +60,24 @@ class ArmClient:
     def __init__(
         self,
         node: Node,
-        bridges: Sequence[str] = BRIDGES,
+        bridges: Sequence[str] = (),
         actions: Collection[str] = ACTIONS,
         on_wait: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.mode = ''
         self._node = node
         self._on_wait = on_wait
-        self._clients = {
-            action: [node.create_client(Trigger, f'{bridge}/{action}') for bridge in bridges]
+        self._begin = time.monotonic()
+        names = bridges or BRIDGES
+        self._finders = {
+            action: BridgeFinder(node, action, names, only=bool(bridges))
             for action in actions
+            if action in STOPS
+        }
+        self._clients = {
+            action: [node.create_client(Trigger, f'{bridge}/{action}') for bridge in names]
+            for action in actions
+            if action not in STOPS
         }
         topic = topics.ARM_MODE
         self._subscription = node.create_subscription(
@@ -82,27 +101,47 @@ class ArmClient:
         ArmClientError
             If there is no bridge, or it does not answer, or refuses.
         """
-        clients = self._clients[action]
-
-        def ready() -> list[Client]:
-            return [client for client in clients if client.service_is_ready()]
-
-        if not self._find(ready, timeout):
-            names = ' or '.join(client.srv_name for client in clients)
-            raise ArmClientError(f'no service {names}: is a bridge running in {this_domain()}?')
-        found = ready()
-        if len(found) > 1 and action not in STOPS:
-            names = ' and '.join(client.srv_name for client in found)
-            raise ArmClientError(f'there are {names}: stop one bridge, or name the one meant')
-        replies = [self._ask(client, timeout) for client in found]
         if action in STOPS:
-            # Who was found first is stopped first; another bridge may only just be discovered.
-            spin_until(self._node, lambda: len(ready()) == len(clients), _DISCOVERY_TIME)
-            replies += [self._ask(client, timeout) for client in ready() if client not in found]
-        refusals = [reply.message for reply in replies if not reply.success]
-        if refusals:
-            raise ArmClientError(f'{action} refused: {"; ".join(refusals)}')
-        return '; '.join(reply.message for reply in replies)
+            return '; '.join(self.stop(action, timeout))
+        client = self._one_client(self._clients[action], timeout)
+        call = ServiceCall(client, timeout)
+        spin_until(self._node, call.poll, inf)
+        answer = call.poll()
+        assert answer is not None
+        if not answer.accepted:
+            who = f'{action} refused' if call.is_answered else client.srv_name
+            raise ArmClientError(f'{who}: {answer.message}')
+        return answer.message
+
+    def stop(self, action: str, timeout: float = 10.0) -> Iterator[str]:
+        """Stop the arm of every bridge; yield what each says as soon as it does.
+
+        Parameters
+        ----------
+        action
+            One of `STOPS` that was given at the start.
+        timeout
+            Longest time to find bridges, and again for the answer of each [s].
+
+        Raises
+        ------
+        ArmClientError
+            In the end, if there is no bridge, or one does not answer, or refuses.
+        """
+        request = StopRequest(self._node, self._finders[action], timeout)
+        self._find(lambda: request.poll() or request.has_found, timeout)
+        told: set[str] = set()
+        while not request.is_over:
+            spin_until(self._node, lambda: request.poll() or request.answers.keys() - told, inf)
+            for name in request.answers.keys() - told:
+                told.add(name)
+                if request.answers[name].accepted:
+                    yield f'{name}: {request.answers[name].message}'
+        if not request.answers:
+            raise ArmClientError(f'no bridge offers {action}: is one running in {this_domain()}?')
+        failed = [f'{n}: {text}' for n, (done, text) in request.answers.items() if not done]
+        if failed:
+            raise ArmClientError(f'{action} is NOT confirmed: {"; ".join(failed)}')
 
     def wait_for_mode(self, modes: Collection[str], timeout: float) -> None:
         """Wait until the arm is in one of `modes`.
@@ -130,14 +169,38 @@ class ArmClient:
         self._on_wait(f'a bridge in {this_domain()}')
         return spin_until(self._node, condition, timeout - _QUIET)
 
-    def _ask(self, client: Client, timeout: float) -> Trigger.Response:
-        future = client.call_async(Trigger.Request())
-        if not spin_until(self._node, future.done, timeout):
-            client.remove_pending_request(future)
+    def _one_client(self, clients: Sequence[Client], timeout: float) -> Client:
+        """Return the client of the only bridge there is; raises ArmClientError."""
+
+        def ready() -> list[Client]:
+            return [client for client in clients if client.service_is_ready()]
+
+        if not self._find(ready, timeout):
+            names = ' or '.join(client.srv_name for client in clients)
+            others = ' and '.join(bridges_among(offered_triggers(self._node)))
+            hint = f'; there is {others}: --bridge NAME asks that one' if others else ''
             raise ArmClientError(
-                f'{client.srv_name} gave no answer within {timeout:g} s: see arm_mode'
+                f'no service {names}: is a bridge running in {this_domain()}?{hint}'
             )
-        return future.result()
+        # Another bridge may only just be discovered.
+        first, left = ready(), self._begin + _DISCOVERY_TIME - time.monotonic()
+        spin_until(self._node, lambda: False, left)
+        found = ready() or first
+        if len(found) > 1:
+            names = ' and '.join(client.srv_name for client in found)
+            raise ArmClientError(f'there are {names}: stop one bridge, or name the one meant')
+        self._expect_one_of_its_name(found[0], timeout)
+        return found[0]
+
+    def _expect_one_of_its_name(self, client: Client, timeout: float) -> None:
+        """Raise ArmClientError if several bridges have one name: all of them would do it."""
+        if same_name_problem(self._node, client):
+            self._on_wait('one of the bridges of this name to end, if it was killed')
+            timeout = min(timeout, _SEEN_AFTER_DEATH)
+            spin_until(self._node, lambda: not same_name_problem(self._node, client), timeout)
+        problem = same_name_problem(self._node, client)
+        if problem:
+            raise ArmClientError(problem)
 
     def _on_mode(self, message: String) -> None:
         self.mode = message.data

@@ -1,0 +1,96 @@
+"""A stop that goes to every bridge."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+from rclpy.client import Client
+from rclpy.node import Node
+
+from aerarm_ros.hardware.gate.answer import Answer
+from aerarm_ros.ros.requests.bridge_finder import BridgeFinder, same_name_problem
+from aerarm_ros.ros.requests.service_call import ServiceCall
+
+
+class StopRequest:
+    """Asks each bridge as soon as it is found, so that none waits for another's answer.
+
+    Its owner polls while the node is spun, here or in another thread.
+
+    Parameters
+    ----------
+    node
+        Owner of the clients.
+    finder
+        Finds the bridges.
+    timeout
+        Longest time to find bridges, and again for each one's answer [s].
+
+    Attributes
+    ----------
+    answers
+        What is known so far, by the full names of the bridges. When it is over, one whose name
+        several bridges have is not said to be stopped: only one of them is heard.
+    is_over
+        Whether every bridge that is there has answered, or will not.
+    """
+
+    def __init__(self, node: Node, finder: BridgeFinder, timeout: float) -> None:
+        self.answers: dict[str, Answer] = {}
+        self.is_over = False
+        self._node = node
+        self._finder = finder
+        self._timeout = timeout
+        self._end = time.monotonic() + timeout
+        self._calls: dict[str, ServiceCall] = {}
+        self._asked: dict[str, int] = {}
+        self._asked_last: set[str] = set()
+
+    @property
+    def has_found(self) -> bool:
+        """Whether a bridge has been asked."""
+        return bool(self._calls)
+
+    def poll(self) -> bool:
+        """Ask those found by now, and listen; return `is_over`."""
+        found = self._finder.find()
+        for name, client in found.items():
+            if client is not None and client.service_is_ready():
+                self._ask(name, client)
+        for name, call in self._calls.items():
+            answer = None if name in self.answers else call.poll()
+            if answer is not None:
+                self.answers[name] = answer
+        is_late = time.monotonic() > self._end
+        if is_late:
+            for name in found.keys() - self._calls.keys():
+                self.answers[name] = Answer(False, 'it is seen, but cannot be asked')
+        is_answered = not (found.keys() | self._calls.keys()) - self.answers.keys()
+        is_complete = is_late or (bool(self.answers) and self._finder.is_settled())
+        self.is_over = is_answered and is_complete and not self._ask_those_of_one_name(found)
+        return self.is_over
+
+    def _ask(self, name: str, client: Client) -> None:
+        """Ask a bridge, and again once another one with its name is there."""
+        count = self._node.count_services(client.srv_name)
+        if count > self._asked.get(name, 0):
+            self._asked[name] = count
+            self._calls[name] = ServiceCall(client, self._timeout, repeats=True)
+
+    def _ask_those_of_one_name(self, found: Mapping[str, Client | None]) -> bool:
+        """Tell that they are several; return whether they were asked a last time.
+
+        What was sent when one of them was only just seen may not have reached it.
+        """
+        asked = False
+        for name, client in found.items():
+            problem = same_name_problem(self._node, client)
+            if problem and client is not None and name not in self._asked_last:
+                self._asked_last.add(name)
+                self._calls[name] = ServiceCall(client, self._timeout, repeats=True)
+                del self.answers[name]
+                asked = True
+            elif problem:
+                self.answers[name] = Answer(False, problem)
+        return asked

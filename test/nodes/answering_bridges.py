@@ -1,0 +1,41 @@
+"""Services like those of bridges, which answer when a test lets them."""
+
+import time
+from collections.abc import Callable, Collection
+
+import rclpy
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+LIMIT = 20.0  # [s]
+
+
+class AnsweringBridges:
+    """Answers services of any number of bridges, all on one node."""
+
+    def __init__(self) -> None:
+        self.node = rclpy.create_node('bridges')
+        self.asked: list[str] = []
+
+    def add(
+        self,
+        name: str,
+        actions: Collection[str],
+        before_answer: Callable[[], object] = lambda: None,
+    ) -> None:
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            self.asked.append(name)
+            before_answer()
+            response.success, response.message = True, 'done'
+            return response
+
+        for action in actions:
+            self.node.create_service(Trigger, f'{name}/{action}', answer)
+
+
+def until_offered(node: Node, service: str, count: int = 1) -> None:
+    """Wait until a node sees so many servers of a service."""
+    end = time.monotonic() + LIMIT
+    while node.count_services(service) != count:
+        assert time.monotonic() < end, service
+        time.sleep(0.01)

@@ -1,0 +1,92 @@
+"""The emergency stop of the command line, against real bridges with any name."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from forked_executable import run
+from rclpy.node import Node
+
+from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
+
+STOPPED = 'emergency stop: service e_stop'
+LEFT = ('--ros-args', '-r', '__ns:=/left', '--')
+
+
+class Bridges:
+    """Starts emulated bridges, and waits until they answer."""
+
+    def __init__(self, stack: ExitStack, logs: Path) -> None:
+        self._stack, self._logs = stack, logs
+
+    def start(self, log: str, *remaps: str) -> NodeProcess:
+        arguments = [part for remap in remaps for part in ('-r', remap)]
+        process = NodeProcess(
+            'fake_hardware',
+            ('--ros-args', *arguments, '--') if remaps else (),
+            {'pace': 'lockstep'},
+            log=self._logs / log,
+        )
+        return self._stack.enter_context(process)
+
+
+@pytest.fixture
+def bridges(ros_domain: dict[str, str], tmp_path: Path) -> Iterator[Bridges]:
+    with ExitStack() as stack:
+        yield Bridges(stack, tmp_path)
+
+
+def stop(*arguments: str) -> list[str]:
+    done = run('arm', 'e_stop', '--timeout', '100', *arguments)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def until(condition: Callable[[], object]) -> None:
+    end = time.monotonic() + 120.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def until_said(process: NodeProcess, text: str) -> None:
+    until(lambda: text in process.tail(100))
+
+
+def test_it_finds_bridges_of_any_name_and_namespace(bridges: Bridges) -> None:
+    renamed = bridges.start('renamed', '__node:=my_arm')
+    left = bridges.start('left', '__ns:=/left', '__node:=other')
+    for process in (renamed, left):
+        until_said(process, ': idle')
+    hint = 'there is /left/other and /my_arm: --bridge NAME asks that one'
+    until(lambda: hint in run('arm', 'enable', '--timeout', '2').stderr)
+    # A computer that is held up may find the second only the next time.
+    told = {f'{name}: the arm is damped' for name in ('/left/other', '/my_arm')}
+    until(lambda: set(stop(*LEFT)) == told)
+    for process in (renamed, left):
+        until_said(process, STOPPED)
+    # What lets an arm sink stays where it was asked for, and so does a stop that names an arm.
+    done = run('arm', 'disable', '--timeout', '100', *LEFT)
+    assert (done.returncode, done.stdout.startswith('/left/other: ')) == (0, True)
+    assert '/my_arm' not in done.stdout
+    assert stop('--bridge', 'my_arm') == ['/my_arm: the arm is damped']
+
+
+def test_two_bridges_of_one_name_are_told_and_not_enabled(bridges: Bridges, ros_node: Node) -> None:
+    client = ArmClient(ros_node)
+    twins = [bridges.start(log) for log in ('first', 'second')]
+    for process in twins:
+        until_said(process, ': idle')
+    until(lambda: ros_node.count_services('fake_hardware/enable') == 2)
+    problem = 'there are 2 nodes named /fake_hardware: stop all but one'
+    with pytest.raises(ArmClientError, match=problem):
+        client.call('enable', 0.5)
+    # Both are stopped, but only one can be heard.
+    with pytest.raises(ArmClientError, match=problem):
+        client.call('e_stop', 100.0)
+    for process in twins:
+        until_said(process, STOPPED)
+        assert ': aligning' not in process.tail(100)

@@ -1,0 +1,85 @@
+"""A stop of all bridges, known beforehand or not, some of them only just being found."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from answering_bridges import LIMIT, AnsweringBridges, until_offered
+from rclpy.node import Node
+
+from aerarm_ros.ros.bridge.bridge_services import ACTIONS
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.requests.bridge_finder import BridgeFinder
+from aerarm_ros.ros.requests.stop_request import StopRequest
+from aerarm_ros.ros.requests.stop_service import StopService
+
+
+def test_a_bridge_that_is_discovered_meanwhile_is_stopped_too(ros_node: Node) -> None:
+    stop, bridges = StopService(ros_node, 'e_stop', ['first', 'second'], LIMIT), AnsweringBridges()
+
+    def appear() -> None:
+        bridges.add('second', ['e_stop'])
+        until_offered(ros_node, 'second/e_stop')
+
+    bridges.add('first', ['e_stop'], appear)
+    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
+        assert stop.call() == (True, '/first: done; /second: done')
+    assert bridges.asked == ['first', 'second']
+
+
+def test_without_a_bridge_it_says_so(ros_node: Node) -> None:
+    stopped, text = StopService(ros_node, 'e_stop', ['first'], 0.1).call()
+    assert not stopped
+    assert text.startswith('no bridge offers e_stop: is one running in this ROS domain')
+
+
+def test_an_emergency_stop_is_for_all_and_disable_for_the_own_namespace(ros_node: Node) -> None:
+    bridges = AnsweringBridges()
+    for name in ('renamed', '/left/hardware_bridge'):
+        bridges.add(name, ACTIONS)
+    bridges.add('other_machine', ['e_stop'])
+    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
+        stopped, text = StopService(ros_node, 'e_stop', ['hardware_bridge'], LIMIT).call()
+        assert (stopped, text) == (True, '/left/hardware_bridge: done; /renamed: done')
+        assert StopService(ros_node, 'disable', [], LIMIT).call() == (True, '/renamed: done')
+    assert sorted(bridges.asked) == ['/left/hardware_bridge', 'renamed', 'renamed']
+
+
+def test_a_bridge_that_never_answers_delays_no_other(ros_node: Node) -> None:
+    bridges, silent, may_end = AnsweringBridges(), AnsweringBridges(), threading.Event()
+    bridges.add('sound', ACTIONS)
+    silent.add('silent', ACTIONS, lambda: may_end.wait(LIMIT))
+    finder = BridgeFinder(ros_node, 'e_stop', [])
+    request, soon = StopRequest(ros_node, finder, LIMIT), StopRequest(ros_node, finder, 1.0)
+    executors = [BackgroundExecutor(node) for node in (ros_node, bridges.node, silent.node)]
+    with executors[0], executors[1], executors[2]:
+        poll_until(lambda: request.poll() or request.answers)
+        assert request.answers == {'/sound': (True, 'done')}
+        poll_until(soon.poll)
+        assert soon.answers['/silent'] == (False, 'no answer within 1 s: see arm_mode')
+        may_end.set()
+        # It was asked again, as its answer might have been lost.
+        poll_until(lambda: silent.asked.count('silent') > 2)
+        poll_until(request.poll)
+    assert request.answers == {'/sound': (True, 'done'), '/silent': (True, 'done')}
+
+
+def poll_until(condition: Callable[[], object]) -> None:
+    end = time.monotonic() + 2.0 * LIMIT
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_of_two_bridges_with_one_name_neither_is_said_to_be_stopped(ros_node: Node) -> None:
+    bridges, twins = AnsweringBridges(), AnsweringBridges()
+    for one in (bridges, twins):
+        one.add('first', ACTIONS)
+    until_offered(ros_node, 'first/e_stop', 2)
+    executors = [BackgroundExecutor(node) for node in (ros_node, bridges.node, twins.node)]
+    with executors[0], executors[1], executors[2]:
+        stopped, text = StopService(ros_node, 'e_stop', [], LIMIT).call()
+    assert not stopped
+    assert text.startswith('/first: there are 2 nodes named /first: stop all but one')
+    assert 'first' in bridges.asked
+    assert 'first' in twins.asked
