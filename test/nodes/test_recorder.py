@@ -28,6 +28,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 JOINTS = ('joint1', 'joint2', 'joint3', 'joint4')
 STREAMS = (names.JOINT_STATES, names.MOTOR_STATES, names.JOINT_COMMAND)
+PATIENCE = 300.0  # [s] of the host, which may be busy
 
 
 class Source:
@@ -51,7 +52,7 @@ class Source:
 
     def wait_for(self, condition: Callable[[dict], bool]) -> None:
         """Spin until a status fulfils a condition."""
-        deadline = time.monotonic() + 60.0
+        deadline = time.monotonic() + PATIENCE
         while not any(condition(status) for status in self.statuses):
             assert time.monotonic() < deadline, self.statuses
             spin_once(self._node, 0.1)
@@ -157,7 +158,7 @@ def test_a_killed_recorder_leaves_a_readable_bag(start, source, tmp_path) -> Non
     recorder = start()
     source.wait_until_matched(6)
     values = source.stream(1000)
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + PATIENCE
     while topics(tmp_path / 'bag')['/joint_states'].messages < 1000:
         assert time.monotonic() < deadline
         time.sleep(0.1)
@@ -192,7 +193,7 @@ def test_records_what_it_is_asked_for(start, source, ros_node, tmp_path) -> None
 )
 def test_a_bad_parameter_is_one_line_and_nothing_starts(start, tmp_path, parameters, said) -> None:
     recorder = start(**parameters)
-    assert recorder.wait(60.0) == 1
+    assert recorder.wait(PATIENCE) == 1
     log = recorder.tail()
     assert log.startswith('recorder: ')
     assert said in log
@@ -217,7 +218,7 @@ def test_a_disk_that_is_full_ends_it_with_one_line_and_a_readable_bag(
     ):
         source.wait_until_matched(6)
         source.stream(1000)
-        assert recorder.wait(60.0) == 1
+        assert recorder.wait(PATIENCE) == 1
     source.wait_for(lambda status: status['state'] == 'failed')
     text = log.read_text()
     assert text.count('cannot be written: File too large') == 1
@@ -248,7 +249,7 @@ def test_two_bridges_are_named(start, source, ros_node) -> None:
 
 
 def wait_for_text(process: NodeProcess, text: str) -> None:
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + PATIENCE
     while text not in process.tail(50):
         assert time.monotonic() < deadline, process.tail(50)
         time.sleep(0.05)
@@ -257,7 +258,7 @@ def wait_for_text(process: NodeProcess, text: str) -> None:
 def test_an_existing_bag_is_not_touched(start, tmp_path) -> None:
     (tmp_path / 'bag').mkdir()
     recorder = start()
-    assert recorder.wait(60.0) == 1
+    assert recorder.wait(PATIENCE) == 1
     assert 'exists and is not overwritten: choose another directory' in recorder.tail()
     assert not any((tmp_path / 'bag').iterdir())
 
@@ -278,7 +279,9 @@ def test_what_is_written_and_lost_is_on_diagnostics(start, source, ros_node) -> 
     recorder = start(depth=10)
     source.wait_until_matched(6)
     source.stream(100)
-    spin_until(ros_node, lambda: found and int(values(found[-1])['messages written']) > 300, 60.0)
+    spin_until(
+        ros_node, lambda: found and int(values(found[-1])['messages written']) > 300, PATIENCE
+    )
     assert found[-1].name == '/recorder: recorder'
     assert int(values(found[-1])['bytes written']) > 1000
     # More at once than may wait.
@@ -287,7 +290,7 @@ def test_what_is_written_and_lost_is_on_diagnostics(start, source, ros_node) -> 
         source.streams[0].publish(payload)
     # A busy machine may have lost one of another topic before.
     lost = 'messages lost of /joint_states'
-    assert spin_until(ros_node, lambda: lost in found[-1].message, 60.0)
+    assert spin_until(ros_node, lambda: lost in found[-1].message, PATIENCE)
     assert found[-1].level == DiagnosticStatus.WARN
     assert int(values(found[-1])['messages lost']) > 0
     # The console says so while it happens: at most once a second, and what to do.
