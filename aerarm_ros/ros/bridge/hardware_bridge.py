@@ -41,6 +41,7 @@ from aerarm_ros.ros.bridge.invalid_transitions import answer_invalid_transitions
 from aerarm_ros.ros.bridge.mode_log import ModeLog
 from aerarm_ros.ros.bridge.rejection_log import RejectionLog
 from aerarm_ros.ros.bridge.robot_description import RobotDescription
+from aerarm_ros.ros.diagnostics.sentences import followed_by
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
 from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
 from aerarm_ros.ros.graph.rival_watch import RivalWatch
@@ -258,7 +259,8 @@ class HardwareBridge(LifecycleNode):
         if answer.accepted:
             return answer
         # Things may have changed since the fault: a damped arm sinks.
-        return Answer(False, f'{answer.message}. To recover: {cycle.way_out(self.emulated)}')
+        way_out = f'To recover: {cycle.way_out(self.emulated)}'
+        return Answer(False, followed_by(answer.message, way_out))
 
     def _set_gains(self, cycle: BridgeCycle) -> Answer:
         cycle.set_gains(*self._gains())

@@ -9,13 +9,15 @@ from math import inf
 
 from rclpy.node import Node
 
+from aerarm_ros.ros.diagnostics.sentences import followed_by
+
 # Boards that are there answer well before [s]; what goes to and fro faster is told once in it.
 _PATIENCE = 1.0
 # Modes between which an arm can go to and fro, as under a controller that is nearly too slow.
 _TO_AND_FRO = ('running', 'damping')
 # Modes that say nothing without their reason. Why commands are rejected has a log of its own.
 _WITH_REASON = ('disconnected', 'damping', 'fault')
-_SINKS = '. The arm sinks until a good command comes'
+_SINKS = 'The arm sinks until a good command comes'
 
 
 class ModeLog:
@@ -67,8 +69,10 @@ class ModeLog:
         log = self._node.get_logger()
         # rclpy ties a severity to the line that logs.
         if self._mode == 'fault':
-            log.error(f'{self._text}. To recover: {self._way_out}')
+            log.error(followed_by(self._text, f'To recover: {self._way_out}'))
+        elif self._mode == 'damping':
+            log.warning(followed_by(self._text, _SINKS))
         elif self._mode in _WITH_REASON:
-            log.warning(f'{self._text}{_SINKS if self._mode == "damping" else ""}')
+            log.warning(self._text)
         else:
             log.info(self._text)

@@ -10,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         'diagnostics_publisher': ['DiagnosticsPublisher'],
         'progress_line': ['ProgressLine'],
+        'sentences': ['followed_by'],
         'waiting_notice': ['WaitingNotice'],
     },
 )

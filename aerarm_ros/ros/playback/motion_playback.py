@@ -174,6 +174,9 @@ class MotionPlayback:
                 f"arm_mode became '{self._conditions.mode}' in the {player.stage}: see the console "
                 'of the bridge, or view'
             )
+        if self._answered_ns is None:
+            # While the motion was planned an emulated arm told its state again and again.
+            self.states.begin_count()
         if stamp_ns != self._answered_ns:
             self._answered_ns = stamp_ns
             self._command = self._codec.pack(stamp_ns, *player.update(stamp_ns, state.q))

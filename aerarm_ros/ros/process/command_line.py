@@ -102,9 +102,9 @@ class CommandLine:
             return ''
         similar = _NEARLY_SAME if given.is_for_any_node else _SIMILAR
         closest = _closest(given.name, list(self._parameters), similar)
-        hint = f"did you mean '{closest}'? " if closest else ''
+        hint = f": did you mean '{closest}'?" if closest else ''
         text = (
-            f"{given.source}: there is no parameter '{given.name}': {hint}"
+            f"{given.source}: there is no parameter '{given.name}'{hint} "
             f'({self.name} --help lists all)'
         )
         if not given.is_for_any_node:

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from aerarm_ros.description.config_error import ConfigError
-from aerarm_ros.description.plain_yaml import LOADER, read_plain
+from aerarm_ros.description.plain_yaml import LOADER, plain_data, read_plain
 
 _PARAMETER = ('-p', '--param')
 _REMAP = ('-r', '--remap')
@@ -139,11 +139,29 @@ def _split(arguments: Sequence[str]) -> tuple[list[str], list[tuple[str, str]]]:
 
 def _parameter_of_rule(rule: str) -> GivenParameter:
     """Read [NODE:]NAME:=VALUE."""
-    left, separator, _ = rule.partition(':=')
+    left, separator, value = rule.partition(':=')
     if not separator:
         raise UsageError(f'-p {rule}: write -p NAME:=VALUE')
+    _check_value(rule, left, value)
     node, colon, name = left.rpartition(':')
     return GivenParameter(f'/{node.lstrip("/")}' if colon else ANY_NODE, name, '-p')
+
+
+def _check_value(rule: str, left: str, value: str) -> None:
+    """Raise UsageError for what rcl cannot read, of which it would tell in lines of its own."""
+    if not value:
+        raise UsageError(
+            f'-p {rule} gives no value: write -p {left}:=VALUE, for an empty text -p {left}:="\'\'"'
+        )
+    try:
+        is_read = not isinstance(plain_data(value, _Untagged), Mapping)
+    except ConfigError:
+        is_read = False
+    if not is_read:
+        raise UsageError(
+            f"-p {rule} gives no value that can be read: 2.5, true, '[1.0, 2.0]' or a text can; "
+            f"a text with YAML's signs stands in quotes twice, -p {left}:=\"'TEXT'\""
+        )
 
 
 def _parameters_of_file(file: str) -> Iterator[GivenParameter]:

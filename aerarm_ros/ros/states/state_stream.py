@@ -74,6 +74,7 @@ class StateStream:
         self._no_effort = np.full(len(self._names), np.nan)
         self._published_ns = self._received_ns = 0
         self.stamp_ns: int | None = None
+        self._lost_before = 0
 
     @property
     def received(self) -> int:
@@ -82,8 +83,13 @@ class StateStream:
 
     @property
     def lost(self) -> int | None:
-        """States missed, None where the middleware does not number them."""
-        return self._reader.lost(_STATES)
+        """States missed since `begin_count`, None where the middleware does not number them."""
+        lost = self._reader.lost(_STATES)
+        return None if lost is None else lost - self._lost_before
+
+    def begin_count(self) -> None:
+        """Count from the state taken last on: those before were of no use to anybody."""
+        self._lost_before = self._reader.lost(_STATES) or 0
 
     def wait(self, timeout: float) -> bool:
         """Wait up to `timeout` [s] for a message; ends early, with False, on a stop signal."""

@@ -3,7 +3,10 @@
 import re
 
 from bridge_client import BridgeClient, StartBridge
+from quick_spinning import spin_once
+from rclpy.node import Node
 
+from aerarm_ros.ros.bridge.mode_log import ModeLog
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 
@@ -32,3 +35,19 @@ def test_boards_that_do_not_answer_are_named_once(start_bridge: StartBridge, ros
     client.wait_for(lambda: 'WARN disconnected' in modes(bridge.tail(50)))
     assert modes(bridge.tail(50)).count('WARN disconnected') == 1
     assert 'does not answer: check supply, wires and SPI mode' in bridge.tail(50)
+
+
+def test_a_question_ends_without_a_full_stop(ros_node: Node, capfd) -> None:
+    log = ModeLog(ros_node)
+    log.note('damping', ['no good command for 0.05 s: is the controller running?'])
+    log.note('fault', ['a cable is loose'], "'arm clear_fault'")
+    log.note('fault', ['a cable is loose?'], "'arm clear_fault'")
+    told = ''
+    for _ in range(1000):
+        spin_once(ros_node, 0.01)
+        told += capfd.readouterr().err
+        if told.count('To recover') == 2:
+            break
+    assert 'is the controller running? The arm sinks until a good command comes\n' in told
+    assert "a cable is loose. To recover: 'arm clear_fault'\n" in told
+    assert "a cable is loose? To recover: 'arm clear_fault'\n" in told

@@ -45,7 +45,7 @@ def test_help_begins_with_the_node_s_own_parameters() -> None:
         ('periods:=3', "'periods:=3' is not understood: parameters are given with --ros-args -p"),
         ('--periods 3', "'--periods' is not understood"),
         ('--ros-args -p perods:=3', "no parameter 'perods': did you mean 'periods'?"),
-        ('--ros-args -p speed:=3', "no parameter 'speed': .player --help lists all"),
+        ('--ros-args -p speed:=3', "no parameter 'speed' .player --help lists all"),
         ('--ros-args -p player:gain:=[3.0]', "did you mean 'gains'?"),
         (
             '--ros-args -p qos_overrides./joint_states.publisher.depth:=3',

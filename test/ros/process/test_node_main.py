@@ -105,7 +105,12 @@ def test_help_may_be_cut_off(ros_domain) -> None:
     ('line', 'said'),
     [
         ('--periods', "script: argument '--periods' is not understood"),
-        ('--ros-args -p perods:=3', "script: -p: there is no parameter 'perods'"),
+        ('--ros-args -p perods:=3', "script: -p: there is no parameter 'perods': did you mean"),
+        (
+            '--ros-args -p pace:=3',
+            "script: -p: there is no parameter 'pace' (script --help lists all)\n",
+        ),
+        ('--ros-args -p periods:=', 'script: -p periods:= gives no value: write -p periods:=VALUE'),
         ('--ros-args --params-file /nowhere', 'script: parameter file /nowhere: No such file'),
     ],
 )

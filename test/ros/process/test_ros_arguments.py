@@ -1,8 +1,10 @@
 """What a command line gives to which node."""
 
+import re
 from pathlib import Path
 
 import pytest
+from rclpy.context import Context
 
 from aerarm_ros.ros.process.ros_arguments import GivenParameter, RosArguments, UsageError
 
@@ -107,6 +109,30 @@ def test_a_file_that_gives_nothing_is_refused(tmp_path: Path, content, said: str
 def test_a_parameter_without_a_value_is_refused() -> None:
     with pytest.raises(UsageError, match='-p seed=3: write -p NAME:=VALUE'):
         RosArguments(['--ros-args', '-p', 'seed=3'])
+
+
+@pytest.mark.parametrize(
+    ('rule', 'said'),
+    [
+        ('pace:=', '-p pace:= gives no value: write -p pace:=VALUE'),
+        ('player:pace:=', '-p player:pace:= gives no value: write -p player:pace:=VALUE'),
+        ('pace:=[', 'gives no value that can be read'),
+        ('pace:={a: 1}', 'gives no value that can be read'),
+        ('pace:=a: b', 'gives no value that can be read'),
+    ],
+)
+def test_what_rcl_cannot_read_is_refused_before_it_is_asked(rule: str, said: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(said)):
+        RosArguments(['--ros-args', '-p', rule])
+
+
+@pytest.mark.parametrize('value', ["''", '[]', '[1, 2]', '!text x', '~', ' ', '/dev/x:=y', '-1e3'])
+def test_what_rcl_reads_is_let_through(value: str) -> None:
+    (given,) = RosArguments(['--ros-args', '-p', f'pace:={value}']).parameters
+    assert given.name == 'pace'
+    context = Context()
+    context.init(['--ros-args', '-p', f'pace:={value}'])  # raises if it cannot
+    context.try_shutdown()
 
 
 def test_a_file_that_is_not_there_is_named() -> None:

@@ -1,0 +1,100 @@
+"""A motion against an arm that tells each state once the one before it is answered."""
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer, PlayState
+from aerarm_ros.excitation.player.velocity_law import VelocityLaw
+from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
+from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.playback.motion_playback import MotionPlayback
+from aerarm_ros.ros.states.arm_modes import COMMANDABLE
+
+LIMIT = 60.0  # [s] of the host, which may be busy
+NAMES = ('joint1', 'joint2')
+ANSWERED, STOP_TIME = 20, 0.05  # states, [s]
+
+
+class LockstepArm:
+    """Publishes what a bridge does, and waits for each answer."""
+
+    def __init__(self) -> None:
+        self.node = rclpy.create_node('bridge')
+        self.number = 0
+        self._states = self._publisher(topics.JOINT_STATES)
+        self._modes = self._publisher(topics.ARM_MODE)
+        self._commands = RawReader(self.node, topics.JOINT_COMMAND)
+        self._modes.publish(String(data='ready'))
+
+    def is_heard(self) -> bool:
+        return bool(self._states.get_subscription_count() and self._commands.publishers())
+
+    def tell(self) -> None:
+        """Publish the next state of an arm that rests."""
+        self.number += 1
+        state = JointState(name=NAMES, position=[0.0, 0.0], velocity=[0.0, 0.0])
+        state.header.stamp.sec, millisecond = 10 + self.number // 1000, self.number % 1000
+        state.header.stamp.nanosec = 1_000_000 * millisecond
+        self._states.publish(state)
+
+    def is_answered(self) -> bool:
+        return self._commands.wait(0.05) and self._commands.take_newest() is not None
+
+    def _publisher(self, topic):
+        return self.node.create_publisher(topic.type, topic.name, topic.offered)
+
+
+def until(condition: Callable[[], object]) -> None:
+    end = time.monotonic() + LIMIT
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.001)
+
+
+@pytest.fixture
+def player() -> ExcitationPlayer:
+    still = FourierTrajectory(0.1, np.zeros(2), np.zeros((2, 1)), np.zeros((2, 1)))
+    motion = MotionSequence([Stage('excitation', RampedExcitation(still, 1, 1.0))])
+    return ExcitationPlayer(motion, VelocityLaw(0.0), NAMES, stop_time=STOP_TIME)
+
+
+def test_states_before_the_motion_are_not_told_to_be_unanswered(
+    ros_node: Node, player: ExcitationPlayer
+) -> None:
+    arm, playback = LockstepArm(), MotionPlayback(ros_node, NAMES)
+    until(arm.is_heard)
+    arm.tell()
+    until(lambda: playback.states.wait(0.05) and playback.states.newest_state())
+    for _ in range(10):  # while the motion is planned
+        arm.tell()
+    with BackgroundExecutor(ros_node):
+        until(lambda: playback._conditions.mode in COMMANDABLE)
+        playing = threading.Thread(
+            target=playback.play, args=(player, LIMIT, lambda *_: None), daemon=True
+        )
+        playing.start()
+        until(arm.is_answered)
+        assert playback.states.lost == 0
+        for _ in range(ANSWERED):
+            arm.tell()
+            until(arm.is_answered)
+        assert playback.states.lost == 0
+        playback.ask_stop()
+        while playing.is_alive():
+            arm.tell()
+            until(lambda: arm.is_answered() or not playing.is_alive())
+        playing.join()
+    assert player.state is PlayState.STOPPED
+    playback.destroy()
