@@ -80,7 +80,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seconds', type=float, default=10.0, help='length of the run')
     parser.add_argument('--json', action='store_true', help='the bare loop alone, as JSON')
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     if options.json:
         print(json.dumps(run_loop(options.seconds)))
     else:

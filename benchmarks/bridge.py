@@ -158,7 +158,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seconds', type=float, default=60.0, help='length of the run')
     parser.add_argument('--pure-cycles', type=int, default=100_000, help='cycles without ROS')
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     codec_costs()
     cycle_costs(options.pure_cycles)
     try:

@@ -1,5 +1,6 @@
 """Time of one update of each control law, beside Pinocchio's bare calls."""
 
+import argparse
 from collections.abc import Callable
 from time import perf_counter_ns
 from typing import Any
@@ -216,6 +217,7 @@ def _over(first: Callable[[], Any], second: Callable[[], Any]) -> float:
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     print(f'{"one update, n = 4":36} {"p50 [us]":>9} {"p99 [us]":>9}')
     for calls in (bare_calls(), laws(), whole_loops()):
         for name, call in calls.items():

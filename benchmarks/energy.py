@@ -105,7 +105,7 @@ def main() -> int:
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
     parser.add_argument('--arm-seed', type=int, default=7, help='of the arm')
     parser.add_argument('--out', type=Path, help='folder for the page and the results')
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     if options.out:

@@ -10,6 +10,7 @@
 Each goal stands beside its figure. Ends with status 1 if anything unsafe is let through.
 """
 
+import argparse
 import os
 import sys
 import time
@@ -251,13 +252,16 @@ def is_safe(trajectory: FourierTrajectory, setup: ExcitationSetup, other: Mujoco
 
 
 def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--no-peers', action='store_true', help='no other generator beside it')
+    options = parser.parse_args()
     arm, config = load_arm_config(), load_excitation_config()
     robot = load_robot(gravity_in_base=arm.gravity_in_base)
     setup = ExcitationSetup.of_arm(robot, arm, config)
     best, random = design(setup)
     compare_identified(setup, arm, robot, best, random)
     unsafe = check_independently(arm, robot, setup)
-    if '--no-peers' not in sys.argv:
+    if not options.no_peers:
         # Imported here: with --no-peers nothing is to be installed.
         from excitation_peers import main as peers
 

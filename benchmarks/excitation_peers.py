@@ -4,6 +4,7 @@ It runs in a virtual environment of its own, see peers/peer.py; pip builds cyipo
 IPOPT has to be on the machine. Without it the line says which packages to install.
 """
 
+import argparse
 import os
 import sys
 import tempfile
@@ -96,4 +97,5 @@ def main() -> int:
 
 
 if __name__ == '__main__':
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     sys.exit(main())

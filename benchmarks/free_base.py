@@ -117,7 +117,7 @@ def main() -> None:
     parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
     parser.add_argument('--seconds', type=float, nargs=2, default=(14.0, 14.0),
                         help='length of the slow and of the fast motion')  # fmt: skip
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     if min(options.seconds) < SHORTEST:
         parser.error(f'argument --seconds: {SHORTEST:g} s at least, most of it begins and ends')
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)

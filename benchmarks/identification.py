@@ -10,6 +10,7 @@ looked for in the folder that the variable AERARM_DATASETS names. Then all solve
 on the same bags (identification_peers.py), unless --no-peers is given.
 """
 
+import argparse
 import json
 import os
 import resource
@@ -249,12 +250,16 @@ def accuracy(folder: Path) -> None:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--long', action='store_true', help='memory of half an hour, too')
+    parser.add_argument('--no-peers', action='store_true', help='no other tools beside it')
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         speed(Path(folder))
-        memory(Path(folder), (5, 30) if '--long' in sys.argv else (5,))
+        memory(Path(folder), (5, 30) if options.long else (5,))
         truth(Path(folder))
         accuracy(Path(folder))
-    if '--no-peers' not in sys.argv:
+    if not options.no_peers:
         # Imported here: it takes the bags from this file.
         from identification_peers import main as peers
 

@@ -6,6 +6,7 @@ virtual environment of its own, made with pip on first use in build/peers (or th
 AERARM_PEERS); one that can't be installed is left out, with the reason.
 """
 
+import argparse
 import os
 import sys
 import tempfile
@@ -135,4 +136,5 @@ def main() -> int:
 
 
 if __name__ == '__main__':
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     sys.exit(main())

@@ -64,7 +64,7 @@ class Counts:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--pieces', nargs='*', choices=PIECES, help='all if not given')
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     if not shutil.which('valgrind'):
         print('valgrind is not installed (apt install valgrind): nothing is counted')
         return

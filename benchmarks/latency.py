@@ -312,7 +312,7 @@ def main() -> None:
     parser.add_argument('--cycles', type=int, help=argparse.SUPPRESS)
     parser.add_argument('--pair', choices=ROLES, help=argparse.SUPPRESS)
     parser.add_argument('--part', type=int, help=argparse.SUPPRESS)
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     if options.pair:
         run_role(options.pair, options.part, options.cycles)
         return

@@ -156,7 +156,7 @@ def main() -> None:
         '--priority', type=int, default=80, help='SCHED_FIFO, of the bridge; 0: as all others'
     )
     parser.add_argument('--page-only', action='store_true', help='no recorder, no base_reaction')
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rclpy.init(args=[])

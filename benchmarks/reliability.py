@@ -120,7 +120,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--cycles', type=int, default=10_000)
     parser.add_argument('--subscribe', nargs=2, metavar=('TOPIC', 'HOW'), help='be a subscriber')
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     os.environ.update(ros_environment())
     if options.subscribe:
         subscribe(*options.subscribe)

@@ -1,5 +1,6 @@
 """Run every benchmark of this folder, one after the other, and say which machine it was."""
 
+import argparse
 import os
 import platform
 import subprocess
@@ -7,6 +8,7 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
+BESIDE_PEERS = ('excitation', 'identification')
 
 
 def machine() -> str:
@@ -25,6 +27,11 @@ def machine() -> str:
 
 
 def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        '--no-peers', action='store_true', help=f'of {" and ".join(BESIDE_PEERS)}: no other tools'
+    )
+    options = parser.parse_args()
     print(f'Machine: {machine()}')
     failed = 0
     for script in sorted(HERE.glob('*.py')):
@@ -32,7 +39,8 @@ def main() -> int:
         if script.name == Path(__file__).name or script.stem.endswith('_peers'):
             continue
         print(f'\n== {script.stem} ==', flush=True)
-        failed += subprocess.run([sys.executable, str(script), *sys.argv[1:]]).returncode != 0
+        given = ['--no-peers'] if options.no_peers and script.stem in BESIDE_PEERS else []
+        failed += subprocess.run([sys.executable, str(script), *given]).returncode != 0
     return 1 if failed else 0
 
 

@@ -164,7 +164,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seed', type=int, default=1, help='seed of the trajectory')
     parser.add_argument('--periods', type=int, default=1, help='periods of 10 s')
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     motion = draw_motion(options.seed, options.periods)
