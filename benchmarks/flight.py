@@ -60,11 +60,6 @@ class Settings:
         return (('imu_delay', late), ('odometry_delay', late)) if late else ()
 
     @property
-    def ahead(self) -> float:
-        """How far ahead of time a drone is told of its arm [s]: by 0.09 of the plan at most."""
-        return min(0.06 + self.latency, 0.09)
-
-    @property
     def gains(self) -> dict[str, object]:
         """Parameters of the flight controller in place of those that were found."""
         if not self.frequencies:
@@ -124,8 +119,7 @@ def fly_until_lost(
     flown = ways[0]
     case = FlightCase(
         drone.mass, 'free', drone=drone, sensors=settings.sensors, is_told=WAYS[flown].is_told,
-        flight=tuple(pilot(flown).items()), ahead=settings.ahead, told=(('rate', 1.0),),
-        is_touched=False,
+        flight=tuple(pilot(flown).items()), told=(('rate', 1.0),), is_touched=False,
     )  # fmt: skip
     try:
         with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:

@@ -10,7 +10,7 @@ from aerarm_ros.description.resources import resource
 
 DRONES = {'tilted_hexarotor': ('drones', 'tilted_hexarotor.yaml'), 'hexarotor': ('drone.yaml',)}
 GAINS = Path(__file__).with_name('gains.yaml')
-_LEAD, _LEAD_MAX = 0.028, 0.07  # [s]
+_LEAD, _LEAD_MAX = 0.028, 0.08  # [s]
 _HEIGHT = 3.0  # [rad/s]
 _NO_PARAMETERS = 'integral', 'position RMS [mm]'
 
@@ -47,7 +47,7 @@ class FlightWay:
         return {'feed_posture': self.posture, 'feed_motion': self.motion, 'feed_lead': self.lead}
 
     def later(self, latency: float) -> 'FlightWay':
-        """Return the same for sensors that are late [s], as far as the arm's plan goes."""
+        """Return the same for sensors that are late [s], whose stamps are as old."""
         return replace(self, lead=min(self.lead + latency, _LEAD_MAX)) if self.lead else self
 
     def parameters(self, drone: str) -> dict[str, object]:

@@ -106,7 +106,8 @@ class FlyingDrone(EmulatedDrone):
             self._tell(*odometry)
 
     def restart(self) -> None:
-        """Tell in the next cycle where the drone is now: somebody has put it there."""
+        """Tell next where the drone is now, and no more where it was: somebody has put it there."""
+        self._told_ns = 0
         self._imu.restart()
         self._odometry.restart()
 

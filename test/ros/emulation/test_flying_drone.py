@@ -5,15 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controller_bench import ControllerBench, trajectory
+from controller_bench import LIMIT, ControllerBench, trajectory
 from forked_executable import run
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
-from quick_spinning import spin_once
+from quick_spinning import spin_once, spin_until
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from sensor_msgs.msg import Imu, JointState
+from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.frame_conversion import rotation_matrix
@@ -144,6 +145,28 @@ def test_it_hovers_under_its_controller_and_falls_without(bench: DroneBench) -> 
     bench.wait(lambda: bench.mode == 'idle', 'idle')
     bench.call('put_back')
     bench.wait(lambda: abs(bench.place[2]) < 0.01, 'the way back')
+
+
+def test_where_it_was_is_not_told_once_it_is_put_back(tmp_path: Path, ros_node: Node) -> None:
+    bench = DroneBench(tmp_path, ros_node, odometry_delay=0.05)
+    with bench.hardware, bench.controller('gravity_compensation'):
+        with bench.flight_control():
+            bench.wait(lambda: any('odometry' in text for text in bench.problems), 'flight_control')
+            bench.start()
+            bench.wait(lambda: bench.mode == 'running', 'commands')
+            bench.wait(lambda: 'flying' in bench.problems, 'the flight')
+        bench.wait(lambda: bench.place[2] < -0.5, 'the fall')
+        bench.call('disable')
+        bench.wait(lambda: bench.mode == 'idle', 'idle')
+        put_back = ros_node.create_client(Trigger, 'fake_hardware/put_back')
+        assert put_back.wait_for_service(LIMIT)
+        answer = put_back.call_async(Trigger.Request())
+        assert spin_until(ros_node, answer.done, LIMIT)
+        assert answer.result().success
+        spin_until(ros_node, lambda: False, 0.2)  # what was under way
+        bench.path.clear()
+        spin_until(ros_node, lambda: False, 0.5)
+        assert all(abs(place[2]) < 0.01 for _, place in bench.path)
 
 
 def test_commands_that_are_not_its_own_leave_it_where_it_is_held(bench: DroneBench) -> None:
