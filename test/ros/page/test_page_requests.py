@@ -1,0 +1,21 @@
+"""What the page's buttons reach, without a page."""
+
+from answering_bridges import AnsweringBridges
+from rclpy.node import Node
+
+from aerarm_ros.ros.bridge.bridge_services import ACTIONS
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.page.page_requests import PageRequests
+
+
+def test_its_emergency_stop_reaches_bridges_that_nobody_named(ros_node: Node) -> None:
+    bridges = AnsweringBridges()
+    for name in ('my_arm', '/left/fake_hardware'):
+        bridges.add(name, ACTIONS)
+    page = PageRequests(ros_node, ['hardware_bridge', 'fake_hardware'])
+    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
+        assert page.ask('e_stop') == (True, '/left/fake_hardware: done; /my_arm: done')
+        assert page.ask('disable') == (True, '/my_arm: done')
+        done, text = page.ask('hold')
+    assert (done, 'no service hardware_bridge/hold' in text) == (False, True)
+    assert sorted(bridges.asked) == ['/left/fake_hardware', 'my_arm', 'my_arm']
