@@ -13,7 +13,10 @@ from std_srvs.srv import Trigger
 
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, EVERYWHERE
 
-_DISCOVERY_TIME = 1.5  # [s] far more than it takes, but on a computer that is busy
+# Most nodes are found in tenths of a second; whose first announcement of services was missed is
+# told again after 3 s.
+_DISCOVERY_TIME = 4.0  # [s]
+_PAUSE = 0.5  # [s] between the services of one node
 _TRIGGER = 'std_srvs/srv/Trigger'
 
 
@@ -82,7 +85,7 @@ class BridgeFinder:
         self._only = only
         self._lock = threading.Lock()
         self._seen: dict[str, int] | None = None
-        self._changed = time.monotonic()
+        self._born = self._changed = time.monotonic()
         self._clients: dict[str, Client | None] = {}
         for name in bridges:
             service = node.resolve_service_name(f'{name}/{action}')
@@ -106,8 +109,9 @@ class BridgeFinder:
             }
 
     def is_settled(self) -> bool:
-        """Tell whether no service has come or gone for a while, so that all should be found."""
-        return time.monotonic() - self._changed > _DISCOVERY_TIME
+        """Tell whether the node is there for long enough, and no service has just come or gone."""
+        now = time.monotonic()
+        return now - self._born > _DISCOVERY_TIME and now - self._changed > _PAUSE
 
     def _look(self) -> list[str]:
         seen = offered_triggers(self._node)

@@ -67,7 +67,8 @@ class StopRequest:
             for name in found.keys() - self._calls.keys():
                 self.answers[name] = Answer(False, 'it is seen, but cannot be asked')
         is_answered = not (found.keys() | self._calls.keys()) - self.answers.keys()
-        is_complete = is_late or (bool(self.answers) and self._finder.is_settled())
+        # Who has found one bridge looks on for others, however soon it would give up.
+        is_complete = self._finder.is_settled() if self.answers else is_late
         self.is_over = is_answered and is_complete and not self._ask_those_of_one_name(found)
         return self.is_over
 
