@@ -2,11 +2,11 @@
 
 `fake_hardware`, `computed_torque`, `base_reaction` and `flight_control` run as processes, in
 lockstep, so that the figures do not depend on the host. The drone hovers at a place while the arm
-swings slowly and fast, reaches out by 90 degrees in 1.5 s, picks up 0.2 kg that nobody told of, and
-plays an excitation. Each way to bear that flies with the gains that benchmarks/flight_gains.py
-found for it (flying/gains.yaml). The arm differs from its drawing; all nodes know it by what
-`identifier` made of a recorded excitation (`--model true`: it is as drawn, and known). The sensors
-are ideal unless `--latency` says otherwise. `make flight` writes a page besides.
+swings slowly, reaches out by 90 degrees in 1.5 s, swings fast, plays an excitation, and picks up
+0.2 kg that nobody told of. Each way to bear that flies with gains that benchmarks/flight_gains.py
+found (flying/gains.yaml). The arm differs from its drawing; all nodes know it by what `identifier`
+made of a recorded excitation (`--model true`: it is as drawn, and known). The sensors are ideal
+unless `--latency` says otherwise. `make flight` writes a page besides.
 """
 
 import argparse
@@ -33,6 +33,8 @@ from rclpy.node import Node
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 Records = dict[str, FlightRecord | str]
+# A flight in lockstep waits for its slowest process, and leaves cores idle meanwhile.
+AT_ONCE = (os.cpu_count() or 1) + 1
 
 
 @dataclass(frozen=True)
@@ -86,13 +88,17 @@ def identify(number: int, folder: Path, seed: int) -> ArmModel:
 
 
 def jobs(names: list[str], ways: list[str]) -> list[tuple[str, list[str]]]:
-    """Return drones and ways that fly with the same world: told of the arm, or not."""
-    found = []
+    """Return drones and ways that fly one after the other, those that take longest first.
+
+    What differs between ways of the same gains can be switched in flight.
+    """
+    found: dict[tuple[str, str], list[str]] = {}
     for name in names:
-        flown = [way for way in ways if way in ways_of(name)]
-        for is_told in (True, False):
-            found.append((name, [way for way in flown if WAYS[way].is_told == is_told]))
-    return [job for job in found if job[1]]
+        for way in ways:
+            if way in ways_of(name):
+                found.setdefault((name, WAYS[way].gains), []).append(way)
+    by_length = sorted(found.items(), key=lambda job: -len(job[1]))
+    return [(name, flown) for (name, _), flown in by_length]
 
 
 def fly(number: int, name: str, ways: list[str], arm: ArmModel, settings: Settings) -> Records:
@@ -112,26 +118,19 @@ def fly_until_lost(
 ) -> None:
     """Fly in one world, until all is flown or the drone is lost."""
     drone, program = load_drone(name), FlightProgram(parts=settings.parts)
-
-    def pilot(way: str) -> dict[str, object]:
-        return {**WAYS[way].parameters(name), **settings.gains, **arm.drawing}
-
-    flown = ways[0]
+    flown, first = ways[0], WAYS[ways[0]]
+    flight = {**first.parameters(name), **settings.gains, **arm.drawing}
     case = FlightCase(
-        drone.mass, 'free', drone=drone, sensors=settings.sensors, is_told=WAYS[flown].is_told,
-        flight=tuple(pilot(flown).items()), told=(('rate', 1.0),), is_touched=False,
+        drone.mass, 'free', drone=drone, sensors=settings.sensors, is_told=first.is_told,
+        flight=tuple(flight.items()), told=(('rate', 1.0),), is_touched=False,
     )  # fmt: skip
     try:
         with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
             bench = FlightBench(stack, node, Path(folder), case, arm)
-            for way in ways:
-                before, flown = flown, way
-                if WAYS[way].gains != WAYS[before].gains:
-                    bench.exchange_pilot(pilot(way))
-                # What else differs can be switched in flight.
-                bench.switch(WAYS[way].later(settings.latency).switches)
-                record = found[way] = bench.fly(program)
-                print(f'{name}, {way}: {"lost" if record.is_lost else "flown"}', flush=True)
+            for flown in ways:
+                bench.switch(WAYS[flown].later(settings.latency).switches)
+                record = found[flown] = bench.fly(program)
+                print(f'{name}, {flown}: {"lost" if record.is_lost else "flown"}', flush=True)
                 if record.is_lost:
                     return
     except (ValueError, TimeoutError, ArmClientError) as error:
@@ -159,7 +158,7 @@ def main() -> int:
     context = get_context('spawn')
     with (
         tempfile.TemporaryDirectory() as folder,
-        ProcessPoolExecutor(os.cpu_count(), mp_context=context) as pool,
+        ProcessPoolExecutor(AT_ONCE, mp_context=context) as pool,
     ):
         if options.model == 'identified':
             arm = pool.submit(identify, first, Path(folder), options.arm_seed).result()

@@ -34,7 +34,7 @@ QUICK_LEAD = 1.5  # [s]
 SETTLING = 10.0  # [s] at most
 FOLLOWED = 0.3  # [rad] that a joint is off its motion at most
 ARM_WAIT = 5.0  # [s] of the host
-HELD, FLYING = 'held', 'flying'  # as the drone's status begins
+FLYING = 'flying'  # the drone's status
 
 
 class FlightBench:
@@ -65,19 +65,18 @@ class FlightBench:
             world['drone_file'] = write_drone(drone, folder / 'true.yaml')
             wrong = drone.with_errors(case.believed, case.believed)
             law['drone_file'] = write_drone(wrong, folder / 'believed.yaml')
-            self._pilot = {'drone_file': law['drone_file']}
+            pilot = {'drone_file': law['drone_file']}
             if case.is_told:
                 told = {'lead': case.ahead, 'state_timeout': 10.0, **dict(case.told)}
                 if case.is_touched:
                     told['drone_file'] = law['drone_file']
                 self.start(stack, 'base_reaction', {**told, **arm.law})
-                self._pilot.update(arm.drawing)
+                pilot.update(arm.drawing)
                 if world['pace'] == 'lockstep':
                     # Else how much of it is told in time would depend on the host.
-                    self._pilot['arm_wait'] = ARM_WAIT
+                    pilot['arm_wait'] = ARM_WAIT
             # Else it knows the arm as drawn, unless it is told otherwise.
-            self._pilots = stack.enter_context(ExitStack())
-            self.start(self._pilots, 'flight_control', {**self._pilot, **dict(case.flight)})
+            self.start(stack, 'flight_control', {**pilot, **dict(case.flight)})
         else:
             law['config'] = world['config'] = _hanging(folder / 'arm.yaml')
         # Of a late IMU the controller does not know.
@@ -89,7 +88,7 @@ class FlightBench:
         topic = topics.JOINT_TRAJECTORY
         self.publisher = node.create_publisher(topic.type, topic.name, topic.qos)
         self._drone_does = ''
-        self.client = ArmClient(node, ['fake_hardware'], ['enable', 'disable', 'put_back'])
+        self.client = ArmClient(node, ['fake_hardware'], ['enable'])
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
         self._world = AsyncParameterClient(node, 'fake_hardware')
@@ -161,15 +160,6 @@ class FlightBench:
         for name, value in values.items():
             set_parameter(self.node, 'flight_control', name, json.dumps(value), PATIENCE)
 
-    def exchange_pilot(self, flight: dict[str, object]) -> None:
-        """Have the drone brought back, and flown by a flight controller with other parameters."""
-        self.client.call('disable')
-        self.client.wait_for_mode(['idle'], PATIENCE)
-        self._pilots.close()
-        self.client.call('put_back')
-        self.start(self._pilots, 'flight_control', {**self._pilot, **flight})
-        self._take_off()
-
     def _get_ready(self, is_flying: bool) -> None:
         self.client.wait_for_mode(['idle'], PATIENCE)
         deadline = time.monotonic() + PATIENCE
@@ -189,19 +179,11 @@ class FlightBench:
         self.client.wait_for_mode(['running'], PATIENCE)
 
     def _take_off(self) -> None:
-        """Wait until nobody holds the drone: one that is held looks as still as one that hovers.
-
-        That it was held before has to be heard first: what it did in the last flight may be told
-        late.
-        """
+        """Wait until nobody holds the drone: one that is held looks as still as one that hovers."""
         self._wait_for_pilot()
-        self._wait_for_drone(HELD)
         self._enable()
-        self._wait_for_drone(FLYING)
-
-    def _wait_for_drone(self, wanted: str) -> None:
-        if not spin_until(self.node, lambda: self._drone_does.startswith(wanted), PATIENCE):
-            raise TimeoutError(f'the drone is not {wanted}, but {self._drone_does or "silent"}')
+        if not spin_until(self.node, lambda: self._drone_does == FLYING, PATIENCE):
+            raise TimeoutError(f'the drone is not let go, but {self._drone_does or "silent"}')
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

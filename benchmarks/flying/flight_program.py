@@ -16,7 +16,7 @@ from aerarm_ros.motion.polynomial_path import PolynomialPath
 
 RAMP = 1.0  # [s]
 STILL = 'no arm motion'
-PARTS = 'slow', 'reach', '0.2 kg picked up', 'excitation', 'fast'
+PARTS = 'slow', 'reach', 'fast', 'excitation', '0.2 kg picked up'
 PAYLOAD = [0.2, 0.1, 0.0, 0.0]  # [kg], and its place in the last joint's frame [m]: at the tool
 _STRETCHED = HANGING - [0.0, np.pi / 2, 0.0, 0.0]
 _QUICK = 1.5  # [s] of a reach of 90 degrees
@@ -48,19 +48,21 @@ def _grown(name: str, motion: GrownMotion) -> FlightPart:
 
 
 def _reach() -> FlightPart:
-    stages = _moved(HANGING, _STRETCHED, _QUICK), _moved(_STRETCHED, _STRETCHED, _REST)
-    motion = MotionSequence([Stage('reach', stage) for stage in stages])
-    return FlightPart('reach', motion, 0.0, motion.duration)
+    out = _moved(HANGING, _STRETCHED, _QUICK), _moved(_STRETCHED, _STRETCHED, _REST)
+    back = _moved(_STRETCHED, HANGING, _QUICK), _moved(HANGING, HANGING, _REST)
+    motion = MotionSequence([Stage('reach', stage) for stage in (*out, *back)])
+    return FlightPart('reach', motion, 0.0, _QUICK + _REST)
 
 
 def _pick_up() -> FlightPart:
     stages = (
-        _moved(_STRETCHED, _STRETCHED, 2.0 * _REST),
+        _moved(HANGING, _STRETCHED, _QUICK),
+        _moved(_STRETCHED, _STRETCHED, 3.0 * _REST),
         _moved(_STRETCHED, HANGING, _QUICK),
         _moved(HANGING, HANGING, _REST),
     )
-    motion = MotionSequence([Stage('back', stage) for stage in stages])
-    return FlightPart('0.2 kg picked up', motion, 0.0, motion.duration, carries=True)
+    motion = MotionSequence([Stage('pick-up', stage) for stage in stages])
+    return FlightPart('0.2 kg picked up', motion, _QUICK + _REST, motion.duration, carries=True)
 
 
 def _moved(start: np.ndarray, end: np.ndarray, seconds: float) -> PolynomialPath:
@@ -68,14 +70,16 @@ def _moved(start: np.ndarray, end: np.ndarray, seconds: float) -> PolynomialPath
 
 
 class FlightProgram:
-    """Slow and fast motion, a reach of 90 degrees, something picked up, and the excitation.
+    """Slow and fast motion, a reach of 90 degrees, the excitation, and something picked up.
+
+    That comes last: nobody tells the drone of it, and what it learns of it would be wrong after.
 
     Parameters
     ----------
     swing : float
         How long slow and fast motion and excitation last at full swing [s].
     parts : sequence of str
-        Of `PARTS`, those that are flown; what reaches out has to come back.
+        Of `PARTS`, those that are flown.
 
     Attributes
     ----------
@@ -91,9 +95,9 @@ class FlightProgram:
         all_parts = [
             _grown('slow', ArmSwing('slow', length, RAMP)),
             _reach(),
-            _pick_up(),
-            _grown('excitation', GrownMotion(excitation, length, RAMP)),
             _grown('fast', ArmSwing('fast', length, RAMP)),
+            _grown('excitation', GrownMotion(excitation, length, RAMP)),
+            _pick_up(),
         ]
         self.parts = [part for part in all_parts if part.name in parts]
         self.motion = MotionSequence([Stage(part.name, part.motion) for part in self.parts])
