@@ -55,7 +55,8 @@ _PROGRAMS = {
 }
 _INIT = 'write a first configuration of an arm from its URDF'
 _TIMEOUT = 20.0  # [s]
-_STOP_TIMEOUT = 3.0  # [s]
+# Twice what a new node needs at worst until it is told of a bridge.
+_STOP_TIMEOUT = 8.0  # [s]
 
 
 class Arm:
@@ -159,7 +160,7 @@ def make_parser() -> argparse.ArgumentParser:
     def add(name: str, meaning: str, make_request: MakeRequest) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=meaning, description=meaning)
         command.set_defaults(make_request=make_request)
-        # Who needs a stop waits for no discovery of a bridge that is not there.
+        # Who needs a stop is told sooner that there is no bridge.
         timeout = _STOP_TIMEOUT if name == 'e_stop' else _TIMEOUT
         command.add_argument(
             '--timeout',
