@@ -132,6 +132,8 @@ class FlightBench:
             now, _ = self.listener.next()
             if payloads and now > begin + payloads[0][0]:
                 self.tell_world('payload', payloads.pop(0)[1])
+        for _, carried in payloads:
+            self.tell_world('payload', carried)
         record = self.listener.record().shifted(begin)
         if not record.is_lost and (off := record.largest_joint_error(motion)) > FOLLOWED:
             raise ValueError(f'the arm is {off:.2f} rad off its motion: {self._bridge.tail(1)}')

@@ -49,7 +49,7 @@ def _grown(name: str, motion: GrownMotion) -> FlightPart:
 
 def _reach() -> FlightPart:
     out = _moved(HANGING, _STRETCHED, _QUICK), _moved(_STRETCHED, _STRETCHED, _REST)
-    back = _moved(_STRETCHED, HANGING, _QUICK), _moved(HANGING, HANGING, _REST)
+    back = _moved(_STRETCHED, HANGING, _QUICK), _moved(HANGING, HANGING, 3.0 * _REST)
     motion = MotionSequence([Stage('reach', stage) for stage in (*out, *back)])
     return FlightPart('reach', motion, 0.0, _QUICK + _REST)
 
