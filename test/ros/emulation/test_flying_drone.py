@@ -102,7 +102,7 @@ class ArmSwinger:
 
     def swing(self) -> None:
         message = trajectory([0.6, 1.2, 0.5, -0.5], 1.0)
-        for turn in range(1, 20):
+        for turn in range(1, 100):
             point = trajectory([0.6 * (turn % 2), 1.2 + 0.4 * (turn % 2), 0.0, 0.5], 1.0).points[0]
             point.time_from_start.sec = 1 + turn
             message.points.append(point)
