@@ -85,6 +85,7 @@ class FlightControlNode:
         self._thrust = np.zeros(drone.n)
         self._error = np.zeros(3)
         self._answers = self._rejections = self._late = 0
+        self._waits_for_arm = True
         self._rejection, self._rejected_at = '', -np.inf
         self._requests: deque[Callable[[], None]] = deque()
         self._stopping = False
@@ -130,13 +131,23 @@ class FlightControlNode:
             return
         if sample is not None:
             self._try(partial(self._estimator.offer_odometry, sample))
-        deadline = time.monotonic() + self.values.arm_wait
         self._take_requests()
-        while self._is_told_late() and not self._stopping and time.monotonic() < deadline:
+        self._wait_for_arm()
+        self._fly(stamp_ns)
+
+    def _wait_for_arm(self) -> None:
+        """Wait for what is told of the arm; once it was in vain, not before it comes in time."""
+        if not self._is_told_late():
+            self._waits_for_arm = True
+            return
+        deadline = time.monotonic() + (self.values.arm_wait if self._waits_for_arm else 0.0)
+        while time.monotonic() < deadline and not self._stopping:
             time.sleep(_NAP)
             self._take_requests()
-        self._late += self._is_told_late()
-        self._fly(stamp_ns)
+            if not self._is_told_late():
+                return
+        self._waits_for_arm = False
+        self._late += 1
 
     def _take_requests(self) -> None:
         while self._requests:

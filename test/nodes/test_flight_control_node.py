@@ -218,6 +218,23 @@ def test_it_waits_for_the_arm_if_it_may(drone: DroneSensors, arm_wait: float) ->
     assert answered_ns() > waited_ns
 
 
+@pytest.mark.parametrize('arm_wait', [4.0])
+def test_who_tells_no_more_of_the_arm_is_waited_for_once(drone: DroneSensors) -> None:
+    drone.hover_until('in order')
+    topic = topics.MOTION_WRENCH
+    wrenches = drone.node.create_publisher(topic.type, topic.name, topic.qos)
+    assert spin_until(drone.node, wrenches.get_subscription_count, PATIENCE)
+    told = WrenchStamped(header=drone.odometry_message().header)
+    for _ in range(50):
+        wrenches.publish(told)  # each time: of the newest alone one may be lost
+        drone.hover(1)
+    answers = len(drone.commands)
+    deadline = time.monotonic() + PATIENCE
+    while len(drone.commands) < answers + 20:  # to wait each time would take longer
+        assert time.monotonic() < deadline
+        drone.hover(1)
+
+
 def test_it_goes_along_a_trajectory_and_refuses_what_is_none(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     topic = topics.FLIGHT_TRAJECTORY

@@ -90,8 +90,8 @@ FLIGHT_PARAMETERS = (
         ),
         Parameter(
             'arm_wait', 0.0, 'for which an answer waits for what is told of the arm, if it comes '
-            'late: for worlds in lockstep on a busy host, 0 where a drone falls meanwhile', 's',
-            0.0, 10.0,
+            'late, and once in vain no more until it comes in time: for worlds in lockstep on a '
+            'busy host, 0 where a drone falls meanwhile', 's', 0.0, 10.0,
         ),
     ),
 )  # fmt: skip
