@@ -23,7 +23,12 @@ from aerarm_ros.hardware.emulation.fault_injection import FAULTS
 from aerarm_ros.hardware.emulation.fault_request import FORM
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
 from aerarm_ros.ros.process.completion import lazy_script, parser_script
-from aerarm_ros.ros.process.exit_status import USER_ERROR, print_error
+from aerarm_ros.ros.process.exit_status import (
+    USER_ERROR,
+    print_answer,
+    print_error,
+    print_notice,
+)
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
 from aerarm_ros.ros.requests.parameter_request import set_parameter
@@ -88,7 +93,7 @@ class Arm:
 
 
 def _say_wait(what: str) -> None:
-    print(f'{NAME}: waiting for {what}', file=sys.stderr, flush=True)
+    print_notice(NAME, f'waiting for {what}')
 
 
 def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
@@ -103,7 +108,7 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
             client.wait_for_mode(modes, options.timeout)
         if options.command in STOPS:
             for answer in client.stop(options.command, options.timeout):
-                print(answer, flush=True)
+                print_answer(answer)  # the stop goes on, whoever hears of it
         else:
             print(client.call(options.command, options.timeout), flush=True)
         if options.wait:

@@ -195,6 +195,7 @@ class View:
             self._show(now)
 
     def _show(self, now: float) -> None:
+        self._requests.look_for_bridges()
         feed, diagnostics = self._feed, self._diagnostics
         self._scene.update_path()
         self._plots.show(*feed.joints.window(now))

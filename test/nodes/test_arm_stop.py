@@ -1,14 +1,18 @@
 """The emergency stop of the command line, against real bridges with any name."""
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from answering_bridges import AnsweringBridges, until_offered
 from forked_executable import run
 from rclpy.node import Node
 
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
@@ -73,6 +77,21 @@ def test_it_finds_bridges_of_any_name_and_namespace(bridges: Bridges) -> None:
     assert (done.returncode, done.stdout.startswith('/left/other: ')) == (0, True)
     assert '/my_arm' not in done.stdout
     assert stop('--bridge', 'my_arm') == ['/my_arm: the arm is damped']
+
+
+def test_it_reaches_all_though_nobody_can_be_told(ros_node: Node) -> None:
+    bridges = AnsweringBridges()
+
+    def appear() -> None:
+        bridges.add('fake_hardware', ['e_stop'])
+        until_offered(ros_node, 'fake_hardware/e_stop')
+
+    bridges.add('hardware_bridge', ['e_stop'], appear)
+    command = [sys.executable, '-m', 'aerarm_ros.nodes.arm', 'e_stop', '--timeout', '100']
+    with BackgroundExecutor(bridges.node), open('/dev/full', 'w') as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=300)
+    assert (done.returncode, done.stderr) == (0, b'')
+    assert set(bridges.asked) == {'hardware_bridge', 'fake_hardware'}
 
 
 def test_two_bridges_of_one_name_are_told_and_not_enabled(bridges: Bridges, ros_node: Node) -> None:

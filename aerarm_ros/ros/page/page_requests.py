@@ -46,6 +46,11 @@ class PageRequests:
         """Whether a bridge with emulated boards is there."""
         return self._services[PUT_BACK].is_found
 
+    def look_for_bridges(self) -> None:
+        """Get ready to stop those that are there by now, whatever they are called."""
+        for stop in self._stops.values():
+            stop.look()
+
     def ask(self, action: str) -> tuple[bool, str]:
         """Ask for an action by its name, or for 'fault NAME:BOARD'; blocks until it is answered.
 

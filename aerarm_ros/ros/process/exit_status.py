@@ -13,6 +13,16 @@ def print_error(name: str, error: object) -> None:
     _print(f'{name}: {" ".join(str(error).split())}', sys.stderr)
 
 
+def print_notice(name: str, notice: str) -> None:
+    """Print what is under way on standard error; who cannot be told does not end it."""
+    _print(f'{name}: {notice}', sys.stderr)
+
+
+def print_answer(answer: str) -> None:
+    """Print an answer on standard output; who cannot be told does not end what goes on."""
+    _print(answer, sys.stdout)
+
+
 def print_account(name: str, account: str) -> None:
     """Print the last words of an executable, if its terminal is still there."""
     _print(f'{name}: {account}', sys.stdout)

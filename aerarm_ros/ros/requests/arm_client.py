@@ -17,7 +17,7 @@ from aerarm_ros.ros.executors.spinning import spin_until, this_domain
 from aerarm_ros.ros.requests.bridge_finder import (
     BridgeFinder,
     bridges_among,
-    offered_triggers,
+    offered_actions,
     same_name_problem,
 )
 from aerarm_ros.ros.requests.service_call import ServiceCall
@@ -177,7 +177,7 @@ class ArmClient:
 
         if not self._find(ready, timeout):
             names = ' or '.join(client.srv_name for client in clients)
-            others = ' and '.join(bridges_among(offered_triggers(self._node)))
+            others = ' and '.join(bridges_among(offered_actions(self._node)))
             hint = f'; there is {others}: --bridge NAME asks that one' if others else ''
             raise ArmClientError(
                 f'no service {names}: is a bridge running in {this_domain()}?{hint}'

@@ -20,13 +20,16 @@ _PAUSE = 0.5  # [s] between the services of one node
 _TRIGGER = 'std_srvs/srv/Trigger'
 
 
-def offered_triggers(node: Node) -> dict[str, int]:
-    """Return how many servers each `std_srvs/Trigger` service has, by full name.
+def offered_actions(node: Node) -> dict[str, int]:
+    """Return how many servers each service has that a bridge may offer, by full name.
 
     The graph names services that only have clients, such as those of a page, as well.
     """
-    services = node.get_service_names_and_types()
-    counts = {name: node.count_services(name) for name, types in services if _TRIGGER in types}
+    counts = {
+        name: node.count_services(name)
+        for name, types in node.get_service_names_and_types()
+        if _TRIGGER in types and name.rpartition('/')[2] in ACTIONS
+    }
     return {name: count for name, count in counts.items() if count}
 
 
@@ -36,7 +39,7 @@ def bridges_among(services: Iterable[str]) -> list[str]:
     Parameters
     ----------
     services
-        Full names, as of `offered_triggers`.
+        Full names, as of `offered_actions`.
     """
     offered: dict[str, set[str]] = {}
     for service in services:
@@ -114,7 +117,7 @@ class BridgeFinder:
         return now - self._born > _DISCOVERY_TIME and now - self._changed > _PAUSE
 
     def _look(self) -> list[str]:
-        seen = offered_triggers(self._node)
+        seen = offered_actions(self._node)
         # What was there when it was first looked for came at any time before.
         if self._seen is not None and seen != self._seen:
             self._changed = time.monotonic()

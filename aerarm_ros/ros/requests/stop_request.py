@@ -12,6 +12,9 @@ from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.ros.requests.bridge_finder import BridgeFinder, same_name_problem
 from aerarm_ros.ros.requests.service_call import ServiceCall
 
+# Services that come and go all the time must not keep what is known from being told.
+_LOOKING_MAX = 8.0  # [s]
+
 
 class StopRequest:
     """Asks each bridge as soon as it is found, so that none waits for another's answer.
@@ -43,6 +46,7 @@ class StopRequest:
         self._finder = finder
         self._timeout = timeout
         self._end = time.monotonic() + timeout
+        self._looks_until = time.monotonic() + max(timeout, _LOOKING_MAX)
         self._calls: dict[str, ServiceCall] = {}
         self._asked: dict[str, int] = {}
         self._asked_last: set[str] = set()
@@ -62,19 +66,21 @@ class StopRequest:
             answer = None if name in self.answers else call.poll()
             if answer is not None:
                 self.answers[name] = answer
-        is_late = time.monotonic() > self._end
+        now = time.monotonic()
+        is_late = now > self._end
         if is_late:
             for name in found.keys() - self._calls.keys():
                 self.answers[name] = Answer(False, 'it is seen, but cannot be asked')
         is_answered = not (found.keys() | self._calls.keys()) - self.answers.keys()
         # Who has found one bridge looks on for others, however soon it would give up.
-        is_complete = self._finder.is_settled() if self.answers else is_late
+        has_looked = self._finder.is_settled() or now > self._looks_until
+        is_complete = has_looked if self.answers else is_late
         self.is_over = is_answered and is_complete and not self._ask_those_of_one_name(found)
         return self.is_over
 
     def _ask(self, name: str, client: Client) -> None:
         """Ask a bridge, and again once another one with its name is there."""
-        count = self._node.count_services(client.srv_name)
+        count = max(self._node.count_services(client.srv_name), 1)  # it is ready
         if count > self._asked.get(name, 0):
             self._asked[name] = count
             self._calls[name] = ServiceCall(client, self._timeout, repeats=True)

@@ -37,6 +37,10 @@ class StopService:
         self._finder = BridgeFinder(node, action, bridges)
         self._timeout = timeout
 
+    def look(self) -> None:
+        """Make clients of the bridges that are there by now, so that a call need not."""
+        self._finder.find()
+
     def call(self) -> tuple[bool, str]:
         """Ask; blocks until every bridge that is asked has answered.
 

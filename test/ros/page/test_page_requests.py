@@ -1,6 +1,8 @@
 """What the page's buttons reach, without a page."""
 
-from answering_bridges import AnsweringBridges
+import time
+
+from answering_bridges import LIMIT, AnsweringBridges, until_offered
 from rclpy.node import Node
 
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS
@@ -19,3 +21,15 @@ def test_its_emergency_stop_reaches_bridges_that_nobody_named(ros_node: Node) ->
         done, text = page.ask('hold')
     assert (done, 'no service hardware_bridge/hold' in text) == (False, True)
     assert sorted(bridges.asked) == ['/left/fake_hardware', 'my_arm', 'my_arm']
+
+
+def test_it_is_ready_to_stop_a_bridge_before_it_is_asked(ros_node: Node) -> None:
+    bridges, page = AnsweringBridges(), PageRequests(ros_node, [])
+    bridges.add('my_arm', ACTIONS)
+    for action in ACTIONS:
+        until_offered(ros_node, f'my_arm/{action}')
+    page.look_for_bridges()
+    end = time.monotonic() + LIMIT
+    while not ros_node.count_clients('my_arm/e_stop'):
+        assert time.monotonic() < end
+        time.sleep(0.01)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from answering_bridges import LIMIT, AnsweringBridges, until_offered
 from rclpy.node import Node
+from std_srvs.srv import Trigger
 
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
@@ -69,6 +70,28 @@ def poll_until(condition: Callable[[], object]) -> None:
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.01)
+
+
+def test_it_ends_although_services_come_and_go_all_the_time(ros_node: Node) -> None:
+    bridges, over = AnsweringBridges(), threading.Event()
+    bridges.add('sound', ACTIONS)
+
+    def come_and_go() -> None:
+        while not over.wait(0.1):
+            service = bridges.node.create_service(Trigger, 'other/enable', lambda _, answer: answer)
+            over.wait(0.1)
+            bridges.node.destroy_service(service)
+
+    request = StopRequest(ros_node, BridgeFinder(ros_node, 'e_stop', []), 1.0)
+    coming = threading.Thread(target=come_and_go)
+    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
+        coming.start()
+        try:
+            poll_until(request.poll)
+        finally:
+            over.set()
+            coming.join()
+    assert request.answers == {'/sound': (True, 'done')}
 
 
 def test_of_two_bridges_with_one_name_neither_is_said_to_be_stopped(ros_node: Node) -> None:
