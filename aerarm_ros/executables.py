@@ -35,14 +35,16 @@ def __getattr__(name: str) -> Callable[[], int]:
 
 
 def _run(name: str) -> int:
-    run = _do if name in _TASKS else _serve
+    has_task = name in _TASKS
+    run = _do if has_task else _serve
     try:
         die_with_launch()
         if any(argument in _HELP for argument in sys.argv[1:]):
             sys.modules.update((name, _Unloaded(name)) for name in _HEAVY)
         return run(name)
     except KeyboardInterrupt:
-        return INTERRUPTED
+        # Of who serves, one that comes just after its own handlers are gone.
+        return INTERRUPTED if has_task else 0
     finally:
         StopSignals.ignore()
 

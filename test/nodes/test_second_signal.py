@@ -69,3 +69,19 @@ def test_ctrl_c_while_the_command_line_is_read(
         process.send_signal(signal.SIGINT)
         said = process.communicate(timeout=60.0)[1]
     assert (process.returncode, said) == (status, '')
+
+
+# Ctrl-C each time that the handlers of stop signals have just been taken away.
+AS_THEY_GO = (
+    'import os, signal; from aerarm_ros.ros.process.stop_signals import StopSignals; '
+    'leave = StopSignals.__exit__; '
+    'ask = lambda: os.kill(os.getpid(), signal.SIGINT); '
+    'StopSignals.__exit__ = lambda *given: (leave(*given), ask())[0]; '
+)
+
+
+@pytest.mark.parametrize(('node', 'status'), [('computed_torque', 0), ('excitation', 130)])
+def test_ctrl_c_as_the_last_handler_goes(node: str, status: int) -> None:
+    command = [sys.executable, '-c', AS_THEY_GO + COMMAND.format(node), '--help']
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300.0)
+    assert (done.returncode, done.stderr) == (status, '')
