@@ -178,7 +178,7 @@ class ArmClient:
         if not self._find(ready, timeout):
             names = ' or '.join(client.srv_name for client in clients)
             others = ' and '.join(bridges_among(offered_actions(self._node)))
-            hint = f'; there is {others}: --bridge NAME asks that one' if others else ''
+            hint = f' Found: {others}; --bridge NAME asks one of them' if others else ''
             raise ArmClientError(
                 f'no service {names}: is a bridge running in {this_domain()}?{hint}'
             )
