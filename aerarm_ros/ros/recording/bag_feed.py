@@ -20,6 +20,7 @@ from aerarm_ros.ros.recording.recorded_topics import as_recorded
 from aerarm_ros.ros.recording.repeated_states import RepeatedStates
 
 _STAMP_END = ENCAPSULATION_SIZE + 8
+_DISORDER = 1_000_000_000  # [ns] at most
 
 
 class BagFeed:
@@ -59,6 +60,7 @@ class BagFeed:
         recorded = map(as_recorded, topics, self.names)
         self._writer = BagWriter(directory, list(recorded), compression)
         self._reader = RawReader(node, *subscribed, identify=True)
+        self._received = [0] * len(topics)  # [ns] of the last message of each topic
         self._states = RepeatedStates()
         self._states_index = next(
             (index for index, topic in enumerate(topics) if topic.name == JOINT_STATES.name), -1
@@ -85,7 +87,7 @@ class BagFeed:
                     if self._states.has(payload):
                         continue
                     repeats = self._states.count
-                received = info['received_timestamp'] or time.time_ns()
+                received = self._in_order(index, info['received_timestamp'] or time.time_ns())
                 write(
                     RecordedMessage(
                         index,
@@ -96,6 +98,17 @@ class BagFeed:
                         self._number(index, info) - repeats,
                     )
                 )
+
+    def _in_order(self, index: int, received: int) -> int:
+        """Return the time of reception [ns] of a message, not before that of the last of its topic.
+
+        Bags are read by this time, and numbered as taken: of several publishers a message may be
+        taken after one that came later. A clock that was set back is another matter.
+        """
+        if self._received[index] - received < _DISORDER:
+            received = max(received, self._received[index])
+        self._received[index] = received
+        return received
 
     def _number(self, index: int, info: dict[str, Any]) -> int:
         """Return a message's number in the bag, whose gaps are lost messages.
