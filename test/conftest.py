@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
+from answering_bridges import destroy_bridges
 from hypothesis import settings
 from quick_spinning import release_nodes
 from rclpy.node import Node
@@ -35,10 +36,17 @@ find_log_directory()
 # A shell script's background job ignores Ctrl-C, and so would every process that a test starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-# So does SIGQUIT, and under nohup SIGHUP. These tests go on; what they start has the default again.
-for number in (signal.SIGQUIT, signal.SIGHUP):
+# So does SIGQUIT, under nohup SIGHUP, and whatever else who starts the tests does not care for.
+# These tests go on; what they start has the default again.
+_LEFT = {signal.SIGPIPE, signal.SIGXFSZ}  # Python itself ignores them
+# A handler would run after the instruction that crashed, which is never over.
+_BY_DEFAULT = {signal.SIGCHLD, signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL}
+_LEFT |= {signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU}  # who started in the background goes on
+for number in signal.valid_signals() - _LEFT:
     if signal.getsignal(number) is signal.SIG_IGN:
-        signal.signal(number, lambda *_: None)
+        signal.signal(number, signal.SIG_DFL if number in _BY_DEFAULT else lambda *_: None)
+# What is blocked is so in processes that are started, too.
+signal.pthread_sigmask(signal.SIG_SETMASK, ())
 
 
 @pytest.fixture(scope='session')
@@ -122,6 +130,7 @@ def ros_node(ros_domain: dict[str, str]) -> Iterator[Node]:
     node = rclpy.create_node('test')
     yield node
     release_nodes()
+    destroy_bridges()
     node.destroy_node()
     rclpy.shutdown()
 

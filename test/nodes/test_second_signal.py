@@ -71,17 +71,25 @@ def test_ctrl_c_while_the_command_line_is_read(
     assert (process.returncode, said) == (status, '')
 
 
-# Ctrl-C each time that the handlers of stop signals have just been taken away.
+# A signal each time that the handlers of stop signals have just been taken away.
 AS_THEY_GO = (
     'import os, signal; from aerarm_ros.ros.process.stop_signals import StopSignals; '
     'leave = StopSignals.__exit__; '
-    'ask = lambda: os.kill(os.getpid(), signal.SIGINT); '
+    'ask = lambda: os.kill(os.getpid(), {}); '
     'StopSignals.__exit__ = lambda *given: (leave(*given), ask())[0]; '
 )
 
 
-@pytest.mark.parametrize(('node', 'status'), [('computed_torque', 0), ('excitation', 130)])
-def test_ctrl_c_as_the_last_handler_goes(node: str, status: int) -> None:
-    command = [sys.executable, '-c', AS_THEY_GO + COMMAND.format(node), '--help']
+@pytest.mark.parametrize(
+    ('node', 'number', 'status'),
+    [
+        ('computed_torque', signal.SIGINT, 0),
+        ('computed_torque', signal.SIGTERM, 0),
+        ('excitation', signal.SIGINT, 130),
+    ],
+)
+def test_a_signal_as_the_last_handler_goes(node: str, number: signal.Signals, status: int) -> None:
+    code = AS_THEY_GO.format(int(number)) + COMMAND.format(node)
+    command = [sys.executable, '-c', code, '--help']
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300.0)
     assert (done.returncode, done.stderr) == (status, '')

@@ -73,13 +73,19 @@ class StopSignals:
         flag and return. Called at once if the outer context was asked already.
     stays_awake
         True for a process that Ctrl-Z shall not stop: its boards would let the arm fall.
+    is_last
+        True where nothing is left to do after the context: it leaves the signals as `ignore` does,
+        so that a late one finds no moment at which it ends the process.
     """
 
     _innermost: ClassVar[StopSignals | None] = None
 
-    def __init__(self, on_stop: Callable[[], None], stays_awake: bool = False) -> None:
+    def __init__(
+        self, on_stop: Callable[[], None], stays_awake: bool = False, is_last: bool = False
+    ) -> None:
         self._on_stop = on_stop
         self._stays_awake = stays_awake
+        self._is_last = is_last
         self._is_told = False
         self._request = _Request()
         self._outer: StopSignals | None = None
@@ -102,6 +108,9 @@ class StopSignals:
 
     def __exit__(self, *_: object) -> None:
         StopSignals._innermost = self._outer
+        if self._is_last:
+            self.ignore()
+            return
         for number, handler in self._previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
