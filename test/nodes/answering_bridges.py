@@ -8,6 +8,13 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 LIMIT = 20.0  # [s]
+_made: list[Node] = []
+
+
+def destroy_bridges() -> None:
+    """Destroy the nodes of all bridges: a later test in their domain would see their services."""
+    while _made:
+        _made.pop().destroy_node()
 
 
 class AnsweringBridges:
@@ -15,6 +22,7 @@ class AnsweringBridges:
 
     def __init__(self) -> None:
         self.node = rclpy.create_node('bridges')
+        _made.append(self.node)
         self.asked: list[str] = []
 
     def add(

@@ -13,8 +13,8 @@ from std_srvs.srv import Trigger
 
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, EVERYWHERE
 
-# Most nodes are found in tenths of a second; whose first announcement of services was missed is
-# told again after 3 s.
+# Most nodes are found in tenths of a second. With another profile of Fast DDS than the packaged one
+# some need 3 s.
 _DISCOVERY_TIME = 4.0  # [s]
 _PAUSE = 0.5  # [s] between the services of one node
 _TRIGGER = 'std_srvs/srv/Trigger'

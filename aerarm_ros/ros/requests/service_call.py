@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from math import inf
 
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.client import Client
+from rclpy.exceptions import InvalidHandle
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -46,7 +48,9 @@ class ServiceCall:
         self._waits = waits
         self._interval = ASK_AGAIN if repeats else inf
         self._begin = self._asked = time.monotonic()
-        self._futures: list[Future] = [client.call_async(Trigger.Request())]
+        self._futures: list[Future] = []
+        self._problem = ''
+        self._send()
 
     def poll(self) -> Answer | None:
         """Return what the bridge says, or why it says nothing; None while that is not known."""
@@ -57,14 +61,24 @@ class ServiceCall:
         if answer is not None:
             self.is_answered = True
             return self._end(bool(answer.success), answer.message)
-        if now - self._begin > self._timeout:
+        is_sent, is_late = bool(self._futures), now - self._begin > self._timeout
+        if not is_sent and (is_late or self._interval == inf):
+            return self._end(False, self._problem)
+        if is_late:
             return self._end(False, f'no answer within {self._timeout:g} s: see arm_mode')
         if not self._waits and not self._client.service_is_ready():
             return self._end(False, 'it has ended')
         if now - self._asked > self._interval:
             self._asked = now
-            self._futures.append(self._client.call_async(Trigger.Request()))
+            self._send()
         return None
+
+    def _send(self) -> None:
+        try:
+            self._futures.append(self._client.call_async(Trigger.Request()))
+        except (RCLError, InvalidHandle) as error:
+            # Whoever asks several bridges goes on to the others.
+            self._problem = f'it cannot be asked: {error}'
 
     def _end(self, accepted: bool, message: str) -> Answer:
         self._answer = Answer(accepted, message)

@@ -1,0 +1,71 @@
+"""A request that cannot be sent is an answer too: who asks several goes on to the others."""
+
+import time
+
+import pytest
+from answering_bridges import LIMIT, AnsweringBridges
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from aerarm_ros.hardware.gate.answer import Answer
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.requests import service_call
+from aerarm_ros.ros.requests.service_call import ServiceCall
+
+
+def test_a_request_that_cannot_be_sent_is_refused(ros_node: Node) -> None:
+    client = ros_node.create_client(Trigger, 'bridge/e_stop')
+    ros_node.destroy_client(client)
+    call = ServiceCall(client, LIMIT)
+    answer = call.poll()
+    assert answer is not None
+    assert not answer.accepted
+    assert answer.message.startswith('it cannot be asked: ')
+    assert not call.is_answered
+
+
+def test_what_is_repeated_is_sent_again_until_it_can_be(
+    ros_node: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(service_call, 'ASK_AGAIN', 0.0)
+    bridges = AnsweringBridges()
+    bridges.add('bridge', ['e_stop'])
+    client = ros_node.create_client(Trigger, 'bridge/e_stop')
+    assert client.wait_for_service(LIMIT)
+    with monkeypatch.context() as broken:
+        broken.setattr(client, 'call_async', cannot_send)
+        call = ServiceCall(client, LIMIT, repeats=True)
+    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
+        assert answer_of(call) == (True, 'done')
+
+
+def test_what_can_never_be_sent_is_said_at_the_end(ros_node: Node) -> None:
+    client = ros_node.create_client(Trigger, 'bridge/e_stop')
+    ros_node.destroy_client(client)
+    answer = answer_of(ServiceCall(client, 0.1, repeats=True))
+    assert (answer.accepted, answer.message[:18]) == (False, 'it cannot be asked')
+
+
+def test_what_was_sent_at_last_and_not_answered_is_no_answer(
+    ros_node: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client = ros_node.create_client(Trigger, 'bridge/e_stop')
+    send, tries = client.call_async, [cannot_send]
+    monkeypatch.setattr(service_call, 'ASK_AGAIN', 0.0)
+    monkeypatch.setattr(client, 'call_async', lambda asked: (tries.pop() if tries else send)(asked))
+    answer = answer_of(ServiceCall(client, 1.0, repeats=True))
+    assert tries == []
+    assert answer == (False, 'no answer within 1 s: see arm_mode')
+
+
+def answer_of(call: ServiceCall) -> Answer:
+    end = time.monotonic() + LIMIT
+    while (answer := call.poll()) is None and time.monotonic() < end:
+        time.sleep(0.01)
+    assert answer is not None
+    return answer
+
+
+def cannot_send(_: Trigger.Request) -> None:
+    raise InvalidHandle('no client')
