@@ -55,7 +55,7 @@ class EmulatedWorld:
 
     In lockstep time is that of the answers: the world stands still until the last state is
     answered, while the arm is off and lies, and before its first command, so that the same
-    controller finds the same world at the same time in every run. It begins at time 0; with
+    controller finds the same world at the same time in every run. It begins at `start_ns`; with
     `keep_up` it begins at the host's time.
 
     Parameters
@@ -69,7 +69,8 @@ class EmulatedWorld:
     period, patience
         Of the cycle, and `answer_timeout` [s].
     start_ns
-        World time at the start [ns], zero for a new arm.
+        World time at the start [ns]: zero in a new process; where the bridge is configured once
+        more time does not go back.
     is_still
         Returns whether the arm lies or stands still, in a mode since a world time [s].
     tell_again
@@ -109,7 +110,7 @@ class EmulatedWorld:
         self._requests = requests
         self._in_lockstep = pace == LOCKSTEP
         self._watch = AnswerWatch(self.loop.period_ns, LAG[pace])
-        self._recording = RecordingWatch(node)
+        self._recording = RecordingWatch(node, self.now_ns())
         self._patience = patience
         self._is_still = is_still
         self._tell_again = tell_again
@@ -138,6 +139,7 @@ class EmulatedWorld:
         """Take the bridge's mode, and tell the time."""
         if mode != self._mode:
             self._mode, self._mode_since_ns = mode, self.loop.world_ns
+            self._warned.clear()
         self._clock.tell(self.now_ns())
 
     def poll(self) -> None:
@@ -154,7 +156,6 @@ class EmulatedWorld:
         self.is_waiting = False
         if self._mode not in COMMANDABLE or self._mode == 'ready':
             self._watch.forget()  # who commands next is another one, maybe
-            self._warned.clear()
         self._stands = (
             self._in_lockstep
             and self._mode in _STANDING
@@ -227,13 +228,15 @@ class EmulatedWorld:
     def _listen(self, timeout: float) -> None:
         """Wait for who is waited for, up to `timeout` [s], and take what came."""
         drone = self._drone
-        if drone is None or self._stands or self._watch.awaits(self.now_ns()):
-            if self._streams.commands.wait(timeout):
-                self._look()
-        elif drone.is_behind():
+        if drone is not None and drone.is_behind() and not self._awaits_command():
             drone.wait(timeout)
+        elif self._streams.commands.wait(timeout):  # for one, or while the recorder is behind
+            self._look()
         if drone is not None:
             drone.look()
+
+    def _awaits_command(self) -> bool:
+        return self._stands or self._watch.awaits(self.now_ns())
 
     def _is_alone(self, has_told: bool) -> bool:
         """Whether nobody commands the arm, after a wait with or without telling the state again."""
@@ -247,7 +250,7 @@ class EmulatedWorld:
         try:
             command = self._streams.newest_command()
         except ValueError as error:
-            self._command = error
+            self._command = self._command or error  # it replaces no answer, either
             return
         if command is None or self._is_early(command[1].stamp_ns):
             return

@@ -18,10 +18,14 @@ class RecordingWatch:
     ----------
     node
         Owner of the subscription; its executor takes the messages.
+    start_ns
+        Time at which the world began [ns since the epoch]. What a recorder has of before is of
+        another world, such as that of a second bridge by mistake.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, start_ns: int) -> None:
         self._node = node
+        self._start_ns = start_ns
         self._until_ns: int | None = None
         topic = topics.RECORDED_UNTIL
         self._subscription = node.create_subscription(
@@ -46,4 +50,6 @@ class RecordingWatch:
         self._node.destroy_subscription(self._subscription)
 
     def _on_time(self, message: Time) -> None:
-        self._until_ns = message.sec * 1_000_000_000 + message.nanosec
+        until_ns = message.sec * 1_000_000_000 + message.nanosec
+        if until_ns >= self._start_ns:
+            self._until_ns = until_ns
