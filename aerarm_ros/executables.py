@@ -43,7 +43,7 @@ def _run(name: str) -> int:
             sys.modules.update((name, _Unloaded(name)) for name in _HEAVY)
         return run(name)
     except KeyboardInterrupt:
-        # Of who serves, one that comes just after its own handlers are gone.
+        # Of who serves, one that comes before its own handlers are there.
         return INTERRUPTED if has_task else 0
     finally:
         StopSignals.ignore()
@@ -51,7 +51,7 @@ def _run(name: str) -> int:
 
 def _serve(name: str) -> int:
     early = _Early()
-    with StopSignals(early):
+    with StopSignals(early, is_last=True):
         main = importlib.import_module(f'aerarm_ros.nodes.{name}').main
         early.is_over = True
         try:

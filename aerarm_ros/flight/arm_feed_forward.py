@@ -94,6 +94,12 @@ class ArmFeedForward:
         force, moment = self._rotation @ wrench[:3], self._rotation @ wrench[3:]
         self._motion.add(stamp, np.concatenate([force, moment + cross(self._mount, force)]))
 
+    @property
+    def newest(self) -> float | None:
+        """Time of the newest that was told of the arm [s], None before the first."""
+        times = [told.newest for told in (self._arm, self._motion) if told.newest is not None]
+        return max(times, default=None)
+
     def is_late(self, now: float) -> bool:
         """Return whether the arm is told, but not yet as far ahead as `now` [s] needs."""
         ahead = now + self.lead

@@ -26,6 +26,7 @@ from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS
 from aerarm_ros.ros.controllers.energy_topic import EnergyTopic
 from aerarm_ros.ros.controllers.load_topics import LOAD_PARAMETERS, LoadTopics, wrench_message
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
+from aerarm_ros.ros.graph.emulated_source import SilencePatience
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.base_header import base_header
@@ -70,6 +71,8 @@ class BaseReactionNode(StateNode):
         self.listen(topics.PLANNED_MOTION, self._loads.take_plan)
         self._contact = ContactTopic(self.node, self.arm, self.values, self.reject, self.act)
         self._energy = EnergyTopic(self.node, self.arm, self.values)
+        states = self.node.resolve_topic_name(topics.JOINT_STATES.name)
+        self._patience = SilencePatience(self.node, states)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
         """Publish the reaction if it is due."""
@@ -93,10 +96,16 @@ class BaseReactionNode(StateNode):
         self._send(stamp_ns, self._result)
         self.count_answer()
 
-    def silence(self) -> float:
-        """Let what is told of the arm's motion fade, and of contact."""
+    def silence(self, silent_for: float) -> float:
+        """Let what is told of the arm's motion fade, and of contact.
+
+        Not by a pause of an emulated arm's host, which is none of the arm's time.
+        """
+        timeout = super().silence(silent_for)
+        if silent_for <= self._patience.limit(timeout):
+            return timeout
         pauses = self._loads.fade(), self._contact.fade()
-        return min((pause for pause in pauses if pause), default=super().silence())
+        return min((pause for pause in pauses if pause), default=timeout)
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Change the lead, or the bandwidth."""

@@ -1,5 +1,6 @@
 """The excitation node as a process against an arm as a process, over real DDS."""
 
+import os
 import re
 import signal
 import subprocess
@@ -121,6 +122,24 @@ def test_drives_the_emulated_boards(tmp_path: Path, environment, ros_node: Node)
     assert plans
     assert list(plans[-1].joint_names) == list(NAMES)
     np.testing.assert_allclose(plans[-1].points[-1].velocities, 0.0, atol=1e-6)
+
+
+def test_goes_on_after_a_pause_of_an_arm_with_a_clock_of_another_name(
+    tmp_path: Path, environment, ros_node: Node
+) -> None:
+    log = tmp_path / 'excitation.log'
+    other_name = ('--ros-args', '-r', '/clock:=left/clock', '--')  # told to the bridge alone
+    parameters = quick(tmp_path, state_timeout=0.2)
+    with NodeProcess('fake_hardware', other_name, {}, environment, tmp_path / 'arm.log') as arm:
+        BridgeClient(ros_node).make_ready()
+        with NodeProcess('excitation', (), parameters, environment, log) as node:
+            wait_for_text(log, ' s  excitation ')
+            os.kill(arm.pid, signal.SIGSTOP)
+            time.sleep(1.0)
+            os.kill(arm.pid, signal.SIGCONT)
+            status = node.wait(120.0)
+    assert status == 0, log.read_text()
+    assert 'done' in log.read_text()
 
 
 def test_full_mode_from_a_file_with_another_joint_order(tmp_path: Path, environment) -> None:

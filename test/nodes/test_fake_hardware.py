@@ -40,7 +40,8 @@ def test_publishes_states_of_all_joints_and_motors(client: BridgeClient) -> None
 def test_cycles_lie_on_a_grid_of_a_millisecond(client: BridgeClient) -> None:
     client.wait_for(lambda: 'cycles' in client.diagnostics.get('timing', {}))
     first = client.diagnostics['timing'], client.diagnosed
-    client.wait_for(lambda: client.diagnosed - first[1] > 2.0)
+    # A report is stamped some cycles after it was counted, and a pause may lie in between.
+    client.wait_for(lambda: client.diagnosed - first[1] > 20.0)
     passed = client.diagnosed - first[1]
     cycles, missed = (
         int(client.diagnostics['timing'][key]) - int(first[0][key])

@@ -74,7 +74,9 @@ class NamespacedNodes:
         return (self._logs / f'{side}_{name}.log').read_text()
 
     def start(self, side: str, name: str, prefix: str, **parameters: object) -> NodeProcess:
-        arguments = ('--ros-args', '-r', f'__ns:=/{side}', '-r', '/clock:=clock', '--')
+        # The launch files tell the bridge alone.
+        clock = ('-r', '/clock:=clock') if name == 'fake_hardware' else ()
+        arguments = ('--ros-args', '-r', f'__ns:=/{side}', *clock, '--')
         given = {'tf_prefix': prefix, **parameters}
         log = self._logs / f'{side}_{name}.log'
         return self._stack.enter_context(NodeProcess(name, arguments, given, log=log))

@@ -38,6 +38,7 @@ LOAD_PARAMETERS = grouped(
 
 _FADE = 0.2  # [s] in which the motion of an arm that fell silent becomes none
 _FADE_STEP = 0.01  # [s]
+_SET_BACK_NS = 10**9  # a stamp that far before the last is of a clock that was set back
 
 
 class LoadTopics:
@@ -82,12 +83,14 @@ class LoadTopics:
     def add(self, stamp_ns: int, measured: JointReference) -> None:
         """Take the motion measured at a stamp [ns], and publish if it is due."""
         now = 1e-9 * stamp_ns
+        about_ns = stamp_ns + round(1e9 * self.forecast.lead)
+        if self._has_faded_after(about_ns):
+            return
         self._fade.share = 1.0
         if self._due - 2.0 * self._period < now < self._due:  # else the clock may be set back
             return
         self._due = now + self._period
         motion = self.forecast.motion(now, measured)
-        about_ns = stamp_ns + round(1e9 * self.forecast.lead)
         self._send(about_ns, self._model.evaluate(motion))
 
     def repeat(self) -> None:
@@ -128,6 +131,15 @@ class LoadTopics:
         times = np.array([duration.sec + 1e-9 * duration.nanosec for duration in durations])
         begin = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         self.forecast.offer(begin, times, *columns)
+
+    def _has_faded_after(self, stamp_ns: int) -> bool:
+        """Return whether a state tells of a time for which the motion was told as fading.
+
+        A bridge that was held up between measuring and publishing sends such a state afterwards.
+        """
+        if self._sent is None or self._fade.share == 1.0:
+            return False
+        return 0 < self._sent[0] - stamp_ns < _SET_BACK_NS
 
     def _send(self, stamp_ns: int, load: ArmLoad) -> None:
         self._sent = stamp_ns, load

@@ -118,8 +118,14 @@ class StateNode:
         """Act on a state, and call `count_answer` if that is an answer."""
         raise NotImplementedError
 
-    def silence(self) -> float:
-        """Act while no states come; return after what time to act again [s] if none has come."""
+    def silence(self, silent_for: float) -> float:
+        """Act while no states come; return after what time to act again [s] if none has come.
+
+        Parameters
+        ----------
+        silent_for
+            Time since the newest state came [s], more than state_timeout.
+        """
         return float(self.values.state_timeout)
 
     def leave(self) -> None:
@@ -183,8 +189,8 @@ class StateNode:
             while not self._stopping and rclpy.ok():
                 if self._stream.wait(patience):
                     self._take()
-                is_silent = time.monotonic() - self._heard > self.values.state_timeout
-                patience = self.silence() if is_silent else self.values.state_timeout
+                silent_for, timeout = time.monotonic() - self._heard, self.values.state_timeout
+                patience = self.silence(silent_for) if silent_for > timeout else timeout
             if rclpy.ok():
                 self.leave()
         print_account(self.node.get_name(), self.diagnostics.account())

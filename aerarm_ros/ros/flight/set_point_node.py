@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
@@ -30,6 +31,8 @@ Array = NDArray[np.float64]
 _SPIN = 0.1  # [s] longest time until a stop signal is noticed
 _ATTITUDE_AGE = 0.2  # [s]
 _REMEMBERED = 5.0  # [s] for which a rejection is a warning
+# [s] An arm's time is that close to this computer's, lead and the way here included.
+_CLOCK_TOLERANCE = 0.2
 
 
 def set_point_parameters(set_points: str, output: str, attitude: str) -> ParameterTable:
@@ -63,7 +66,8 @@ class SetPointNode:
     """Sends every set point again with what the arm's motion takes, until it is too old.
 
     Without an attitude for 0.2 s, or where nothing is told of the arm, set points go on as they
-    are.
+    are. The arm's time must be this computer's, as the autopilot's is: where it is more than 0.2 s
+    off, that is on /diagnostics.
 
     Parameters
     ----------
@@ -96,6 +100,9 @@ class SetPointNode:
         self._set_point_time = self._attitude_time = self._rejected_at = -np.inf
         self._rotation = np.eye(3)
         self._rejection = ''
+        # How far the arm's time is ahead [s]: the most since the last report, as what comes late
+        # makes it less. None if nothing was told.
+        self._ahead: float | None = None
         self._sent = 0
         self._added = np.zeros(3)
         self._is_stopping = False
@@ -107,7 +114,7 @@ class SetPointNode:
             (attitude, values.attitude_topic, self._on_attitude),
         ):
             self.node.create_subscription(kind, topic, act, qos_profile_sensor_data)
-        ArmTopics(self.node, self._arm, self._try)
+        ArmTopics(self.node, self._arm, self._on_arm)
         self._diagnostics = DiagnosticsPublisher(self.node, config.name)
         self.node.create_timer(1.0 / values.rate, self._send)
         self.node.create_timer(PERIOD, self._report)
@@ -170,6 +177,14 @@ class SetPointNode:
         self._rotation = rotation_matrix(quaternion / np.linalg.norm(quaternion))
         self._attitude_time = time.monotonic()
 
+    def _on_arm(self, action: Callable[[], None]) -> None:
+        before = self._arm.newest
+        self._try(action)
+        newest = self._arm.newest
+        if newest is not None and newest != before:
+            ahead = newest - 1e-9 * self.node.get_clock().now().nanoseconds
+            self._ahead = ahead if self._ahead is None else max(self._ahead, ahead)
+
     def _on_parameter(self, _: str, value: Any) -> None:
         self._arm.lead = value
 
@@ -185,11 +200,14 @@ class SetPointNode:
 
     def _report(self) -> None:
         now, values = time.monotonic(), self.values
+        ahead, self._ahead = self._ahead, None
         problem = ''
         if now - self._set_point_time > values.set_point_timeout:
             problem = f'no set points on {values.set_point_topic}: nothing is sent'
         elif now - self._attitude_time > _ATTITUDE_AGE:
             problem = f'no attitude on {values.attitude_topic}: nothing is added'
+        elif ahead is not None and abs(ahead) > _CLOCK_TOLERANCE:
+            problem = _clock_problem(ahead)
         elif now - self._rejected_at < _REMEMBERED:
             problem = f'rejected: {self._rejection}'
         told = {'sent': self._sent, 'added [m/s^2]': f'{np.linalg.norm(self._added):.2f}'}
@@ -197,3 +215,11 @@ class SetPointNode:
 
     def _on_stop(self) -> None:
         self._is_stopping = True
+
+
+def _clock_problem(ahead: float) -> str:
+    return (
+        f"the arm's time is {abs(ahead):.1f} s {'ahead of' if ahead > 0.0 else 'behind'} this "
+        "computer's, so what its motion takes is not added in time: run fake_hardware with "
+        "-p pace:=real_time; of a real arm, check that the computers' clocks agree (chrony, PTP)"
+    )

@@ -9,6 +9,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        'emulated_source': ['SilencePatience', 'is_emulated'],
         'publisher_check': ['PublisherCheck'],
         'publisher_watch': ['PublisherWatch'],
         'rival_watch': ['RivalWatch'],

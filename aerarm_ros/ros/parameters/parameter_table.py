@@ -11,7 +11,10 @@ from rclpy.parameter import Parameter as RosParameter
 from aerarm_ros.ros.parameters.parameter import Parameter
 
 _SIM_TIME = 'use_sim_time'
-_IGNORED = f'{_SIM_TIME} is ignored: this node takes the time from the stamps of the states'
+_IGNORED = (
+    f'{_SIM_TIME} is ignored: this node goes by the stamps of what it hears, '
+    'and else by the system clock'
+)
 
 LiveCallback = Callable[[str, Any], None]
 Check = Callable[[dict[str, Any]], str]

@@ -16,7 +16,7 @@ from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.motion.arm_state import ArmState
 from aerarm_ros.ros.diagnostics.progress_line import ProgressLine
 from aerarm_ros.ros.diagnostics.waiting_notice import WaitingNotice
-from aerarm_ros.ros.graph.endpoint_name import endpoint_name
+from aerarm_ros.ros.graph.emulated_source import SilencePatience
 from aerarm_ros.ros.playback.damping_account import DampingAccount
 from aerarm_ros.ros.playback.start_conditions import StartConditions
 from aerarm_ros.ros.states.arm_modes import COMMANDABLE
@@ -24,8 +24,6 @@ from aerarm_ros.ros.states.state_stream import StateStream
 
 # A joint slower than this counts as resting [rad/s]; the velocity filter's noise stays below.
 RESTING = 0.1
-# How long an arm whose time is on /clock may be silent [s].
-_PATIENCE = 10.0
 
 Listener = Callable[[int, ArmState, bytes], None]
 
@@ -82,6 +80,7 @@ class MotionPlayback:
         self._command = b''
         self.latency_ns = 0
         self._on_rejection = on_rejection
+        self._patience = SilencePatience(node, node.resolve_topic_name(topics.JOINT_STATES.name))
         self.states = StateStream(node, joint_names, self._reject, imu=False)
 
     def wait_for_arm(self, timeout: float) -> NDArray[np.float64] | None:
@@ -191,21 +190,13 @@ class MotionPlayback:
         silent_for = time.monotonic() - heard
         if silent_for <= silence:
             return
-        timeout = max(silence, _PATIENCE) if self._is_emulated() else silence
+        timeout = self._patience.limit(silence)
         if silent_for > timeout:
             why = self._rejection or (
                 'did the bridge end, or is the computer overloaded? '
                 'state_timeout lengthens the wait'
             )
             raise ExcitationError(f'no joint state for {timeout:g} s in the {stage}: {why}')
-
-    def _is_emulated(self) -> bool:
-        """Whether the arm has a time of its own: who publishes its states publishes /clock too."""
-        clocks, arms = (
-            {endpoint_name(endpoint) for endpoint in self._node.get_publishers_info_by_topic(name)}
-            for name in (topics.CLOCK.name, self._node.resolve_topic_name(topics.JOINT_STATES.name))
-        )
-        return bool(clocks & arms)
 
     def _reject(self, reason: str) -> None:
         self._rejection = reason

@@ -117,6 +117,14 @@ def test_the_profiles_differ_in_the_interfaces_only() -> None:
     assert loopback.replace(listed[0], '') == everywhere
 
 
+def test_what_comes_while_a_new_process_stands_still_fits_into_its_queue() -> None:
+    # Fast DDS lets it sleep for a third of that time, where it first writes to one that is idle.
+    profile = resource('config', 'fastdds.xml').read_text()
+    numbers = dict(re.findall(r'<(healthy_check_timeout_ms|port_queue_capacity)>(\d+)<', profile))
+    asleep = 1e-3 * int(numbers['healthy_check_timeout_ms']) / 3.0
+    assert int(numbers['port_queue_capacity']) > 7 * 1000.0 * asleep  # a recorder's busiest bag
+
+
 class UdpSocket:
     """A line of /proc/net/udp."""
 
