@@ -67,7 +67,7 @@ class FlightBench:
             law['drone_file'] = write_drone(wrong, folder / 'believed.yaml')
             pilot = {'drone_file': law['drone_file']}
             if case.is_told:
-                told = {'lead': case.ahead, 'state_timeout': 10.0, **dict(case.told)}
+                told = {'lead': case.ahead, **dict(case.told)}
                 if case.is_touched:
                     told['drone_file'] = law['drone_file']
                 self.start(stack, 'base_reaction', {**told, **arm.law})
