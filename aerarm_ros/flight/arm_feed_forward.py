@@ -13,7 +13,7 @@ from aerarm_ros.model.cross_product import cross
 
 Array = npt.NDArray[np.float64]
 
-_HOLD = 0.05  # [s] for which the last that was told stands for what comes after it
+HOLD = 0.05  # [s] for which the last that was told stands for what comes after it
 _FADE = 0.1  # [s]
 _SPACING = 0.012  # [s] of the differences that are derivatives
 _STEP_MAX = 0.05  # [s]
@@ -57,8 +57,8 @@ class ArmFeedForward:
         self._body = body
         self._rotation = drone.mount.rotation
         self._mount = np.array(drone.mount.position)
-        self._arm = StampedValues(_HOLD)
-        self._motion = StampedValues(_HOLD)
+        self._arm = StampedValues(HOLD)
+        self._motion = StampedValues(HOLD)
         self._fade = Fade(_FADE, share=0.0)
         self._last = FeedForward.at_rest(body)
         self._time = -np.inf

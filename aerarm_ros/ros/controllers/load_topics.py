@@ -94,9 +94,10 @@ class LoadTopics:
         self._send(about_ns, self._model.evaluate(motion))
 
     def repeat(self) -> None:
-        """Publish the last once more."""
+        """Publish the last once more, its motion as far as it has faded."""
         if self._sent is not None:
-            self._send(*self._sent)
+            stamp_ns, load = self._sent
+            self._send(stamp_ns, load, self._fade.share)
 
     def fade(self) -> float | None:
         """Let the last motion fade, as no states come; return until when [s], None if it has.
@@ -141,13 +142,13 @@ class LoadTopics:
             return False
         return 0 < self._sent[0] - stamp_ns < _SET_BACK_NS
 
-    def _send(self, stamp_ns: int, load: ArmLoad) -> None:
+    def _send(self, stamp_ns: int, load: ArmLoad, share: float = 1.0) -> None:
         self._sent = stamp_ns, load
         header = base_header(stamp_ns, self._base)
         self._com.publish(_point_message(header, load.com))
         self._inertia.publish(inertia_message(header, load.mass, load.com, load.inertia))
         self._weight.publish(wrench_message(header, load.weight))
-        self._send_motion(stamp_ns, load)
+        self._send_motion(stamp_ns, load._replace(motion=share * load.motion))
 
     def _send_motion(self, stamp_ns: int, load: ArmLoad) -> None:
         header = base_header(stamp_ns, self._base)

@@ -16,7 +16,7 @@ from rclpy.qos import qos_profile_sensor_data
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.frame_conversion import rotation_matrix
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
+from aerarm_ros.flight.arm_feed_forward import HOLD, ArmFeedForward
 from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.flight.flight_inputs import ArmTopics
 from aerarm_ros.ros.flight.flown_drone import load_flown_drone
@@ -67,7 +67,7 @@ class SetPointNode:
 
     Without an attitude for 0.2 s, or where nothing is told of the arm, set points go on as they
     are. The arm's time must be this computer's, as the autopilot's is: where it is more than 0.2 s
-    off, that is on /diagnostics.
+    ahead, or so far behind that nothing is added, that is on /diagnostics.
 
     Parameters
     ----------
@@ -206,8 +206,8 @@ class SetPointNode:
             problem = f'no set points on {values.set_point_topic}: nothing is sent'
         elif now - self._attitude_time > _ATTITUDE_AGE:
             problem = f'no attitude on {values.attitude_topic}: nothing is added'
-        elif ahead is not None and abs(ahead) > _CLOCK_TOLERANCE:
-            problem = _clock_problem(ahead)
+        elif ahead is not None and (late := _time_problem(ahead, values.feed_lead)):
+            problem = late
         elif now - self._rejected_at < _REMEMBERED:
             problem = f'rejected: {self._rejection}'
         told = {'sent': self._sent, 'added [m/s^2]': f'{np.linalg.norm(self._added):.2f}'}
@@ -217,7 +217,16 @@ class SetPointNode:
         self._is_stopping = True
 
 
-def _clock_problem(ahead: float) -> str:
+def _time_problem(ahead: float, lead: float) -> str:
+    """Return why what is told so far ahead [s] does not serve what needs it `lead` [s] ahead."""
+    if -_CLOCK_TOLERANCE <= ahead < lead - HOLD:
+        return (
+            f'what is told of the arm ends {lead - ahead:.2f} s before it is needed, so nothing is '
+            'added: give base_reaction a lead of more than feed_lead, and run fake_hardware with '
+            '-p pace:=real_time'
+        )
+    if abs(ahead) <= _CLOCK_TOLERANCE:
+        return ''
     return (
         f"the arm's time is {abs(ahead):.1f} s {'ahead of' if ahead > 0.0 else 'behind'} this "
         "computer's, so what its motion takes is not added in time: run fake_hardware with "

@@ -137,6 +137,14 @@ def test_the_drone_is_told_ahead_of_time_and_of_an_end(arm: ToldArm) -> None:
     assert len(sizes) > 3
     assert np.all(np.diff(sizes) <= 1e-9)
 
+    # The last state once more, as in lockstep, is no motion either.
+    last = swing(arm.now)
+    count = len(arm.heard)
+    arm.heard.clear()
+    arm.states.publish(arm.codec.pack(arm.stamp_ns, last.q, last.dq, np.zeros(4)))
+    assert spin_until(arm.node, lambda: len(arm.heard) == count, 60.0)
+    assert motion() == 0.0
+
     # A state that was held up on its way is no news: time never goes back for who is told.
     ended_ns = arm.about('base_wrench_motion')
     assert not arm.step()
