@@ -9,7 +9,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 _KEPT = 256
-_BACK = 1.0  # [s] a stamp that far before the last is of a clock that was set back
+SET_BACK = 1.0  # [s] a stamp that far before the last is of a clock that was set back
 
 
 class StampedValues:
@@ -35,7 +35,7 @@ class StampedValues:
         """Take a value of a time [s]; one that is not newer than the last is ignored."""
         times = self._times
         if times and time <= times[-1]:
-            if time > times[-1] - _BACK:
+            if time > times[-1] - SET_BACK:
                 return
             times.clear()
             self._values.clear()

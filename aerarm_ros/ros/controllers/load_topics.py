@@ -20,6 +20,7 @@ from aerarm_ros.description.drone_urdf import BODY_LINK
 from aerarm_ros.flight.arm_forecast import ArmForecast
 from aerarm_ros.flight.arm_load import ArmLoad, at_drone_centre
 from aerarm_ros.flight.arm_load_model import ArmLoadModel
+from aerarm_ros.flight.stamped_values import SET_BACK
 from aerarm_ros.motion.joint_reference import JointReference
 from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
 from aerarm_ros.ros.controllers.inertia_message import inertia_message
@@ -38,7 +39,6 @@ LOAD_PARAMETERS = grouped(
 
 _FADE = 0.2  # [s] in which the motion of an arm that fell silent becomes none
 _FADE_STEP = 0.01  # [s]
-_SET_BACK_NS = 10**9  # a stamp that far before the last is of a clock that was set back
 
 
 class LoadTopics:
@@ -96,8 +96,7 @@ class LoadTopics:
     def repeat(self) -> None:
         """Publish the last once more, its motion as far as it has faded."""
         if self._sent is not None:
-            stamp_ns, load = self._sent
-            self._send(stamp_ns, load, self._fade.share)
+            self._send(*self._sent)
 
     def fade(self) -> float | None:
         """Let the last motion fade, as no states come; return until when [s], None if it has.
@@ -110,10 +109,10 @@ class LoadTopics:
         step = 0.0 if self._fade.share == 1.0 else now - self._silent_since
         self._silent_since = now
         stamp_ns, load = self._sent
-        share = self._fade.update(max(step, 1e-6), is_on=False)
+        self._fade.update(max(step, 1e-6), is_on=False)
         stamp_ns += round(1e9 * step)
         self._sent = stamp_ns, load
-        self._send_motion(stamp_ns, load._replace(motion=share * load.motion))
+        self._send_motion(stamp_ns, load)
         return _FADE_STEP
 
     def take_plan(self, message: JointTrajectory, _: float) -> None:
@@ -140,17 +139,18 @@ class LoadTopics:
         """
         if self._sent is None or self._fade.share == 1.0:
             return False
-        return 0 < self._sent[0] - stamp_ns < _SET_BACK_NS
+        return 0 < self._sent[0] - stamp_ns < 1e9 * SET_BACK
 
-    def _send(self, stamp_ns: int, load: ArmLoad, share: float = 1.0) -> None:
+    def _send(self, stamp_ns: int, load: ArmLoad) -> None:
         self._sent = stamp_ns, load
         header = base_header(stamp_ns, self._base)
         self._com.publish(_point_message(header, load.com))
         self._inertia.publish(inertia_message(header, load.mass, load.com, load.inertia))
         self._weight.publish(wrench_message(header, load.weight))
-        self._send_motion(stamp_ns, load._replace(motion=share * load.motion))
+        self._send_motion(stamp_ns, load)
 
     def _send_motion(self, stamp_ns: int, load: ArmLoad) -> None:
+        load = load._replace(motion=self._fade.share * load.motion)
         header = base_header(stamp_ns, self._base)
         self._motion.publish(wrench_message(header, load.motion))
         if self._drone is None:
