@@ -1,9 +1,11 @@
 """The installed commands: each runs the `main` of its module in `aerarm_ros.nodes`.
 
 What a node needs takes some tenths of a second to import, and a Ctrl-C meanwhile is an ordinary
-end too. So the commands come through here, where nothing is imported beforehand.
+end too. So the commands come through here, where nothing is imported beforehand. `python -m
+aerarm_ros.executables NAME` is the same without an installed command.
 """
 
+import atexit
 import importlib
 import os
 import signal
@@ -13,6 +15,7 @@ from functools import partial
 from types import ModuleType
 
 from aerarm_ros.ros.process.die_with_parent import die_with_launch
+from aerarm_ros.ros.process.exit_limit import exit_within
 from aerarm_ros.ros.process.exit_status import INTERRUPTED
 from aerarm_ros.ros.process.stop_signals import StopSignals
 
@@ -37,16 +40,24 @@ def __getattr__(name: str) -> Callable[[], int]:
 def _run(name: str) -> int:
     has_task = name in _TASKS
     run = _do if has_task else _serve
+    status = 1  # of a traceback
     try:
         die_with_launch()
         if any(argument in _HELP for argument in sys.argv[1:]):
             sys.modules.update((name, _Unloaded(name)) for name in _HEAVY)
-        return run(name)
+        status = run(name)
     except KeyboardInterrupt:
         # Of who serves, one that comes before its own handlers are there.
-        return INTERRUPTED if has_task else 0
+        status = INTERRUPTED if has_task else 0
+    except SystemExit as end:
+        if isinstance(end.code, int):  # argparse's
+            status = end.code
+        raise
     finally:
         StopSignals.ignore()
+        # From when Python has waited for its threads, in which something may be left to do.
+        atexit.register(exit_within, status)
+    return status
 
 
 def _serve(name: str) -> int:
@@ -94,3 +105,7 @@ class _Early:
         # An exception would not do: extension modules make an ImportError of it.
         if not self.is_over:
             os._exit(0)
+
+
+if __name__ == '__main__':
+    sys.exit(_run(sys.argv.pop(1)))

@@ -274,9 +274,9 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
     executable, parameter, *_ = _PROGRAMS[options.command]
     given = f'{parameter}:={json.dumps(options.what)}'  # whatever it looks like, it is text
     begin = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
-    command = [sys.executable, '-m', f'aerarm_ros.nodes.{executable}', '--ros-args', '-p', given]
+    command = [sys.executable, '-m', 'aerarm_ros.executables', executable]
     sys.stdout.flush()
-    os.execv(sys.executable, [*command, '--', *arguments[begin:]])
+    os.execv(sys.executable, [*command, '--ros-args', '-p', given, '--', *arguments[begin:]])
 
 
 def _completion(parser: argparse.ArgumentParser) -> str:

@@ -13,6 +13,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'command_line': ['CommandLine'],
         'completion': ['lazy_script', 'node_script', 'parser_script'],
         'discovery_profile': ['use_packaged_profile'],
+        'exit_limit': ['ExitLimit', 'exit_within'],
         'exit_status': ['INTERRUPTED', 'USER_ERROR', 'print_error'],
         'local_discovery': ['is_on_this_host', 'stay_on_this_host'],
         'node_main': ['Runnable', 'run_node'],

@@ -15,6 +15,7 @@ from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process import completion
 from aerarm_ros.ros.process.command_line import CommandLine
 from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
+from aerarm_ros.ros.process.exit_limit import ExitLimit
 from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
 from aerarm_ros.ros.process.local_discovery import stay_on_this_host
 from aerarm_ros.ros.process.log_directory import find_log_directory
@@ -136,6 +137,8 @@ def _run_node(
     except (RCLInvalidROSArgsError, UnknownROSArgsError) as error:
         return _report(name, error, USER_ERROR)
     except OSError as error:
+        if node is not None:
+            node.status = 1
         return _report(name, error)
     except (RCLError, InvalidHandle) as error:
         # A shutdown from outside takes the context away under whatever call is going on.
@@ -146,7 +149,8 @@ def _run_node(
     finally:
         try:
             if node is not None:
-                node.close()
+                with ExitLimit(1 if sys.exception() else node.status):
+                    node.close()
         finally:
             rclpy.try_shutdown()
     return node.status if node is not None else 0

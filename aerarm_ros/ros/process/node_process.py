@@ -23,7 +23,7 @@ _LAUNCHER = Path(__file__).with_name('die_with_parent.py')
 
 
 class NodeProcess:
-    """One executable of the package, run as `python -m aerarm_ros.nodes.NAME`.
+    """One executable of the package, run as `python -m aerarm_ros.executables NAME`.
 
     It ends with this process, even if that is killed (and with the thread that started it).
     Ctrl-C does not reach it, so that one process decides in which order all others end.
@@ -53,7 +53,7 @@ class NodeProcess:
         self.name = name
         # The launcher alone needs no packages: -I -S.
         command = [sys.executable, '-I', '-S', str(_LAUNCHER), str(os.getpid())]
-        command += [sys.executable, '-m', f'aerarm_ros.nodes.{name}', *arguments]
+        command += [sys.executable, '-m', 'aerarm_ros.executables', name, *arguments]
         command += parameter_arguments(parameters or {})
         self.log = log
         self._stream: IO[bytes] | None = log.open('wb') if log else None

@@ -16,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
+from aerarm_ros.ros.process.exit_limit import ExitLimit
 from aerarm_ros.ros.process.log_directory import find_log_directory
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.programs.demo_account import DemoAccount
@@ -189,7 +190,8 @@ def _arm_client() -> Iterator[ArmClient]:
     try:
         yield ArmClient(node, ['fake_hardware'])
     finally:
-        node.destroy_node()
+        with ExitLimit(1):
+            node.destroy_node()
         rclpy.try_shutdown()
 
 

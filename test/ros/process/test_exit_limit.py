@@ -1,0 +1,90 @@
+"""A process whose libraries never end: what the C library runs at exit spins for ever."""
+
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from aerarm_ros.ros.process.node_process import NodeProcess
+
+# A jump to itself.
+SPIN = {'x86_64': 'ebfe', 'aarch64': '00000014'}.get(platform.machine())
+pytestmark = pytest.mark.skipif(SPIN is None, reason='how this processor spins is not known here')
+# `spin` is that as a function of C, which outlives Python.
+SPINNING = f"""
+import ctypes, mmap, sys
+c, page = ctypes.CDLL(None), mmap.mmap(-1, mmap.PAGESIZE, prot=7)
+page.write(bytes.fromhex('{SPIN}'))
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(page))
+spin = ctypes.CFUNCTYPE(None)(ctypes.addressof(ctypes.c_char.from_buffer(page)))
+c.__cxa_atexit(ctypes.cast(spin, ctypes.c_void_p), None, None)
+"""
+LIMIT = """
+import sys, time
+from aerarm_ros.ros.process import exit_limit
+"""
+COMMAND = 'from aerarm_ros.executables import {0}; sys.argv[1:] = {1}; sys.exit({0}())'
+
+
+def run(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False, timeout=300.0
+    )
+
+
+@pytest.mark.parametrize('status', [0, 7])
+def test_it_ends_with_its_status(status: int) -> None:
+    done = run(
+        f'{SPINNING}{LIMIT}exit_limit.exit_within({status}, 0.3); print("done"); sys.exit({status})'
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (status, 'done\n', '')
+
+
+def test_one_that_ends_in_time_is_not_touched() -> None:
+    done = run(f'{LIMIT}exit_limit.exit_within(7, 1000.0); print("done"); sys.exit(3)')
+    assert (done.returncode, done.stdout, done.stderr) == (3, 'done\n', '')
+
+
+def test_it_ends_while_something_is_closed() -> None:
+    done = run(f'{SPINNING}{LIMIT}\nwith exit_limit.ExitLimit(7, 0.3): spin()')
+    assert (done.returncode, done.stderr) == (7, '')
+
+
+def test_what_was_closed_in_time_has_no_limit_any_more() -> None:
+    busy = '\nwith exit_limit.ExitLimit(7, 0.1): pass\nwhile time.process_time() < 2.0: pass'
+    assert run(f'{LIMIT}{busy}').returncode == 0
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='real-time priority needs rights')
+def test_a_loop_that_let_nobody_run_can_be_ended() -> None:
+    alone = """
+import os
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))
+with exit_limit.ExitLimit(7, 0.3): spin()
+"""
+    assert run(SPINNING + LIMIT + alone).returncode == 7
+
+
+@pytest.mark.parametrize(
+    ('command', 'arguments', 'status'),
+    [('computed_torque', ['--help'], 0), ('arm', ['no_such_order'], 2)],
+)
+def test_every_command_has_a_limit(command: str, arguments: list[str], status: int) -> None:
+    done = run(SPINNING + COMMAND.format(command, arguments))
+    assert done.returncode == status
+    assert done.stdout or done.stderr
+
+
+def test_a_node_that_another_has_started_has_a_limit(tmp_path: Path) -> None:
+    # Python runs that as it starts.
+    (tmp_path / 'sitecustomize.py').write_text(SPINNING)
+    path = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get('PYTHONPATH')]))
+    with NodeProcess(
+        'fake_hardware', ('--help',), environment={'PYTHONPATH': path}, log=tmp_path / 'log'
+    ) as node:
+        assert node.wait(300.0) == 0
+        assert 'pace' in (tmp_path / 'log').read_text()
