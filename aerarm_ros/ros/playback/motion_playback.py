@@ -24,6 +24,7 @@ from aerarm_ros.ros.states.state_stream import StateStream
 
 # A joint slower than this counts as resting [rad/s]; the velocity filter's noise stays below.
 RESTING = 0.1
+_LOOKS = 4  # states at the most until the motion begins
 
 Listener = Callable[[int, ArmState, bytes], None]
 
@@ -77,6 +78,8 @@ class MotionPlayback:
         )
         self._rejection = ''
         self._answered_ns: int | None = None
+        self._seen_ns: int | None = None
+        self._looks = _LOOKS
         self._command = b''
         self.latency_ns = 0
         self._on_rejection = on_rejection
@@ -141,6 +144,8 @@ class MotionPlayback:
                 heard = time.monotonic()
                 if self.stop_asked:
                     player.stop()
+                if self._answered_ns is None and not self._is_recent(newest[0], silence):
+                    continue
                 self._answer(player, *newest, listener)
                 if progress.due(newest[0], player.stage):
                     progress.show(_progress_text(player))
@@ -185,6 +190,18 @@ class MotionPlayback:
         else:
             # An emulated arm tells its state again: it did not hear the answer.
             self._commands.publish(self._command)
+
+    def _is_recent(self, stamp_ns: int, silence: float) -> bool:
+        """Whether the motion can begin at a state: another came not long before it.
+
+        Where the host was busy while the motion was planned, the newest state that there is may
+        be seconds old. A motion that begins at it would end at the next, by a jump of the stamps.
+        """
+        seen_ns, self._seen_ns = self._seen_ns, stamp_ns
+        self._looks -= 1
+        if self._looks == 0:  # what is wrong with the stamps is said by who takes the state
+            return True
+        return seen_ns is not None and 0 <= stamp_ns - seen_ns <= round(1e9 * silence)
 
     def _check_silence(self, heard: float, silence: float, stage: str) -> None:
         silent_for = time.monotonic() - heard

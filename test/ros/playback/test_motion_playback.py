@@ -25,6 +25,7 @@ from aerarm_ros.ros.states.arm_modes import COMMANDABLE
 LIMIT = 60.0  # [s] of the host, which may be busy
 NAMES = ('joint1', 'joint2')
 ANSWERED, STOP_TIME = 20, 0.05  # states, [s]
+STEPS_MISSED = 1000 * (1 + round(LIMIT))
 
 
 class LockstepArm:
@@ -41,9 +42,9 @@ class LockstepArm:
     def is_heard(self) -> bool:
         return bool(self._states.get_subscription_count() and self._commands.publishers())
 
-    def tell(self) -> None:
-        """Publish the next state of an arm that rests."""
-        self.number += 1
+    def tell(self, steps: int = 1) -> None:
+        """Publish the next state of an arm that rests, or once more the last one."""
+        self.number += steps
         state = JointState(name=NAMES, position=[0.0, 0.0], velocity=[0.0, 0.0])
         state.header.stamp.sec, millisecond = 10 + self.number // 1000, self.number % 1000
         state.header.stamp.nanosec = 1_000_000 * millisecond
@@ -61,6 +62,14 @@ def until(condition: Callable[[], object]) -> None:
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.001)
+
+
+def end(playing: threading.Thread, arm: LockstepArm) -> None:
+    """Tell states until nobody answers any more."""
+    while playing.is_alive():
+        arm.tell()
+        until(lambda: arm.is_answered() or not playing.is_alive())
+    playing.join()
 
 
 @pytest.fixture
@@ -85,16 +94,40 @@ def test_states_before_the_motion_are_not_told_to_be_unanswered(
             target=playback.play, args=(player, LIMIT, lambda *_: None), daemon=True
         )
         playing.start()
-        until(arm.is_answered)
+        until(lambda: arm.tell(0) or arm.is_answered())  # as one whose world stands
         assert playback.states.lost == 0
         for _ in range(ANSWERED):
             arm.tell()
             until(arm.is_answered)
         assert playback.states.lost == 0
         playback.ask_stop()
-        while playing.is_alive():
-            arm.tell()
-            until(lambda: arm.is_answered() or not playing.is_alive())
-        playing.join()
+        end(playing, arm)
     assert player.state is PlayState.STOPPED
+    playback.destroy()
+
+
+def test_a_motion_does_not_begin_at_a_state_that_was_held_up(
+    ros_node: Node, player: ExcitationPlayer
+) -> None:
+    arm, playback = LockstepArm(), MotionPlayback(ros_node, NAMES)
+    until(arm.is_heard)
+    answered: list[int] = []
+    with BackgroundExecutor(ros_node):
+        until(lambda: playback._conditions.mode in COMMANDABLE)
+        arm.tell()
+        until(lambda: playback.states.wait(0.05))
+        playing = threading.Thread(
+            target=playback.play,
+            args=(player, LIMIT, lambda stamp_ns, *_: answered.append(stamp_ns)),
+            daemon=True,
+        )
+        playing.start()
+        until(lambda: playback._seen_ns is not None)  # that one is taken, and nothing follows
+        arm.tell(STEPS_MISSED)
+        begun = arm.number + 1
+        until(lambda: arm.tell() or arm.is_answered())
+        playback.ask_stop()
+        end(playing, arm)
+    assert player.state is PlayState.STOPPED
+    assert answered[0] >= 10_000_000_000 + 1_000_000 * begun
     playback.destroy()
