@@ -61,7 +61,9 @@ def _bags(result: IdentificationResult) -> list[BagAssessment]:
 def _largest(
     values: Callable[[BagAssessment], npt.ArrayLike],
 ) -> Callable[[IdentificationResult], float]:
-    return lambda result: float(np.nanmax([np.nanmax(values(bag)) for bag in _bags(result)]))
+    return lambda result: float(
+        np.nanmax([np.nanmax(np.asarray(values(bag))) for bag in _bags(result)])
+    )
 
 
 LIMITS: dict[str, Callable[[IdentificationResult], float]] = {
