@@ -24,8 +24,8 @@ PACE_PARAMETERS = (
         KEEP_UP,
         'how the emulated world passes its time. keep_up: as fast as real time, slower where the '
         'host is too slow. lockstep: it waits for the command that answers the last state, and '
-        'else runs as fast as the host can. real_time: it goes on while the host sleeps, as the '
-        'real world does',
+        'runs as fast as the host can while it is answered, aligns or homes. real_time: its time '
+        'goes on while the host sleeps',
         choices=PACES,
     ),
     Parameter(

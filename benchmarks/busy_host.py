@@ -1,0 +1,164 @@
+"""A command on hosts that are hard on it: how long it takes there, and whether it ends well.
+
+    python benchmarks/busy_host.py --host paused --runs 3 --command 'make test'
+
+By default `make demo`, once on each host:
+
+busy    beside four programs that do nothing but compute, in a session of their own;
+paused  all processes of its session are stopped for 50 to 500 ms, and a second later again;
+bare    as `nohup ... &` in a cron job: nearly no environment, no terminal, standard input
+        closed, SIGHUP, SIGINT and SIGQUIT ignored.
+"""
+
+import argparse
+import os
+import random
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+PAUSE = (0.05, 0.5)  # [s]
+BETWEEN = 1.0  # [s]
+PROGRAMS = 4
+TAIL = 15
+_GONE = 'TtXZ'  # states of a process that cannot be stopped: it is, or has ended
+
+
+def beside_others(command: Sequence[str], log: Path, run: int) -> int:
+    """Run a command beside programs that compute; return its exit status."""
+    endless = [sys.executable, '-c', 'while True: pass']
+    # In one session, as the kernel shares processors among sessions first.
+    together = f'for i in $(seq {PROGRAMS}); do "$@" & done; wait'
+    others = subprocess.Popen(['sh', '-c', together, 'sh', *endless], start_new_session=True)
+    try:
+        with started(command, log) as process:
+            return process.wait()
+    finally:
+        os.killpg(others.pid, signal.SIGKILL)
+        others.wait()
+
+
+def with_pauses(command: Sequence[str], log: Path, run: int) -> int:
+    """Run a command and stop it with all that it has started, again and again."""
+    chance = random.Random(run)
+    with started(command, log) as process:
+        while process.poll() is None:
+            stopped = [pid for pid in session(process.pid) if state(pid)[0] not in _GONE]
+            try:
+                for pid in stopped:
+                    send(pid, signal.SIGSTOP)
+                time.sleep(chance.uniform(*PAUSE))
+            finally:
+                for pid in reversed(stopped):
+                    send(pid, signal.SIGCONT)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(BETWEEN)
+        return process.returncode
+
+
+def as_cron(command: Sequence[str], log: Path, run: int) -> int:
+    """Run a command as `nohup ... &` in a cron job, with standard input closed."""
+    bare = {'HOME': os.environ.get('HOME', '/'), 'PATH': '/usr/local/bin:/usr/bin:/bin'}
+    deaf = 'trap "" HUP INT QUIT; exec "$@" <&-'
+    with started(['sh', '-c', deaf, 'sh', *command], log, bare) as process:
+        return process.wait()
+
+
+@contextmanager
+def started(
+    command: Sequence[str], log: Path, environment: dict[str, str] | None = None
+) -> 'Iterator[subprocess.Popen[bytes]]':
+    """Start a command in a session of its own; what it prints goes to a file."""
+    with (
+        log.open('wb') as out,
+        subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=subprocess.STDOUT,
+            env=environment,
+            start_new_session=True,
+        ) as process,
+    ):
+        try:
+            yield process
+        except BaseException:  # a Ctrl-C does not reach another session
+            for pid in session(process.pid):
+                send(pid, signal.SIGTERM)
+            process.wait()
+            raise
+    if left := session(process.pid):
+        print(f'still there after the command has ended: processes {left}', flush=True)
+
+
+def session(leader: int) -> list[int]:
+    """Return the processes of a session, parents first as a rule."""
+    found = (int(entry.name) for entry in Path('/proc').iterdir() if entry.name.isdigit())
+    return sorted(pid for pid in found if state(pid)[1] == leader)
+
+
+def state(pid: int) -> tuple[str, int]:
+    """Return the state of a process, as one letter, and its session."""
+    try:
+        fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    except OSError:
+        return 'X', 0
+    return fields[0], int(fields[3])
+
+
+def send(pid: int, number: signal.Signals) -> None:
+    """Send a signal to a process that may have ended."""
+    with suppress(ProcessLookupError):
+        os.kill(pid, number)
+
+
+HOSTS: dict[str, Callable[[Sequence[str], Path, int], int]] = {
+    'busy': beside_others,
+    'paused': with_pauses,
+    'bare': as_cron,
+}
+
+
+def measure(host: str, command: Sequence[str], log: Path, run: int) -> bool:
+    """Run the command on a host, print a line, and more where it failed; return if it did not."""
+    begun = time.monotonic()
+    status = HOSTS[host](command, log, run)
+    took = time.monotonic() - begun
+    print(f'{host:8}{took:8.0f} s   {"ok" if status == 0 else f"status {status}"}', flush=True)
+    if status:
+        print(*log.read_text(errors='replace').splitlines()[-TAIL:], sep='\n', flush=True)
+    return status == 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument('--host', choices=HOSTS, action='append', help='by default all')
+    parser.add_argument('--runs', type=int, default=1, help='on each host')
+    parser.add_argument('--logs', type=Path, help='directory for what the command prints')
+    parser.add_argument('--command', default='make demo', help='by default: make demo')
+    options = parser.parse_args()
+    command = shlex.split(options.command)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: sys.exit(1))  # and let nothing run on, or stay stopped
+    with tempfile.TemporaryDirectory() as temporary:
+        logs = options.logs or Path(temporary)
+        logs.mkdir(parents=True, exist_ok=True)
+        print(options.command, flush=True)
+        good = [
+            measure(host, command, logs / f'{host}-{run}.log', run)
+            for run in range(1, 1 + options.runs)
+            for host in options.host or HOSTS
+        ]
+    return 0 if all(good) else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())
