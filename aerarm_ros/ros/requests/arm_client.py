@@ -133,13 +133,13 @@ class ArmClient:
         told: set[str] = set()
         while not request.is_over:
             spin_until(self._node, lambda: request.poll() or request.answers.keys() - told, inf)
-            for name in request.answers.keys() - told:
+            for name in sorted(request.answers.keys() - told):
                 told.add(name)
                 if request.answers[name].accepted:
                     yield f'{name}: {request.answers[name].message}'
         if not request.answers:
             raise ArmClientError(f'no bridge offers {action}: is one running in {this_domain()}?')
-        failed = [f'{n}: {text}' for n, (done, text) in request.answers.items() if not done]
+        failed = [f'{n}: {text}' for n, (done, text) in sorted(request.answers.items()) if not done]
         if failed:
             raise ArmClientError(f'{action} is NOT confirmed: {"; ".join(failed)}')
 

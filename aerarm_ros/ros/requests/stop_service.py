@@ -49,12 +49,12 @@ class StopService:
         done
             Whether every bridge there is has confirmed, and there was one.
         text
-            What the bridges said, or that there is none.
+            What the bridges said, in the order of their names, or that there is none.
         """
         request = StopRequest(self._node, self._finder, self._timeout)
         while not request.poll():
             time.sleep(_POLL)
         if not request.answers:
             return False, f'no bridge offers {self._action}: is one running in {this_domain()}?'
-        text = '; '.join(f'{name}: {reply}' for name, (_, reply) in request.answers.items())
+        text = '; '.join(f'{name}: {reply}' for name, (_, reply) in sorted(request.answers.items()))
         return all(done for done, _ in request.answers.values()), text

@@ -46,6 +46,16 @@ def test_an_emergency_stop_is_for_all_and_disable_for_the_own_namespace(ros_node
     assert sorted(bridges.asked) == ['/left/hardware_bridge', 'renamed', 'renamed']
 
 
+def test_what_bridges_say_is_told_in_the_order_of_their_names(ros_node: Node) -> None:
+    bridges, late = AnsweringBridges(), AnsweringBridges()
+    bridges.add('second', ACTIONS)
+    late.add('first', ACTIONS, lambda: time.sleep(0.2))
+    executors = [BackgroundExecutor(node) for node in (ros_node, bridges.node, late.node)]
+    with executors[0], executors[1], executors[2]:
+        told = StopService(ros_node, 'e_stop', [], LIMIT).call()
+    assert told == (True, '/first: done; /second: done')
+
+
 def test_a_bridge_that_never_answers_delays_no_other(ros_node: Node) -> None:
     bridges, silent, may_end = AnsweringBridges(), AnsweringBridges(), threading.Event()
     bridges.add('sound', ACTIONS)
