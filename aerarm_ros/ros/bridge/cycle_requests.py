@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # who only asks loads no bridge
 Action = Callable[['BridgeCycle'], Answer]
 
 _ANSWER_TIMEOUT = 1.0  # [s]
+_START_TIMEOUT = 5.0  # [s]
 
 
 class CycleRequests:
@@ -25,6 +26,8 @@ class CycleRequests:
         self._waiting: deque[tuple[Action, Future[Answer]]] = deque()
         self._closed = threading.Event()
         self._closed.set()
+        self._settled = threading.Event()  # whether there is a cycle, or nobody is to start one
+        self._settled.set()
 
     def ask(self, action: Action, insist: bool = False) -> Answer:
         """Let the cycle's thread do something and return its answer.
@@ -35,10 +38,11 @@ class CycleRequests:
         Raises
         ------
         RuntimeError
-            If no cycle is running.
+            If no cycle is running, nor begins within 5 s of a start that is expected.
         TimeoutError
             If it does not come to it within a second.
         """
+        self._settled.wait(_START_TIMEOUT)
         if self._closed.is_set():
             raise RuntimeError('the bridge is not active: activate it first (ros2 lifecycle set)')
         answer = self._put(action)
@@ -65,14 +69,20 @@ class CycleRequests:
             except ValueError as error:
                 answer.set_exception(error)
 
+    def expect(self) -> None:
+        """Let who asks wait: a bridge that starts by itself is seen before its cycle runs."""
+        self._settled.clear()
+
     def open(self) -> None:
         """Take requests: a cycle will run from now on."""
         self._waiting.clear()
         self._closed.clear()
+        self._settled.set()
 
     def close(self) -> None:
-        """Take no more: the last cycle has run."""
+        """Take no more: the last cycle has run, or none could be started."""
         self._closed.set()
+        self._settled.set()
 
     def wait_closed(self, timeout: float) -> bool:
         """Wait up to `timeout` [s]; return whether no cycle runs any more."""

@@ -270,6 +270,8 @@ class HardwareBridge(LifecycleNode):
 
     def run(self) -> None:
         """Run until a stop signal or `stop`; raises OSError if it can't start by itself."""
+        if self.values.autostart:
+            self.requests.expect()
         with StopSignals(self.stop, stays_awake=True), BackgroundExecutor(self, self._slack.wait):
             if self.values.autostart and not self._start():
                 raise OSError(self._problem)
@@ -286,6 +288,8 @@ class HardwareBridge(LifecycleNode):
         self._starting = True
         started = self.trigger_configure() == SUCCESS and self.trigger_activate() == SUCCESS
         self._starting = False
+        if not started:
+            self.requests.close()
         return bool(started)
 
     def _run_while_active(self) -> None:
@@ -314,7 +318,8 @@ class HardwareBridge(LifecycleNode):
         self._work.set()
 
     def _run_cycle(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
-        self.requests.serve(cycle)
+        if self.requests.are_waiting and self._knows_boards(cycle):
+            self.requests.serve(cycle)
         self._take_command(cycle, timing, now)
         cycle.update(now)
         self._stamp_ns = self.now_ns()
@@ -330,6 +335,11 @@ class HardwareBridge(LifecycleNode):
         self.use_slack(now)
         self.report()
         self._slack.begin()
+
+    def _knows_boards(self, cycle: BridgeCycle) -> bool:
+        """Whether every board has answered or had the time to; before, none can be enabled."""
+        needed = self.values.connect_frames + self.values.bad_frames_max
+        return cycle.mode != 'disconnected' or cycle.cycles > needed
 
     def report(self) -> None:
         """Look for other nodes and do a piece of the diagnostics; once a cycle."""

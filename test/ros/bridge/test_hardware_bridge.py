@@ -1,11 +1,13 @@
 """The bridge in this process: what it does beside its cycle, and whatever ends the cycle."""
 
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 
 import pytest
 import rclpy
+from std_srvs.srv import Trigger
 
 from aerarm_ros.ros.emulation.fake_hardware import FakeHardware
 
@@ -51,6 +53,34 @@ class Quiet(FakeHardware):
             self.stop()
 
 
+class AskedEarly(FakeHardware):
+    """Is asked for something before its cycle runs, and ends once that is answered."""
+
+    action = 'enable'
+    answer = None
+
+    def make_transport(self, config, robot, profile):
+        def ask():
+            service = next(s for s in self.services if s.srv_name.endswith(f'/{self.action}'))
+            self.answer = service.callback(Trigger.Request(), Trigger.Response())
+            self.stop()
+
+        self.asking = threading.Thread(target=ask)
+        self.asking.start()
+        self.asking.join(0.2)
+        return super().make_transport(config, robot, profile)
+
+
+class AskedHome(AskedEarly):
+    action = 'home'
+
+
+class AskedAndFailing(AskedEarly):
+    def make_transport(self, config, robot, profile):
+        super().make_transport(config, robot, profile)
+        raise ValueError('a wrong value')
+
+
 @pytest.fixture
 def start(ros_domain: dict[str, str]) -> Iterator[Callable[[type[FakeHardware]], FakeHardware]]:
     """Return a function that makes a bridge in this process."""
@@ -83,3 +113,22 @@ def test_an_exception_in_the_cycle_switches_the_motors_off(start) -> None:
     assert not any(board.system_enabled for board in defective._boards.boards)
     with pytest.raises(RuntimeError, match='not active'):
         defective.requests.ask(lambda cycle: cycle.enable())
+
+
+@pytest.mark.parametrize('bridge', [AskedEarly, AskedHome])
+def test_what_is_asked_of_a_bridge_that_starts_is_done_once_its_boards_are_known(
+    start, bridge
+) -> None:
+    node = start(bridge)
+    node.run()
+    node.asking.join()
+    assert node.answer.success, node.answer.message
+    assert 'the motors align' in node.answer.message
+
+
+def test_who_asks_a_bridge_that_cannot_start_is_told_at_once(start) -> None:
+    node = start(AskedAndFailing)
+    with pytest.raises(OSError, match='a wrong value'):
+        node.run()
+    node.asking.join()
+    assert 'not active' in node.answer.message
