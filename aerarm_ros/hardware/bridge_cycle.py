@@ -65,8 +65,7 @@ class BridgeCycle:
         (n,) or one for all: largest torque [Nm] that gravity asks of a joint however the base
         turns, for a base that moves; from `robot` if not given. See `EncoderMonitor`.
     robot
-        The arm as drawn, of which the limits' barriers take what the joints carry and move; the
-        packaged one if not given.
+        The arm as drawn, whose loads the limits' barriers take; the packaged one if not given.
 
     Raises
     ------
@@ -219,7 +218,8 @@ class BridgeCycle:
         if self.mode not in ('ready', 'running', 'damping'):
             return Answer(False, f'arm_mode is {self.mode}: there is nothing to hold')
         self.intake.conclude(self._now)
-        return Answer(True, 'the arm is held where it is')
+        when = ' once its commands end' if self.intake.is_fresh(self._now) else ''
+        return Answer(True, f'the arm is held where it is{when}')
 
     def disable(self) -> Answer:
         """Ask the boards to switch the motors off. The arm falls: have it supported."""
