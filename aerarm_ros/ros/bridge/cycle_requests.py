@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -16,7 +17,6 @@ if TYPE_CHECKING:  # who only asks loads no bridge
 Action = Callable[['BridgeCycle'], Answer]
 
 _ANSWER_TIMEOUT = 1.0  # [s]
-_START_TIMEOUT = 5.0  # [s]
 
 
 class CycleRequests:
@@ -38,16 +38,18 @@ class CycleRequests:
         Raises
         ------
         RuntimeError
-            If no cycle is running, nor begins within 5 s of a start that is expected.
+            If no cycle is running, nor begins in time where one is expected.
         TimeoutError
             If it does not come to it within a second.
         """
-        self._settled.wait(_START_TIMEOUT)
+        deadline = time.monotonic() + _ANSWER_TIMEOUT
+        if not self._settled.wait(_ANSWER_TIMEOUT):
+            raise RuntimeError('the bridge is still starting: ask again')
         if self._closed.is_set():
             raise RuntimeError('the bridge is not active: activate it first (ros2 lifecycle set)')
         answer = self._put(action)
         try:
-            return answer.result(_ANSWER_TIMEOUT)
+            return answer.result(deadline - time.monotonic())
         except TimeoutError:
             if not insist:
                 answer.cancel()

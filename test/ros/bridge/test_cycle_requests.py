@@ -88,6 +88,15 @@ def test_who_asks_while_the_bridge_fails_to_start_is_told(requests):
     failing.join()
 
 
+def test_who_asks_a_bridge_that_is_long_in_starting_is_told_and_not_surprised_later(requests):
+    requests.close()
+    requests.expect()
+    with pytest.raises(RuntimeError, match='still starting'):
+        requests.ask(lambda cycle: pytest.fail('served'))
+    requests.open()
+    requests.serve('the cycle')
+
+
 def test_a_cycle_that_does_not_serve_is_noticed(requests):
     with pytest.raises(TimeoutError):
         requests.ask(lambda cycle: Answer(True, ''))
