@@ -95,6 +95,23 @@ class ExcitationPlayer:
         if self.state is PlayState.RUNNING:
             self.state = PlayState.STOPPING
 
+    def hold(self, position: FloatArray) -> JointCommand:
+        """Return the command that keeps the arm where the motion starts, before it does.
+
+        Parameters
+        ----------
+        position : measured posture (n,) [rad].
+
+        Raises
+        ------
+        ExcitationError
+            If the posture is not finite, or not where the motion starts.
+        """
+        self._require_start(position)
+        start = self.motion.evaluate(0.0)
+        self._check_tracking(start.q - position)
+        return self._law.command(start, position)
+
     def update(self, stamp_ns: int, position: FloatArray) -> JointCommand:
         """Return the command that answers one state.
 

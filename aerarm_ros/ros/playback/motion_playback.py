@@ -24,7 +24,7 @@ from aerarm_ros.ros.states.state_stream import StateStream
 
 # A joint slower than this counts as resting [rad/s]; the velocity filter's noise stays below.
 RESTING = 0.1
-_LOOKS = 4  # states at the most until the motion begins
+_LOOKS = 20  # states at the most until the motion begins
 
 Listener = Callable[[int, ArmState, bytes], None]
 
@@ -80,6 +80,7 @@ class MotionPlayback:
         self._answered_ns: int | None = None
         self._seen_ns: int | None = None
         self._looks = _LOOKS
+        self._has_begun = False
         self._command = b''
         self.latency_ns = 0
         self._on_rejection = on_rejection
@@ -144,9 +145,8 @@ class MotionPlayback:
                 heard = time.monotonic()
                 if self.stop_asked:
                     player.stop()
-                if self._answered_ns is None and not self._is_recent(newest[0], silence):
-                    continue
-                self._answer(player, *newest, listener)
+                if self._has_begun or self._is_in_touch(newest[0], silence):
+                    self._answer(player, *newest, listener)
                 if progress.due(newest[0], player.stage):
                     progress.show(_progress_text(player))
         except ExcitationError as error:
@@ -178,30 +178,36 @@ class MotionPlayback:
                 f"arm_mode became '{self._conditions.mode}' in the {player.stage}: see the console "
                 'of the bridge, or view'
             )
-        if self._answered_ns is None:
-            # While the motion was planned an emulated arm told its state again and again.
-            self.states.begin_count()
         if stamp_ns != self._answered_ns:
             self._answered_ns = stamp_ns
-            self._command = self._codec.pack(stamp_ns, *player.update(stamp_ns, state.q))
+            moves = self._has_begun
+            command = player.update(stamp_ns, state.q) if moves else player.hold(state.q)
+            self._command = self._codec.pack(stamp_ns, *command)
             self.latency_ns = self.states.latency_ns()
             self._commands.publish(self._command)
-            listener(stamp_ns, state, self._command)
+            if moves:
+                listener(stamp_ns, state, self._command)
         else:
             # An emulated arm tells its state again: it did not hear the answer.
             self._commands.publish(self._command)
 
-    def _is_recent(self, stamp_ns: int, silence: float) -> bool:
-        """Whether the motion can begin at a state: another came not long before it.
+    def _is_in_touch(self, stamp_ns: int, silence: float) -> bool:
+        """Whether to answer a state before the motion; see if it begins at this one.
 
-        Where the host was busy while the motion was planned, the newest state that there is may
-        be seconds old. A motion that begins at it would end at the next, by a jump of the stamps.
+        A motion that begins before states and answers go to and fro in time would end by a jump of
+        the stamps: on a busy host the newest state after planning may be seconds old, and who
+        publishes for the first time may be held up for a second (docs/decisions.md, 69). So the
+        arm is told to stay first, until a state comes shortly after one that was answered.
         """
-        seen_ns, self._seen_ns = self._seen_ns, stamp_ns
-        self._looks -= 1
-        if self._looks == 0:  # what is wrong with the stamps is said by who takes the state
-            return True
-        return seen_ns is not None and 0 <= stamp_ns - seen_ns <= round(1e9 * silence)
+        before_ns, self._seen_ns = self._seen_ns, stamp_ns
+        self._looks -= stamp_ns != before_ns
+        is_recent = before_ns is not None and 0 <= stamp_ns - before_ns <= round(1e9 * silence)
+        is_answered = before_ns is not None and self._answered_ns == before_ns != stamp_ns
+        # What is wrong with stamps that jump all the time is said by who takes the states.
+        self._has_begun = (is_recent and is_answered) or self._looks <= 0
+        # Nothing that came before the motion is told to be unanswered.
+        self.states.begin_count()
+        return self._has_begun or is_recent
 
     def _check_silence(self, heard: float, silence: float, stage: str) -> None:
         silent_for = time.monotonic() - heard

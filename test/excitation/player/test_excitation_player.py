@@ -42,6 +42,20 @@ def test_an_ideal_arm_ends_where_the_motion_ends(motion: MotionSequence) -> None
     np.testing.assert_allclose(command.dq, 0.0, atol=1e-9)
 
 
+def test_before_the_motion_the_arm_is_told_to_stay_where_it_starts(motion: MotionSequence) -> None:
+    player = ExcitationPlayer(motion, VelocityLaw(1.0), NAMES)
+    beside = motion.evaluate(0.0).q + 0.01
+    for _ in range(2):
+        held = player.hold(beside)
+    begun = player.update(5_000_000_000, beside)
+    np.testing.assert_array_equal(held.dq, begun.dq)
+    assert np.all(held.dq < 0.0)
+    with pytest.raises(ExcitationError, match='moved by 1.000 rad'):
+        player.hold(motion.evaluate(0.0).q + 1.0)
+    with pytest.raises(ExcitationError, match='NaN'):
+        player.hold(beside * np.nan)
+
+
 def test_a_small_gain_bounds_the_drift(motion: MotionSequence) -> None:
     drift = 0.02
     errors = {}

@@ -15,6 +15,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
 from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer, PlayState
 from aerarm_ros.excitation.player.velocity_law import VelocityLaw
+from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
 from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
@@ -106,8 +107,9 @@ def test_states_before_the_motion_are_not_told_to_be_unanswered(
     playback.destroy()
 
 
-def test_a_motion_does_not_begin_at_a_state_that_was_held_up(
-    ros_node: Node, player: ExcitationPlayer
+@pytest.mark.parametrize('held_up', ['state', 'answer'])
+def test_a_motion_does_not_begin_while_states_or_answers_are_held_up(
+    ros_node: Node, player: ExcitationPlayer, held_up: str
 ) -> None:
     arm, playback = LockstepArm(), MotionPlayback(ros_node, NAMES)
     until(arm.is_heard)
@@ -123,6 +125,9 @@ def test_a_motion_does_not_begin_at_a_state_that_was_held_up(
         )
         playing.start()
         until(lambda: playback._seen_ns is not None)  # that one is taken, and nothing follows
+        if held_up == 'answer':
+            arm.tell()
+            until(lambda: arm.tell(0) or arm.is_answered())
         arm.tell(STEPS_MISSED)
         begun = arm.number + 1
         until(lambda: arm.tell() or arm.is_answered())
@@ -130,4 +135,27 @@ def test_a_motion_does_not_begin_at_a_state_that_was_held_up(
         end(playing, arm)
     assert player.state is PlayState.STOPPED
     assert answered[0] >= 10_000_000_000 + 1_000_000 * begun
+    playback.destroy()
+
+
+def test_stamps_that_jump_all_the_time_are_told_of(
+    ros_node: Node, player: ExcitationPlayer
+) -> None:
+    arm, playback = LockstepArm(), MotionPlayback(ros_node, NAMES)
+    until(arm.is_heard)
+    problems: list[str] = []
+
+    def play() -> None:
+        try:
+            playback.play(player, LIMIT, lambda *_: None)
+        except ExcitationError as error:
+            problems.append(str(error))
+
+    with BackgroundExecutor(ros_node):
+        until(lambda: playback._conditions.mode in COMMANDABLE)
+        playing = threading.Thread(target=play, daemon=True)
+        playing.start()
+        until(lambda: arm.tell(STEPS_MISSED) or not playing.is_alive())
+        playing.join()
+    assert 'joint state stamps jump by' in problems[0]
     playback.destroy()
