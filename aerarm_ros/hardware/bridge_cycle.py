@@ -218,7 +218,7 @@ class BridgeCycle:
         if self.mode not in ('ready', 'running', 'damping'):
             return Answer(False, f'arm_mode is {self.mode}: there is nothing to hold')
         self.intake.conclude(self._now)
-        when = ' once its commands end' if self.intake.is_fresh(self._now) else ''
+        when = ' once no more commands come' if self.intake.is_fresh(self._now) else ''
         return Answer(True, f'the arm is held where it is{when}')
 
     def disable(self) -> Answer:

@@ -197,7 +197,7 @@ def test_an_arm_that_is_to_be_held_at_the_end_of_commands_is_never_damped(make_r
     rig = make_rig(position=[0.0, 0.8, 0.0, 0.0]).bring_up()
     answer = np.array([0.5, 0.0, 0.5, 0.5])
     rig.run(0.3, lambda now: (None, answer, None))
-    assert rig.bridge.hold().message == 'the arm is held where it is once its commands end'
+    assert rig.bridge.hold().message == 'the arm is held where it is once no more commands come'
     rig.run(0.01, lambda now: (None, answer, None))  # what is under way is still of the same
     modes = set()
     for _ in range(500):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -26,8 +25,6 @@ class CycleRequests:
         self._waiting: deque[tuple[Action, Future[Answer]]] = deque()
         self._closed = threading.Event()
         self._closed.set()
-        self._settled = threading.Event()  # whether there is a cycle, or nobody is to start one
-        self._settled.set()
 
     def ask(self, action: Action, insist: bool = False) -> Answer:
         """Let the cycle's thread do something and return its answer.
@@ -38,18 +35,15 @@ class CycleRequests:
         Raises
         ------
         RuntimeError
-            If no cycle is running, nor begins in time where one is expected.
+            If no cycle is running.
         TimeoutError
             If it does not come to it within a second.
         """
-        deadline = time.monotonic() + _ANSWER_TIMEOUT
-        if not self._settled.wait(_ANSWER_TIMEOUT):
-            raise RuntimeError('the bridge is still starting: ask again')
         if self._closed.is_set():
             raise RuntimeError('the bridge is not active: activate it first (ros2 lifecycle set)')
         answer = self._put(action)
         try:
-            return answer.result(deadline - time.monotonic())
+            return answer.result(_ANSWER_TIMEOUT)
         except TimeoutError:
             if not insist:
                 answer.cancel()
@@ -71,20 +65,14 @@ class CycleRequests:
             except ValueError as error:
                 answer.set_exception(error)
 
-    def expect(self) -> None:
-        """Let who asks wait: a bridge that starts by itself is seen before its cycle runs."""
-        self._settled.clear()
-
     def open(self) -> None:
         """Take requests: a cycle will run from now on."""
         self._waiting.clear()
         self._closed.clear()
-        self._settled.set()
 
     def close(self) -> None:
-        """Take no more: the last cycle has run, or none could be started."""
+        """Take no more: the last cycle has run."""
         self._closed.set()
-        self._settled.set()
 
     def wait_closed(self, timeout: float) -> bool:
         """Wait up to `timeout` [s]; return whether no cycle runs any more."""

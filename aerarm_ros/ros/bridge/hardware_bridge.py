@@ -55,6 +55,8 @@ from aerarm_ros.ros.process.stop_signals import StopSignals
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 # Long enough for the last frames of a cycle, short enough for a lifecycle client.
 _LOOP_END_TIMEOUT = 2.0
+# Cycles in which boards may be unknown; a stop that is asked for by then waits as well.
+_UNKNOWN_MAX = 50
 # The arm's mode while no cycle runs; the others are `bridge_modes.MODES`.
 INACTIVE = 'inactive'
 PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS)
@@ -96,7 +98,6 @@ class HardwareBridge(LifecycleNode):
         )
         self._mode_log = ModeLog(self)
         self._rejection_log = RejectionLog(self, lambda: self._command_publishers.warning)
-        BridgeServices(self, self.requests.ask, self.actions())
         self._diagnostics = BridgeDiagnostics(self, self.now_ns, self.other_statuses)
         self._work = threading.Event()
         self._stopping = False
@@ -270,11 +271,11 @@ class HardwareBridge(LifecycleNode):
 
     def run(self) -> None:
         """Run until a stop signal or `stop`; raises OSError if it can't start by itself."""
-        if self.values.autostart:
-            self.requests.expect()
         with StopSignals(self.stop, stays_awake=True), BackgroundExecutor(self, self._slack.wait):
             if self.values.autostart and not self._start():
                 raise OSError(self._problem)
+            # Who sees them may use them at once: a bridge that starts by itself has started.
+            BridgeServices(self, self.requests.ask, self.actions())
             prepare_thread(self.values, self.get_logger())
             self._run_while_active()
         account = self._timing.account() if self._timing else 'no cycle ran'
@@ -288,8 +289,6 @@ class HardwareBridge(LifecycleNode):
         self._starting = True
         started = self.trigger_configure() == SUCCESS and self.trigger_activate() == SUCCESS
         self._starting = False
-        if not started:
-            self.requests.close()
         return bool(started)
 
     def _run_while_active(self) -> None:
@@ -298,6 +297,7 @@ class HardwareBridge(LifecycleNode):
             self._work.clear()
             if self.requests.is_open:
                 self._run_loop()
+        self.requests.close()  # also of a cycle that was to begin
 
     def _run_loop(self) -> None:
         loop, cycle, timing = self._loop, self._cycle, self._timing
@@ -339,7 +339,7 @@ class HardwareBridge(LifecycleNode):
     def _knows_boards(self, cycle: BridgeCycle) -> bool:
         """Whether every board has answered or had the time to; before, none can be enabled."""
         needed = self.values.connect_frames + self.values.bad_frames_max
-        return cycle.mode != 'disconnected' or cycle.cycles > needed
+        return cycle.mode != 'disconnected' or cycle.cycles > min(needed, _UNKNOWN_MAX)
 
     def report(self) -> None:
         """Look for other nodes and do a piece of the diagnostics; once a cycle."""

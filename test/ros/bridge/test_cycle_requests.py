@@ -69,34 +69,6 @@ def test_without_a_cycle_nothing_is_taken(requests):
     requests.serve('the cycle')
 
 
-def test_who_asks_while_the_bridge_starts_waits_for_its_cycle(requests):
-    requests.close()
-    requests.expect()
-    opening = threading.Timer(0.1, requests.open)
-    opening.start()
-    assert ask_beside(requests, lambda cycle: Answer(True, 'done')) == [Answer(True, 'done')]
-    opening.join()
-
-
-def test_who_asks_while_the_bridge_fails_to_start_is_told(requests):
-    requests.close()
-    requests.expect()
-    failing = threading.Timer(0.1, requests.close)
-    failing.start()
-    with pytest.raises(RuntimeError, match='activate it first'):
-        requests.ask(lambda cycle: Answer(True, ''))
-    failing.join()
-
-
-def test_who_asks_a_bridge_that_is_long_in_starting_is_told_and_not_surprised_later(requests):
-    requests.close()
-    requests.expect()
-    with pytest.raises(RuntimeError, match='still starting'):
-        requests.ask(lambda cycle: pytest.fail('served'))
-    requests.open()
-    requests.serve('the cycle')
-
-
 def test_a_cycle_that_does_not_serve_is_noticed(requests):
     with pytest.raises(TimeoutError):
         requests.ask(lambda cycle: Answer(True, ''))

@@ -2,14 +2,20 @@
 
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 
 import pytest
 import rclpy
+from quick_spinning import spin_until
 from std_srvs.srv import Trigger
 
+from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.ros.emulation.fake_hardware import FakeHardware
+from aerarm_ros.ros.requests.service_call import ServiceCall
+
+LIMIT = 60.0  # [s]
 
 
 class Defective(FakeHardware):
@@ -53,32 +59,26 @@ class Quiet(FakeHardware):
             self.stop()
 
 
-class AskedEarly(FakeHardware):
-    """Is asked for something before its cycle runs, and ends once that is answered."""
+class Unhurried(FakeHardware):
+    """Begins its first cycle once it is asked for something, while no board is known yet."""
 
-    action = 'enable'
-    answer = None
+    has_begun = False
 
-    def make_transport(self, config, robot, profile):
-        def ask():
-            service = next(s for s in self.services if s.srv_name.endswith(f'/{self.action}'))
-            self.answer = service.callback(Trigger.Request(), Trigger.Response())
-            self.stop()
-
-        self.asking = threading.Thread(target=ask)
-        self.asking.start()
-        self.asking.join(0.2)
-        return super().make_transport(config, robot, profile)
+    def _run_cycle(self, cycle, timing, now):
+        end = time.monotonic() + LIMIT
+        while not self.has_begun and not self.requests.are_waiting:
+            assert time.monotonic() < end
+            time.sleep(1e-3)
+        self.has_begun = True
+        super()._run_cycle(cycle, timing, now)
 
 
-class AskedHome(AskedEarly):
-    action = 'home'
+class StoppedEarly(FakeHardware):
+    """Is stopped while it starts."""
 
-
-class AskedAndFailing(AskedEarly):
-    def make_transport(self, config, robot, profile):
-        super().make_transport(config, robot, profile)
-        raise ValueError('a wrong value')
+    def on_activate(self, state):
+        self.stop()
+        return super().on_activate(state)
 
 
 @pytest.fixture
@@ -115,20 +115,43 @@ def test_an_exception_in_the_cycle_switches_the_motors_off(start) -> None:
         defective.requests.ask(lambda cycle: cycle.enable())
 
 
-@pytest.mark.parametrize('bridge', [AskedEarly, AskedHome])
+def ask_and_stop(bridge: FakeHardware, action: str, answers: list[Answer]) -> None:
+    """Ask as soon as the service is seen, then stop the bridge."""
+    asker = rclpy.create_node('asker')
+    try:
+        client = asker.create_client(Trigger, f'fake_hardware/{action}')
+        assert spin_until(asker, client.service_is_ready, LIMIT)
+        call = ServiceCall(client, LIMIT)
+        assert spin_until(asker, call.poll, LIMIT)
+        answers.append(call.poll())
+    finally:
+        asker.destroy_node()
+        bridge.stop()
+
+
+@pytest.mark.parametrize(
+    ('action', 'settings', 'text'),
+    [
+        ('enable', {}, 'the motors align now'),
+        ('home', {}, 'the motors align, then'),
+        ('e_stop', {'connect_frames': 1000, 'bad_frames_max': 1000}, 'the arm is damped'),
+    ],
+)
 def test_what_is_asked_of_a_bridge_that_starts_is_done_once_its_boards_are_known(
-    start, bridge
+    start, action, settings, text
 ) -> None:
-    node = start(bridge)
+    node, answers = start(Unhurried), []
+    vars(node.values).update(settings)
+    asking = threading.Thread(target=ask_and_stop, args=(node, action, answers))
+    asking.start()
     node.run()
-    node.asking.join()
-    assert node.answer.success, node.answer.message
-    assert 'the motors align' in node.answer.message
+    asking.join()
+    assert answers[0].accepted, answers[0].message
+    assert text in answers[0].message
 
 
-def test_who_asks_a_bridge_that_cannot_start_is_told_at_once(start) -> None:
-    node = start(AskedAndFailing)
-    with pytest.raises(OSError, match='a wrong value'):
-        node.run()
-    node.asking.join()
-    assert 'not active' in node.answer.message
+def test_a_bridge_that_is_stopped_while_it_starts_lets_nobody_wait(start) -> None:
+    node = start(StoppedEarly)
+    node.run()
+    with pytest.raises(RuntimeError, match='not active'):
+        node.requests.ask(lambda cycle: cycle.enable())
