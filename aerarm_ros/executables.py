@@ -12,6 +12,7 @@ import signal
 import sys
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from types import ModuleType
 
 from aerarm_ros.ros.process.die_with_parent import die_with_launch
@@ -50,8 +51,8 @@ def _run(name: str) -> int:
         # Of who serves, one that comes before its own handlers are there.
         status = INTERRUPTED if has_task else 0
     except SystemExit as end:
-        if isinstance(end.code, int):  # argparse's
-            status = end.code
+        if end.code is None or isinstance(end.code, int):  # argparse's
+            status = end.code or 0
         raise
     finally:
         StopSignals.ignore()
@@ -107,5 +108,13 @@ class _Early:
             os._exit(0)
 
 
+def _run_named() -> int:
+    """Run the command that the first argument names."""
+    names = sorted(module.stem for module in (Path(__file__).parent / 'nodes').glob('[a-z]*.py'))
+    if sys.argv[1:2] == [] or sys.argv[1] not in names:
+        sys.exit(f'give the name of a command first, one of {", ".join(names)}')
+    return _run(sys.argv.pop(1))
+
+
 if __name__ == '__main__':
-    sys.exit(_run(sys.argv.pop(1)))
+    sys.exit(_run_named())

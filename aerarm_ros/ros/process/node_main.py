@@ -147,12 +147,12 @@ def _run_node(
         if rclpy.ok():
             raise
     finally:
-        try:
-            if node is not None:
-                with ExitLimit(1 if sys.exception() else node.status):
+        with ExitLimit(1 if node is None or sys.exception() else node.status):
+            try:
+                if node is not None:
                     node.close()
-        finally:
-            rclpy.try_shutdown()
+            finally:
+                rclpy.try_shutdown()
     return node.status if node is not None else 0
 
 

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import json
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from subprocess import TimeoutExpired
 
 import rclpy
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
-from aerarm_ros.ros.process.exit_limit import ExitLimit
 from aerarm_ros.ros.process.log_directory import find_log_directory
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.programs.demo_account import DemoAccount
@@ -89,7 +90,8 @@ class DemoRun:
             },
             log=self._logs / 'fake_hardware.log',
         )
-        with hardware, _arm_client() as client:
+        client = _arm_client()
+        with hardware:
             print('Arm       emulated boards are starting', flush=True)
             _wait_for_bridge(hardware, client)
             client.call('enable')
@@ -180,19 +182,20 @@ def _wait_for_recorder(recorder: NodeProcess) -> None:
         time.sleep(0.05)
 
 
-@contextmanager
-def _arm_client() -> Iterator[ArmClient]:
+def _arm_client() -> ArmClient:
     use_packaged_profile()
     find_log_directory()
     # Ctrl-C and SIGTERM end the demo as KeyboardInterrupt, with the context still valid.
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('demo')
-    try:
-        yield ArmClient(node, ['fake_hardware'])
-    finally:
-        with ExitLimit(1):
-            node.destroy_node()
-        rclpy.try_shutdown()
+    # Taking leave may be ended by its limit, so the table is to be printed before.
+    atexit.register(_leave, node)
+    return ArmClient(node, ['fake_hardware'])
+
+
+def _leave(node: Node) -> None:
+    node.destroy_node()
+    rclpy.try_shutdown()
 
 
 def _wait(process: NodeProcess, timeout: float) -> None:

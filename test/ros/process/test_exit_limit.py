@@ -26,7 +26,20 @@ LIMIT = """
 import sys, time
 from aerarm_ros.ros.process import exit_limit
 """
+# The limit itself is long for a test.
+SHORT = """
+from aerarm_ros.ros.process.exit_limit import ExitLimit, exit_within
+ExitLimit.__init__.__defaults__ = exit_within.__defaults__ = (0.3,)
+"""
 COMMAND = 'from aerarm_ros.executables import {0}; sys.argv[1:] = {1}; sys.exit({0}())'
+NODE = """
+from aerarm_ros.ros.process.node_main import run_node
+class Node:
+    status = 0
+    def run(self): {0}
+    def close(self): spin()
+sys.exit(run_node('script', Node, []))
+"""
 
 
 def run(code: str) -> subprocess.CompletedProcess[str]:
@@ -74,14 +87,30 @@ with exit_limit.ExitLimit(7, 0.3): spin()
     [('computed_torque', ['--help'], 0), ('arm', ['no_such_order'], 2)],
 )
 def test_every_command_has_a_limit(command: str, arguments: list[str], status: int) -> None:
-    done = run(SPINNING + COMMAND.format(command, arguments))
+    done = run(SPINNING + SHORT + COMMAND.format(command, arguments))
     assert done.returncode == status
     assert done.stdout or done.stderr
 
 
+@pytest.mark.parametrize(
+    ('action', 'status'),
+    [
+        ('pass', 0),
+        ('self.status = 3', 3),
+        ('raise OSError("no bus")', 1),
+        ('raise ArithmeticError', 1),
+        ('raise KeyboardInterrupt', 0),
+    ],
+)
+def test_a_node_that_cannot_be_closed_ends_with_its_status(
+    ros_domain: dict[str, str], action: str, status: int
+) -> None:
+    assert run(SPINNING + SHORT + NODE.format(action)).returncode == status
+
+
 def test_a_node_that_another_has_started_has_a_limit(tmp_path: Path) -> None:
     # Python runs that as it starts.
-    (tmp_path / 'sitecustomize.py').write_text(SPINNING)
+    (tmp_path / 'sitecustomize.py').write_text(SPINNING + SHORT)
     path = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get('PYTHONPATH')]))
     with NodeProcess(
         'fake_hardware', ('--help',), environment={'PYTHONPATH': path}, log=tmp_path / 'log'
