@@ -27,6 +27,7 @@ PAUSE = (0.05, 0.5)  # [s]
 BETWEEN = 1.0  # [s]
 PROGRAMS = 4
 TAIL = 15
+PATIENCE = 5.0  # [s]
 _GONE = 'TtXZ'  # states of a process that cannot be stopped: it is, or has ended
 
 
@@ -93,8 +94,12 @@ def started(
                 send(pid, signal.SIGTERM)
             process.wait()
             raise
-    if left := session(process.pid):
-        print(f'still there after the command has ended: processes {left}', flush=True)
+    # Helpers of multiprocessing end once they notice that who started them has.
+    end = time.monotonic() + PATIENCE
+    while (left := session(process.pid)) and time.monotonic() < end:
+        time.sleep(0.1)
+    for pid in left:
+        print(f'still there after the command has ended: {pid} {command_of(pid)}', flush=True)
 
 
 def session(leader: int) -> list[int]:
@@ -110,6 +115,14 @@ def state(pid: int) -> tuple[str, int]:
     except OSError:
         return 'X', 0
     return fields[0], int(fields[3])
+
+
+def command_of(pid: int) -> str:
+    """Return the command line of a process, '' if it has ended."""
+    try:
+        return Path(f'/proc/{pid}/cmdline').read_text().replace('\0', ' ')
+    except OSError:
+        return ''
 
 
 def send(pid: int, number: signal.Signals) -> None:

@@ -3,10 +3,8 @@
 import csv
 import fcntl
 import os
-import random
 import shutil
 import signal
-import socket
 import sys
 from collections.abc import Callable, Iterator
 from importlib.metadata import files
@@ -17,6 +15,7 @@ import pytest
 import rclpy
 from answering_bridges import destroy_bridges
 from hypothesis import settings
+from own_domain import own_domain
 from quick_spinning import release_nodes
 from rclpy.node import Node
 
@@ -108,15 +107,7 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
 
     Returns the variables, for processes that are started with an environment of their own.
     """
-    # Domains above 101 use ports that the system hands out to others. Each of the processes that
-    # share the tests has domains of its own.
-    workers = int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
-    own = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
-    domains = random.sample(range(1 + own, 102, workers), 101 // workers)
-    variables = {
-        'ROS_DOMAIN_ID': str(next(domain for domain in domains if _is_free(domain))),
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-    }
+    variables = own_domain()
     environment = ros_environment(variables)
     for name in (*variables, 'FASTRTPS_DEFAULT_PROFILES_FILE'):
         monkeypatch.setenv(name, environment[name])
@@ -133,14 +124,3 @@ def ros_node(ros_domain: dict[str, str]) -> Iterator[Node]:
     destroy_bridges()
     node.destroy_node()
     rclpy.shutdown()
-
-
-def _is_free(domain: int) -> bool:
-    """Tell whether the discovery port of a domain's first participant is unused."""
-    port = 7400 + 250 * domain + 10
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(('', port))
-        except OSError:
-            return False
-    return True

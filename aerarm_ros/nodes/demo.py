@@ -17,6 +17,7 @@ from typing import NoReturn
 
 from aerarm_ros.ros.emulation.emulated_world import KEEP_UP, LOCKSTEP
 from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR
+from aerarm_ros.ros.process.local_discovery import is_domain_free
 from aerarm_ros.ros.process.one_line_parser import OneLineParser
 from aerarm_ros.ros.process.stop_signals import StopSignals
 from aerarm_ros.ros.programs.demo_run import DemoError, DemoRun
@@ -103,7 +104,9 @@ def _at_least_one(text: str) -> int:
 
 def _isolate_from_other_ros_graphs() -> None:
     """Keep the emulated arm off a network where a real one may be listening."""
-    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    domains = random.sample(range(1, 101), 100)
+    free = next(filter(is_domain_free, domains), domains[0])
+    os.environ.setdefault('ROS_DOMAIN_ID', str(free))
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     for name in ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'):
         os.environ.pop(name, None)  # they reach beyond this host all the same

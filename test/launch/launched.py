@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import shutil
 import signal
 import subprocess
@@ -15,6 +14,7 @@ from importlib.util import find_spec
 import pytest
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from own_domain import own_domain
 
 from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.ros.process.node_process import ros_environment
@@ -52,10 +52,7 @@ needs_ros2_launch = pytest.mark.skipif(bool(NO_COMMAND), reason=NO_COMMAND)
 
 if not MISSING:
     # Tests by launch_testing get no fixtures; the domain is left to whoever asks for one.
-    domain = str(random.randint(1, 101))
-    os.environ.update(
-        ros_environment({'ROS_DOMAIN_ID': domain, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
-    )
+    os.environ.update(ros_environment(own_domain()))
 
 
 def launch_test(name: str, values: Sequence[str]) -> Callable:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from own_domain import own_domain
 
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.inertia import is_physically_consistent
@@ -121,7 +122,7 @@ def test_ended_early_it_leaves_no_process_and_a_marked_folder(
 
 def marked_environment(out: Path) -> dict[str, str]:
     """Return an environment by which the processes of a demo are found again."""
-    return {**os.environ, 'DEMO_UNDER_TEST': str(out)}
+    return {**os.environ, **own_domain(), 'DEMO_UNDER_TEST': str(out)}
 
 
 def processes_of(out: Path) -> list[str]:

@@ -15,7 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'discovery_profile': ['use_packaged_profile'],
         'exit_limit': ['ExitLimit', 'exit_within'],
         'exit_status': ['INTERRUPTED', 'USER_ERROR', 'print_error'],
-        'local_discovery': ['is_on_this_host', 'stay_on_this_host'],
+        'local_discovery': ['is_domain_free', 'is_on_this_host', 'stay_on_this_host'],
         'node_main': ['Runnable', 'run_node'],
         'node_process': ['NodeProcess', 'ros_environment'],
         'one_line_parser': ['OneLineParser'],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Mapping
 
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -28,3 +29,16 @@ def is_on_this_host(environment: Mapping[str, str] = os.environ) -> bool:
         environment.get(_RANGE, '').upper() == 'LOCALHOST'
         or environment.get('ROS_LOCALHOST_ONLY') == '1'
     )
+
+
+def is_domain_free(domain: int) -> bool:
+    """Tell whether no node on this host seems to be in a ROS domain of 0 to 101.
+
+    The first one in a domain has its discovery port (RTPS 2.2, 9.6.1.1).
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(('', 7400 + 250 * domain + 10))
+        except OSError:
+            return False
+    return True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from difflib import get_close_matches
 from typing import Any
 
@@ -15,6 +17,7 @@ from aerarm_ros.description.config_error import ConfigError
 from aerarm_ros.description.plain_yaml import plain_data
 from aerarm_ros.ros.executors.spinning import spin_until, this_domain
 from aerarm_ros.ros.requests.arm_client import ArmClientError
+from aerarm_ros.ros.requests.service_call import ASK_AGAIN
 
 _Type = Parameter.Type
 
@@ -42,14 +45,21 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
     if not spin_until(node, client.services_are_ready, timeout):
         raise ArmClientError(f'no node {target} with parameters: does it run in {this_domain()}?')
 
-    def result(future: Future) -> Any:
-        if not spin_until(node, future.done, timeout):
-            raise ArmClientError(f'{target} gave no answer within {timeout:g} s')
-        return future.result()
+    def result(ask: Callable[[], Future]) -> Any:
+        # An answer to a client that the node has not discovered yet is lost.
+        futures: list[Future] = []
+        deadline = time.monotonic() + timeout
+        while not any(future.done() for future in futures):
+            left = deadline - time.monotonic()
+            if left < 0.0:
+                raise ArmClientError(f'{target} gave no answer within {timeout:g} s')
+            futures.append(ask())
+            spin_until(node, lambda: any(f.done() for f in futures), min(ASK_AGAIN, left))
+        return next(future.result() for future in futures if future.done())
 
-    descriptors = result(client.describe_parameters([name])).descriptors
+    descriptors = result(lambda: client.describe_parameters([name])).descriptors
     if not descriptors:
-        known = result(client.list_parameters()).result.names
+        known = result(client.list_parameters).result.names
         closest = next(iter(get_close_matches(name, known, n=1)), '')
         hint = f": did you mean '{closest}'?" if closest else ''
         raise ArmClientError(f"{target} has no parameter '{name}'{hint}")
@@ -58,7 +68,7 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
             f'{target} reads {name} once: give it when the node starts, -p {name}:={text}'
         )
     parameter = Parameter(name, value=_value(descriptors[0], text))
-    answer = result(client.set_parameters([parameter])).results[0]
+    answer = result(lambda: client.set_parameters([parameter])).results[0]
     if not answer.successful:
         raise ArmClientError(f'{target} refuses: {answer.reason}')
     return parameter.value

@@ -1,0 +1,32 @@
+"""Setting a parameter of a node that is just being discovered."""
+
+import pytest
+import rclpy
+from answering_bridges import LIMIT
+from rclpy.node import Node
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
+
+from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.requests.parameter_request import set_parameter
+
+
+@pytest.mark.parametrize('request_type', ['describe_parameters', 'set_parameters'])
+def test_what_is_not_answered_is_asked_for_again(
+    ros_node: Node, monkeypatch: pytest.MonkeyPatch, request_type: str
+) -> None:
+    ask = getattr(AsyncParameterClient, request_type)
+    asked = []
+
+    def lost_at_first(client: AsyncParameterClient, *arguments: object) -> Future:
+        asked.append(arguments)
+        return Future() if len(asked) == 1 else ask(client, *arguments)
+
+    monkeypatch.setattr(AsyncParameterClient, request_type, lost_at_first)
+    other = rclpy.create_node('other')
+    other.declare_parameter('gain', 1.0)
+    with BackgroundExecutor(other):
+        assert set_parameter(ros_node, 'other', 'gain', '2', LIMIT) == 2.0
+    assert other.get_parameter('gain').value == 2.0
+    assert len(asked) > 1
+    other.destroy_node()
