@@ -248,11 +248,15 @@ def test_two_bridges_are_named(start, source, ros_node) -> None:
     other.destroy_node()
 
 
-def wait_for_text(process: NodeProcess, text: str) -> None:
+def wait_until(condition: Callable[[], bool]) -> None:
     deadline = time.monotonic() + PATIENCE
-    while text not in process.tail(50):
-        assert time.monotonic() < deadline, process.tail(50)
+    while not condition():
+        assert time.monotonic() < deadline
         time.sleep(0.05)
+
+
+def wait_for_text(process: NodeProcess, text: str) -> None:
+    wait_until(lambda: text in process.tail(50))
 
 
 def test_an_existing_bag_is_not_touched(start, tmp_path) -> None:
@@ -300,7 +304,8 @@ def test_what_is_written_and_lost_is_on_diagnostics(start, source, ros_node) -> 
     while time.monotonic() - begun < 2.5:
         for _ in range(300):
             source.streams[0].publish(payload)
-    wait_for_text(recorder, 'of /joint_states just now')
+    assert 'of /joint_states just now' in recorder.tail(100)
+    wait_until(lambda: recorder.tail(100).count('losing messages: ') > warnings)
     warnings = recorder.tail(100).count('losing messages: ') - warnings
     assert 1 <= warnings <= time.monotonic() - begun + 1
     assert 'parameter depth, 10 now' in recorder.tail(100)

@@ -12,6 +12,7 @@ def run(loop: PeriodicLoop, cycles: int, busy=None) -> list[tuple[int, int]]:
     calls: list[tuple[int, int]] = []
 
     def cycle(now_ns: int, index: int) -> None:
+        assert loop.missed == index - len(calls)
         calls.append((now_ns, index))
         time.sleep((busy or {}).get(len(calls), 0.0))
         if len(calls) == cycles:
@@ -25,14 +26,10 @@ def test_deadlines_lie_on_a_grid_and_none_is_early() -> None:
     loop = PeriodicLoop(2e-3)
     before = time.monotonic_ns()
     calls = run(loop, 100)
-    skipped = calls[-1][1] + 1 - len(calls)
     grid = [now - index * loop.period_ns for now, index in calls]
     # What lies above the earliest is lateness; before the start there is nothing.
     assert min(grid) >= before + loop.period_ns
     assert loop.lateness.summary().minimum >= 0.0
-    # The last cycle may have been too long as well, which no later one shows.
-    assert skipped <= loop.missed
-    assert (skipped == loop.missed) or loop.execution.summary().maximum > 2e-3
 
 
 def test_a_long_cycle_skips_deadlines_and_counts_them() -> None:
@@ -41,7 +38,8 @@ def test_a_long_cycle_skips_deadlines_and_counts_them() -> None:
     indices = [index for _, index in calls]
     assert indices[5] - indices[4] >= 4
     assert loop.cycles == 20
-    assert loop.missed == indices[-1] + 1 - 20 >= 3
+    # The last cycle may have been too long as well.
+    assert loop.missed >= indices[-1] + 1 - 20 >= 3
 
 
 def test_never_bursts_to_catch_up() -> None:

@@ -51,8 +51,9 @@ def test_a_pause_of_the_host_is_none_of_the_emulated_world(
     bridge = start_bridge(pace=pace)
     client = BridgeClient(ros_node)
     client.wait_for(lambda: len(client.states) > 50)
-    count = len(client.states)
-    before, begun = stamp_ns(client.states[-1]), time.monotonic()
+    count, begun = len(client.states), time.monotonic()
+    client.wait_for(lambda: len(client.states) > count)
+    count, before = len(client.states), stamp_ns(client.states[-1])
     pause(bridge)
     client.wait_for(lambda: len(client.states) > count + 50)
     # This client may be held up as well, and miss some states.

@@ -8,6 +8,11 @@ from collections.abc import Iterator
 
 import pytest
 
+# Signals that come as one of two sides, however long a busy host takes to send them.
+AS_ONE = """
+from aerarm_ros.ros.process import stop_signals
+stop_signals._SAME = 3600.0
+"""
 SCRIPT = """
 import signal, sys, time
 from aerarm_ros.ros.process.stop_signals import StopSignals
@@ -82,14 +87,14 @@ def test_each_of_them_asks_to_stop(stopped: Stopped, number: signal.Signals) -> 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT])
 def test_the_second_ends_the_process(stopped: Stopped, number: signal.Signals) -> None:
+    begin = time.monotonic()
     stopped.send(number)
     assert stopped.calls() == 1
-    begin = time.monotonic()
     while stopped.process.poll() is None and time.monotonic() < begin + 10.0:
         stopped.send(signal.SIGTERM)
         time.sleep(0.1)
     assert stopped.process.returncode == -signal.SIGTERM
-    assert time.monotonic() > begin + 0.5
+    assert time.monotonic() > begin + 1.0
 
 
 ENDING = """
@@ -135,14 +140,17 @@ def test_a_crash_ends_it_all_the_same() -> None:
         end(stopped)
 
 
-def test_the_same_ctrl_c_from_two_sides_asks_once(stopped: Stopped) -> None:
+def test_the_same_ctrl_c_from_two_sides_asks_once() -> None:
+    stopped = Stopped(script=AS_ONE + SCRIPT)
     # As from a terminal and from a supervisor at the same time.
     for _ in range(3):
         stopped.send(signal.SIGINT)
     assert stopped.calls() == 1
+    end(stopped)
 
 
-def test_hanging_up_any_number_of_times_asks_once(stopped: Stopped) -> None:
+def test_hanging_up_any_number_of_times_asks_once() -> None:
+    stopped = Stopped(script=AS_ONE + SCRIPT)
     for _ in range(3):
         stopped.send(signal.SIGHUP)
         assert stopped.calls() == 1
@@ -151,6 +159,7 @@ def test_hanging_up_any_number_of_times_asks_once(stopped: Stopped) -> None:
     assert stopped.calls() == 1
     stopped.send(signal.SIGHUP)
     assert stopped.calls() == 1
+    end(stopped)
 
 
 def test_nohup_is_respected() -> None:
