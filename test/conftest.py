@@ -20,6 +20,7 @@ from quick_spinning import release_nodes
 from rclpy.node import Node
 
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.ros.process.exit_limit import ExitLimit
 from aerarm_ros.ros.process.log_directory import find_log_directory
 from aerarm_ros.ros.process.node_process import ros_environment
 
@@ -122,5 +123,6 @@ def ros_node(ros_domain: dict[str, str]) -> Iterator[Node]:
     yield node
     release_nodes()
     destroy_bridges()
-    node.destroy_node()
-    rclpy.shutdown()
+    with ExitLimit(1):  # a worker that Fast DDS holds for ever would hold the whole run
+        node.destroy_node()
+        rclpy.shutdown()

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
-from quick_spinning import spin_once, spin_until
+from quick_spinning import answer_of, spin_once
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -101,9 +101,7 @@ class ControllerBench:
         request = SetParameters.Request(
             parameters=[Parameter(parameter, value=value).to_parameter_msg()]
         )
-        future = client.call_async(request)
-        assert spin_until(self.node, future.done, LIMIT)
-        (result,) = future.result().results
+        (result,) = answer_of(self.node, lambda: client.call_async(request), LIMIT).results
         assert result.successful, result.reason
 
     def _on_state(self, message: JointState) -> None:

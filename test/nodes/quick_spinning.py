@@ -5,8 +5,10 @@ That is a millisecond of the processor for each message, and a bridge sends thou
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 from rclpy.node import Node
+from rclpy.task import Future
 
 from aerarm_ros.ros.executors.lean_executor import LeanExecutor
 
@@ -32,6 +34,20 @@ def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> b
             return False
         spin_once(node, 0.05)
     return True
+
+
+def answer_of(node: Node, ask: Callable[[], Future], timeout: float) -> Any:
+    """Return what is answered within a time [s] to a request that may be made twice.
+
+    An answer to a client that the server has not discovered yet is lost.
+    """
+    deadline = time.monotonic() + timeout
+    futures: list[Future] = []
+    while not any(future.done() for future in futures):
+        assert time.monotonic() < deadline
+        futures.append(ask())
+        spin_until(node, futures[-1].done, 1.0)
+    return next(future.result() for future in futures if future.done())
 
 
 def release_nodes() -> None:

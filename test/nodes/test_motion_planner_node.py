@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from forked_executable import run
 from geometry_msgs.msg import PointStamped
-from quick_spinning import spin_once
+from quick_spinning import answer_of, spin_once
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -79,9 +79,9 @@ class Desk:
         client = self.node.create_client(SetParameters, 'motion_planner/set_parameters')
         assert client.wait_for_service(60.0)
         parameters = [Parameter(name, value=value).to_parameter_msg()]
-        future = client.call_async(SetParameters.Request(parameters=parameters))
-        self.wait(future.done, 'the parameter')
-        return bool(future.result().results[0].successful)
+        request = SetParameters.Request(parameters=parameters)
+        answer = answer_of(self.node, lambda: client.call_async(request), 60.0)
+        return bool(answer.results[0].successful)
 
 
 @pytest.fixture

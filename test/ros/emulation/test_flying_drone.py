@@ -9,7 +9,7 @@ from controller_bench import LIMIT, ControllerBench, trajectory
 from forked_executable import run
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
-from quick_spinning import spin_once, spin_until
+from quick_spinning import answer_of, spin_once, spin_until
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -160,9 +160,8 @@ def test_where_it_was_is_not_told_once_it_is_put_back(tmp_path: Path, ros_node: 
         bench.wait(lambda: bench.mode == 'idle', 'idle')
         put_back = ros_node.create_client(Trigger, 'fake_hardware/put_back')
         assert put_back.wait_for_service(LIMIT)
-        answer = put_back.call_async(Trigger.Request())
-        assert spin_until(ros_node, answer.done, LIMIT)
-        assert answer.result().success
+        answer = answer_of(ros_node, lambda: put_back.call_async(Trigger.Request()), LIMIT)
+        assert answer.success
         spin_until(ros_node, lambda: False, 0.2)  # what was under way
         bench.path.clear()
         spin_until(ros_node, lambda: False, 0.5)

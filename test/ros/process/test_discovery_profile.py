@@ -49,9 +49,9 @@ node = rclpy.create_node('plain')
 modes = []
 latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 node.create_subscription(String, 'arm_mode', lambda message: modes.append(message.data), latched)
+client = node.create_client(Trigger, 'fake_hardware/e_stop')
 while not modes:
     rclpy.spin_once(node)
-client = node.create_client(Trigger, 'fake_hardware/e_stop')
 client.wait_for_service()
 answer = client.call_async(Trigger.Request())
 rclpy.spin_until_future_complete(node, answer)
