@@ -17,7 +17,7 @@ from types import ModuleType
 
 from aerarm_ros.ros.process.die_with_parent import die_with_launch
 from aerarm_ros.ros.process.exit_limit import exit_within
-from aerarm_ros.ros.process.exit_status import INTERRUPTED
+from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
 from aerarm_ros.ros.process.stop_signals import StopSignals
 
 # They have something to finish, and are ended before that by a signal. All others serve until
@@ -111,9 +111,13 @@ class _Early:
 def _run_named() -> int:
     """Run the command that the first argument names."""
     names = sorted(module.stem for module in (Path(__file__).parent / 'nodes').glob('[a-z]*.py'))
-    if sys.argv[1:2] == [] or sys.argv[1] not in names:
-        sys.exit(f'give the name of a command first, one of {", ".join(names)}')
-    return _run(sys.argv.pop(1))
+    name = sys.argv[1] if sys.argv[1:] else ''
+    if name not in names:
+        wrong = f"'{name}' is no command" if name else 'the name of a command comes first'
+        print_error('executables', f'{wrong}: give one of {", ".join(names)}')
+        return USER_ERROR
+    sys.argv[:2] = [name]
+    return _run(name)
 
 
 if __name__ == '__main__':

@@ -124,6 +124,8 @@ class WorldLoop(PeriodicLoop):
 
     def account(self) -> str:
         """Return one line for the log's end."""
+        if not self.cycles:
+            return 'no cycle ran'
         share = self.share_of_real_time
         text = f'{self.cycles} cycles, the world ran at {100.0 * share:.1f} % of real time'
         if self._wait_first and share < _AS_GOOD_AS_REAL:

@@ -79,6 +79,13 @@ def test_it_finds_bridges_of_any_name_and_namespace(bridges: Bridges) -> None:
     assert stop('--bridge', 'my_arm') == ['/my_arm: the arm is damped']
 
 
+def test_the_mode_of_a_bridge_in_another_namespace_is_waited_for(bridges: Bridges) -> None:
+    until_said(bridges.start('left', '__ns:=/left'), ': idle')
+    enable = ('enable', '--bridge', '/left/fake_hardware', '--wait', 'ready', '--timeout', '100')
+    done = run('arm', *enable)
+    assert (done.returncode, done.stderr) == (0, '')
+
+
 def test_it_reaches_all_though_nobody_can_be_told(ros_node: Node) -> None:
     bridges = AnsweringBridges()
 

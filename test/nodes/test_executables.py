@@ -9,7 +9,7 @@ import pytest
 
 from aerarm_ros import executables
 from aerarm_ros.algebra_threads import THREAD_VARIABLES
-from aerarm_ros.ros.process.exit_status import INTERRUPTED
+from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR
 
 # An installed command whose module takes its time.
 COMMAND = """
@@ -25,6 +25,21 @@ sys.meta_path.insert(0, Slow())
 from aerarm_ros.executables import arm
 sys.exit(arm())
 """
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'told'),
+    [
+        ([], 'executables: the name of a command comes first: give one of arm, base_reaction'),
+        (['fake_hardwar'], "executables: 'fake_hardwar' is no command: give one of arm, "),
+    ],
+)
+def test_by_name_what_is_wrong_is_one_line(arguments: list[str], told: str) -> None:
+    command = [sys.executable, '-m', 'aerarm_ros.executables', *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120.0)
+    assert (done.returncode, done.stdout) == (USER_ERROR, '')
+    assert done.stderr.startswith(told)
+    assert done.stderr.count('\n') == 1
 
 
 def test_ctrl_c_at_the_start_is_quiet() -> None:

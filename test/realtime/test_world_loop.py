@@ -47,6 +47,13 @@ def test_a_host_that_pauses_shifts_the_deadlines_and_nothing_in_the_world() -> N
     assert 'behind it: too slow here for a real arm' in loop.account()
 
 
+def test_a_world_that_never_went_on_says_so() -> None:
+    loop = WorldLoop(2e-3, lambda: False)
+    loop.stop()
+    loop.run(lambda now_ns, index: None)
+    assert loop.account() == 'no cycle ran'
+
+
 def test_a_world_that_need_not_wait_runs_ahead() -> None:
     loop = WorldLoop(1.0, lambda: True, wait_first=False)
     calls, seconds = run(loop, 100)

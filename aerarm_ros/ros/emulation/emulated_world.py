@@ -181,7 +181,8 @@ class EmulatedWorld:
                     'stands still until it does (one told again wants an answer too)'
                 )
             self._wait(lambda: self._command is None, None)
-        self.loop.stood_ns += time.monotonic_ns() - begun
+        if not self.loop.is_stopped:  # the wait before a cycle that comes
+            self.loop.stood_ns += time.monotonic_ns() - begun
 
     def _is_ahead(self) -> bool:
         """Whether the world would run away from who commands or records the arm."""
@@ -280,7 +281,10 @@ class EmulatedWorld:
             self._warn('the last odometry was not answered', 'and the rotors will stop')
         else:
             self._watch.give_up()
-            self._warn('the last state was not answered', 'and the arm is damped')
+            self._warn(
+                'the last state was not answered',
+                'and the arm is damped, or held if that was asked for',
+            )
 
     def _warn(self, what: str, then: str) -> None:
         self._say(

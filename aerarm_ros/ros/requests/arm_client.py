@@ -80,8 +80,10 @@ class ArmClient:
             if action not in STOPS
         }
         topic = topics.ARM_MODE
+        # A bridge of another namespace tells its mode there.
+        namespace, slash, _ = names[0].rpartition('/') if len(names) == 1 else ('', '', '')
         self._subscription = node.create_subscription(
-            topic.type, topic.name, self._on_mode, topic.qos
+            topic.type, f'{namespace}{slash}{topic.name}', self._on_mode, topic.qos
         )
 
     def call(self, action: str, timeout: float = 10.0) -> str:
