@@ -90,8 +90,8 @@ class DemoRun:
             },
             log=self._logs / 'fake_hardware.log',
         )
-        client = _arm_client()
         with hardware:
+            client = _arm_client()
             print('Arm       emulated boards are starting', flush=True)
             _wait_for_bridge(hardware, client)
             client.call('enable')
