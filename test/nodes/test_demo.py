@@ -18,7 +18,7 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.inertia import is_physically_consistent
 from aerarm_ros.nodes.demo import INCOMPLETE
 
-DEMO = (sys.executable, '-m', 'aerarm_ros.nodes.demo')
+DEMO = (sys.executable, '-m', 'aerarm_ros.executables', 'demo')
 
 
 def run_demo(folder: Path) -> None:

@@ -209,11 +209,12 @@ def test_it_waits_for_the_arm_if_it_may(drone: DroneSensors, arm_wait: float) ->
             wrenches.publish(told)  # each time: of the newest alone one may be lost
             drone.hover(1)
 
+    # Before it can have given up, if it waits.
+    end = time.monotonic() + (arm_wait or PATIENCE)
     while drone.now_ns < told_ns + 20 * STEP_NS:
         tell(1)
 
     def tell_until_answered(stamp_ns: int) -> None:
-        end = time.monotonic() + PATIENCE
         while answered_ns() < stamp_ns:
             assert time.monotonic() < end
             tell(1)
