@@ -76,6 +76,7 @@ COMPILED = [
     'boards/arm_measurements',
     'boards/board_link',
     'boards/board_monitor',
+    'boards/command_echo',
     'boards/encoder_monitor',
     'boards/expected_motion',
     'boards/motor_power',
@@ -93,6 +94,10 @@ COMPILED = [
     'gate/joint_loads',
     'gate/offered_command',
     'gate/safety_gate',
+    'heat/motor_temperature',
+    'heat/supply_watch',
+    'heat/thermal_limit',
+    'heat_watch',
 ]
 
 

@@ -71,6 +71,10 @@ ARM_COM = Topic('arm_com', PointStamped, NEWEST)
 PAYLOAD = Topic('payload', InertiaStamped, NEWEST)
 JOINT_FRICTION = Topic('joint_friction', Float64MultiArray, NEWEST)
 ARM_MODE = Topic('arm_mode', String, LATCHED)
+# What a client that commissions the arm wants of the bridge, again and again, and the answer: JSON
+# objects, see `aerarm_ros.hardware.boards.probe_messages`.
+COMMISSIONING_REQUEST = Topic('commissioning_request', String, RELIABLE)
+COMMISSIONING_REPORT = Topic('commissioning_report', String, RELIABLE)
 TOOL_PATH = Topic('tool_path', Path, LATCHED)
 DISTURBANCE = Topic('disturbance', JointState, NEWEST)
 # Of the arm on its drone: its weight along the thrust, and what the joints' motion does; the
@@ -125,6 +129,8 @@ TOPICS = MappingProxyType(
             PAYLOAD,
             JOINT_FRICTION,
             ARM_MODE,
+            COMMISSIONING_REQUEST,
+            COMMISSIONING_REPORT,
             RECORDER_STATUS,
             RECORDED_UNTIL,
             DIAGNOSTICS,

@@ -39,6 +39,8 @@ from aerarm_ros.ros.process.node_process import STOP_TIMEOUT
 SHARE = FindPackageShare('aerarm_ros')
 CONTROLLERS = ('gravity_compensation', 'computed_torque', 'impedance_control', 'kinematic_control')
 WAIT_FOR_A_PERSON = 600.0  # [s]
+# Exit status that asyncio's child watcher makes up for a process that it has not seen end.
+_UNKNOWN = 255
 ON_SPI = EqualsSubstitution(LaunchConfiguration('hardware'), 'spi')
 IMU_REMAPPING = ('imu', LaunchConfiguration('imu_topic'))
 
@@ -85,7 +87,10 @@ def arm_parameters(
 
 def enable_argument(default: SomeSubstitutionsType = 'false') -> DeclareLaunchArgument:
     """Return the argument that enables the motors."""
-    what = 'switch the motors on when the boards are there: THE ARM MOVES'
+    what = (
+        'switch the motors on when the boards are there, and home an arm whose zeros are unknown: '
+        'THE ARM MOVES, from its home configuration'
+    )
     return switch_argument('enable', what, default)
 
 
@@ -193,11 +198,12 @@ def after(
 ) -> RegisterEventHandler:
     """Let an action follow a process; if that fails, launch ends with exit status 1.
 
-    To be cut short is no failure while launch itself is being ended.
+    To be cut short is no failure while launch itself is being ended. Nor is a status that launch
+    does not know: where a Ctrl-C interrupts what awaits a process, asyncio calls that 255.
     """
 
     def choose(event: ProcessExited, context: LaunchContext) -> Action | None:
-        if context.is_shutdown and event.returncode in (0, INTERRUPTED):
+        if context.is_shutdown and event.returncode in (0, INTERRUPTED, _UNKNOWN):
             return None
         if event.returncode == 0:
             return if_good

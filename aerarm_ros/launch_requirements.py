@@ -15,6 +15,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from aerarm_ros.description.description_error import DescriptionError
 from aerarm_ros.description.name_prefix import check_prefix
+from aerarm_ros.description.resources import find_file
 
 # Launch arguments that name a file, where they name anything.
 FILES = (
@@ -27,6 +28,8 @@ FILES = (
     'trajectory',
     'identified',
 )
+# Those of them whose packaged files are found by their name; launch itself reads the URDFs.
+PACKAGED = ('config', 'drone_file', 'excitation_config')
 # Argument and value: what that needs of ROS, and of Python.
 _PACKAGES = {('rviz', 'true'): ('rviz2', 'robot_state_publisher')}
 _MODULES = {
@@ -86,7 +89,8 @@ def _missing_drone(arguments: Mapping[str, str]) -> Iterator[str]:
 
 def _missing_files(arguments: Mapping[str, str]) -> Iterator[str]:
     for name in FILES:
-        path = arguments.get(name, '').strip("'")
+        given = arguments.get(name, '').strip("'")
+        path = str(find_file(given)) if given and name in PACKAGED else given
         if path and not os.path.isfile(path):
             yield f'{name}: there is no file {path}'
         elif path and not os.access(path, os.R_OK):

@@ -55,7 +55,7 @@ def codec_costs() -> None:
 
 def cycle_costs(cycles: int) -> None:
     """Run a bridge on emulated boards as fast as it goes; compare its beginning and its end."""
-    config = load_arm_config()
+    config = load_arm_config().with_encoders('absolute')
     boards = make_emulated_transport(config, load_robot(), 1)
     cycle = BridgeCycle(config, boards)
     now = 100.0
@@ -106,7 +106,7 @@ def real_time_run(seconds: float) -> None:
         bridge, controller = (
             stack.enter_context(NodeProcess(name, (), {'lock_memory': True, **parameters}))
             for name, parameters in (
-                (BRIDGE, {'realtime_priority': 80, 'pace': 'real_time'}),
+                (BRIDGE, {'realtime_priority': 80, 'pace': 'real_time', 'encoders': 'absolute'}),
                 (CONTROLLER, {'realtime_priority': 70}),
             )
         )

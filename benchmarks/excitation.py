@@ -103,7 +103,8 @@ class EmulatedRun:
     """
 
     def __init__(self, setup: ExcitationSetup, arm: ArmConfig, robot: Robot) -> None:
-        self._setup, self._arm, self._robot = setup, arm, robot
+        self._setup, self._robot = setup, robot
+        self._arm = arm.with_encoders('absolute')
 
     def play(self, name: str, trajectory: FourierTrajectory) -> Recording:
         """Return what joint_states would have held over two periods with run-in and run-out."""

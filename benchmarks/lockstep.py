@@ -29,7 +29,8 @@ def play(folder: Path, node: Node, priority: int) -> tuple[float, dict[str, dict
     """Play the excitation; return how long its process took [s], and what was recorded by topic."""
     folder.mkdir()
     bag, arm = folder / 'bag', ArmClient(node, ['fake_hardware'])
-    hardware = {'pace': 'lockstep', 'seed': 3, 'realtime_priority': priority}
+    hardware = {'pace': 'lockstep', 'seed': 3, 'encoders': 'absolute'}
+    hardware['realtime_priority'] = priority
     motion = {'seed': 1, 'periods': PERIODS, 'subscribers': 2, 'wait_for_recorder': True}
     motion['realtime_priority'] = max(0, priority - 1)
     with NodeProcess('fake_hardware', (), hardware, log=folder / 'hardware.log'):

@@ -106,7 +106,8 @@ def start(
 
     if not options.page_only:
         run('recorder', bag=folder / 'bag')
-    run('fake_hardware', period=options.period, realtime_priority=options.priority)
+    timing = {'period': options.period, 'realtime_priority': options.priority}
+    run('fake_hardware', encoders='absolute', **timing)
     arm.wait_for_mode(['idle'], 60.0)
     arm.call('enable')
     arm.wait_for_mode(['ready'], 60.0)

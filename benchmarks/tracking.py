@@ -67,7 +67,8 @@ def start_arm(
     """Start bridge and controller and wait until the one follows the other."""
     config, robot = load_arm_config(), load_robot()
     load_friction = PlantParameters.nominal(config, robot).load_friction.tolist()
-    arm = {'seed': -1, 'realtime_priority': 80, 'base_motion_profile': base}
+    arm = {'seed': -1, 'encoders': 'absolute', 'base_motion_profile': base}
+    arm['realtime_priority'] = 80
     law = {
         'feedback': feedback,
         'base_motion': awareness,

@@ -148,7 +148,7 @@ def _enable() -> Node:
     return Node(
         package='aerarm_ros',
         executable='arm',
-        arguments=['enable', '--wait-before', 'idle', '--wait', 'ready', 'running'],
+        arguments=['enable', '--home', '--wait', 'ready', 'running'],
         condition=IfCondition(LaunchConfiguration('enable')),
         output='screen',
     )

@@ -2,8 +2,8 @@
 
 ros2 launch aerarm_ros motor_bench.launch.py out:=bench1 joints:="[joint4]"
 Takes the arguments of bringup.launch.py. On real hardware the motors are enabled by hand, while
-everything waits: ros2 run aerarm_ros arm enable
-With namespace:=NS: ros2 run aerarm_ros arm enable --ros-args -r __ns:=/NS
+everything waits: ros2 run aerarm_ros arm home
+With namespace:=NS: ros2 run aerarm_ros arm home --ros-args -r __ns:=/NS
 """
 
 from launch import LaunchDescription

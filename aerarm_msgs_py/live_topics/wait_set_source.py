@@ -92,6 +92,8 @@ class WaitSetSource:
             return self._identified.take(self._handles[index])
         message: RawMessage | None
         message = self._handles[index].take_message(self._types[index], True)
+        if message is not None and 'publisher_gid' in message[1]:  # an rclpy after Jazzy's
+            message[1]['publisher'] = bytes(message[1]['publisher_gid'])
         return message
 
     def destroy(self) -> None:

@@ -19,7 +19,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'drone_urdf': ['with_drone'],
         'gear_config': ['GearConfig'],
         'joint_config': ['JointConfig'],
-        'motor_config': ['MotorConfig', 'torque_constant'],
+        'motor_config': ['MotorConfig', 'ThermalConfig', 'torque_constant'],
         'plain_yaml': ['plain_data', 'read_plain'],
         'pose_config': ['PoseConfig'],
         'power_stage_config': ['PowerStageConfig'],

@@ -14,7 +14,7 @@ from aerarm_ros.description.config_error import ConfigError, check_name, check_r
 from aerarm_ros.description.config_reader import build, check_keys, load, section
 from aerarm_ros.description.gear_config import GearConfig
 from aerarm_ros.description.joint_config import JointConfig
-from aerarm_ros.description.motor_config import MotorConfig, torque_constant
+from aerarm_ros.description.motor_config import MotorConfig, ThermalConfig, torque_constant
 from aerarm_ros.description.power_stage_config import PowerStageConfig
 
 __all__ = [
@@ -121,6 +121,16 @@ class ArmConfig:
         value = attrgetter(field)
         return np.array([value(joint) for joint in self.joints], dtype=float)
 
+    def absolute_encoders(self, default: str) -> tuple[bool, ...]:
+        """Tell of each joint whether its encoder is absolute; `default` is the profile's kind."""
+        return tuple(
+            (self.boards[joint.board].encoders or default) == 'absolute' for joint in self.joints
+        )
+
+    def with_encoders(self, kind: str) -> 'ArmConfig':
+        """Return a copy whose boards have encoders of a kind of `board_config.ENCODERS`."""
+        return replace(self, boards=tuple(replace(board, encoders=kind) for board in self.boards))
+
     def with_prefix(self, prefix: str) -> 'ArmConfig':
         """Return a copy with a prefix before the name of every joint."""
         return replace(
@@ -199,7 +209,7 @@ def load_arm_config(path: Path | str | None = None) -> ArmConfig:
 def _arm(document: dict[str, Any]) -> ArmConfig:
     check_keys('top level', document, ArmConfig, also=('motors', 'gears'))
     motors = {
-        name: build(MotorConfig, f'motors.{name}', entry, name=name)
+        name: _motor(f'motors.{name}', entry, name)
         for name, entry in section(document, 'motors', dict).items()
     }
     gears = {
@@ -220,6 +230,13 @@ def _arm(document: dict[str, Any]) -> ArmConfig:
     stage = document.get('power_stage', {})
     plain['power_stage'] = build(PowerStageConfig, 'power_stage', stage)
     return build(ArmConfig, 'top level', plain)
+
+
+def _motor(where: str, entry: Any, name: str) -> MotorConfig:
+    if isinstance(entry, dict) and entry.get('thermal') is not None:
+        thermal = build(ThermalConfig, f'{where}.thermal', entry['thermal'])
+        entry = {**entry, 'thermal': thermal}
+    return build(MotorConfig, where, entry, name=name)
 
 
 def _joint(

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from aerarm_ros.description.config_error import check_choice, check_name, check_range
 
+ENCODERS = ('incremental', 'absolute')
+
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
@@ -18,6 +20,9 @@ class BoardConfig:
         SPI clock [Hz].
     mode : int
         SPI mode 0-3 (clock polarity and phase).
+    encoders : str
+        'incremental' if they count from where the board was switched on, 'absolute' if they know
+        their angle then; '' for what the frame profile says.
 
     Raises
     ------
@@ -29,6 +34,7 @@ class BoardConfig:
     device: str
     clock_hz: int
     mode: int
+    encoders: str = ''
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -37,3 +43,4 @@ class BoardConfig:
         check_name(owner, 'device', self.device)
         check_range(owner, 'clock_hz', self.clock_hz, 100_000, 50_000_000, 'Hz')
         check_choice(owner, 'mode', self.mode, (0, 1, 2, 3))
+        check_choice(owner, 'encoders', self.encoders, ('', *ENCODERS))

@@ -10,7 +10,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from aerarm_ros.description.config_error import ConfigError
 from aerarm_ros.description.plain_yaml import read_plain
-from aerarm_ros.description.resources import resource
+from aerarm_ros.description.resources import find_file, resource
 
 Config = TypeVar('Config')
 
@@ -48,7 +48,7 @@ def load(
     ConfigError
         If the file can't be read or says something wrong; one line, with file and key.
     """
-    path = resource('config', packaged) if path is None else Path(path)
+    path = resource('config', packaged) if path is None else find_file(path)
     document = read_yaml(path)
     try:
         return make(document)

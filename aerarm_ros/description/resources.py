@@ -30,6 +30,22 @@ def share_directory() -> Path:
     )
 
 
+def find_file(path: Path | str) -> Path:
+    """Return the file of a path, or the packaged one of that name if there is no such file.
+
+    `config/drone.yaml`, `drone.yaml` and `drones/quadrotor.yaml` name packaged files from any
+    folder; a file of one's own, relative to the working directory, comes first.
+    """
+    given = Path(path)
+    if given.exists() or given.is_absolute() or '..' in given.parts:
+        return given
+    share = share_directory()
+    for folder in (share, share / 'config', share / 'urdf'):
+        if (folder / given).is_file():
+            return folder / given
+    return given
+
+
 def resource(*parts: str) -> Path:
     """Return the path of a shared file, e.g. `resource('urdf', 'aerarm.urdf')`.
 

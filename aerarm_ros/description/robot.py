@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from aerarm_ros.description.description_error import DescriptionError
 from aerarm_ros.description.name_prefix import check_prefix
-from aerarm_ros.description.resources import resource
+from aerarm_ros.description.resources import find_file, resource
 from aerarm_ros.description.urdf_document import LARGEST, UrdfDocument, UrdfJoint
 
 __all__ = ['DescriptionError', 'Robot', 'load_robot']
@@ -241,7 +241,7 @@ def load_robot(
 def _read(urdf: Path | str | None) -> tuple[str, Path | None]:
     if isinstance(urdf, str) and urdf.lstrip().startswith('<'):
         return urdf.lstrip(), None
-    path = resource('urdf', 'aerarm.urdf') if urdf is None else Path(urdf)
+    path = resource('urdf', 'aerarm.urdf') if urdf is None else find_file(urdf)
     try:
         with path.open('rb') as stream:
             return stream.read(LARGEST + 1).decode(), path

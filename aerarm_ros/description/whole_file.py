@@ -4,10 +4,11 @@ import os
 from pathlib import Path
 
 
-def write_whole(path: Path, text: str) -> None:
+def write_whole(path: Path, text: str, durable: bool = True) -> None:
     """Write a text file, in place of one of that name only once all of it is on the disk.
 
-    What is no file, as /dev/stdout, is written to.
+    What is no file, as /dev/stdout, is written to. If not `durable`, the file is whole for whoever
+    reads it, but is not forced to the disk.
 
     Raises
     ------
@@ -22,7 +23,8 @@ def write_whole(path: Path, text: str) -> None:
         with beside.open('w', encoding='utf-8') as file:
             file.write(text)
             file.flush()
-            os.fsync(file.fileno())
+            if durable:
+                os.fsync(file.fileno())
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)

@@ -10,7 +10,7 @@ from dataclasses import fields
 
 from aerarm_ros.description.gear_config import GearConfig
 from aerarm_ros.description.joint_config import JointConfig
-from aerarm_ros.description.motor_config import MotorConfig
+from aerarm_ros.description.motor_config import MotorConfig, ThermalConfig
 from aerarm_ros.draft.arm_draft import ArmDraft
 
 MARK = '# guess'
@@ -39,7 +39,11 @@ _ARM_ADVICE = {
     "as wired. clock_hz, mode: from the boards' documents.",
     'motors': 'pole_pairs, kv [rpm/V], current_max [A], resistance [ohm, phase to neutral]: data '
     'sheet; here they give each effort limit through the gear. rotor_inertia [kg m^2], and a '
-    'torque_constant_measured [Nm/A] to add: from motor_bench.',
+    'torque_constant_measured [Nm/A] to add: from motor_bench. thermal: continuous_current [A] '
+    'with which the winding stays below temperature_max [degC], as the motor is mounted, without '
+    'the airflow of a propeller; winding_time, housing_time [s] are time constants, housing_share '
+    'is the share of the thermal resistance outside the housing: let the motor hold a load, and '
+    'measure.',
     'gears': 'ratio = joint speed / motor speed: data sheet, or count the turns of the motor for '
     'one of the joint. efficiency stays 1 where losses are identified as friction.',
 }
@@ -96,7 +100,12 @@ def arm_text(draft: ArmDraft, source: str) -> str:
         lines += [
             _line('    ', key, _number(value), MARK)
             for key, value in values
-            if key != 'name' and value is not None
+            if key not in ('name', 'thermal') and value is not None
+        ]
+        add('    thermal:')
+        lines += [
+            _line('      ', item.name, _number(getattr(motor.thermal_or_guess, item.name)), MARK)
+            for item in fields(ThermalConfig)
         ]
     lines += ['', 'gears:']
     for kind, gear in {joint.gear.kind: joint.gear for joint in config.joints}.items():

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from aerarm_ros.description.description_error import DescriptionError
 from aerarm_ros.description.gear_config import GearConfig
 from aerarm_ros.description.joint_config import JointConfig
-from aerarm_ros.description.motor_config import MotorConfig, torque_constant
+from aerarm_ros.description.motor_config import MotorConfig, ThermalConfig, torque_constant
 from aerarm_ros.description.robot import Robot
 
 _RATIO = 1.0 / 50.0  # of printed and of harmonic gears: 1/27 to 1/101
@@ -129,6 +129,7 @@ def _motor(effort: float) -> MotorConfig:
         current_max=_CURRENT_MAX,
         rotor_inertia=_two_digits(_ROTOR_SHARE * effort * _RATIO**2),
         resistance=_RESISTANCE,
+        thermal=ThermalConfig.guessed(_CURRENT_MAX),
     )
 
 

@@ -101,7 +101,7 @@ class ExperimentBench:
     def __init__(
         self, config: ArmConfig, robot: Robot, truth: PlantParameters, motion: RampedExcitation
     ) -> None:
-        self._config = config
+        self._config = config.with_encoders('absolute')
         self._robot = robot
         self._truth = truth
         self._motion = motion

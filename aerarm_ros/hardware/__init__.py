@@ -9,12 +9,13 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=['frames', 'transports', 'gate', 'boards', 'emulation'],
+    submodules=['frames', 'transports', 'heat', 'gate', 'boards', 'emulation'],
     submod_attrs={
         'bridge_cycle': ['BridgeCycle'],
         'bridge_modes': ['MODES'],
         'bridge_report': ['BridgeReport'],
         'fault_watch': ['FaultWatch'],
+        'heat_watch': ['HeatWatch'],
         'stopped_arm': ['StoppedArm', 'way_out'],
     },
 )

@@ -10,8 +10,10 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
 from aerarm_ros.hardware.boards.board_link import make_links
 from aerarm_ros.hardware.boards.board_mode import BoardMode
+from aerarm_ros.hardware.boards.commissioning_probe import CommissioningProbe
 from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.boards.encoder_zeros import EncoderZeros
+from aerarm_ros.hardware.boards.kept_zeros import KeptZeros, ZeroRecall
 from aerarm_ros.hardware.boards.motor_power import MotorPower
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.boards.zero_search import ZeroSearch
@@ -25,6 +27,7 @@ from aerarm_ros.hardware.gate.command_intake import CommandIntake
 from aerarm_ros.hardware.gate.joint_loads import JointLoads
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
+from aerarm_ros.hardware.heat_watch import HeatWatch
 from aerarm_ros.hardware.stopped_arm import way_out
 from aerarm_ros.hardware.transports.transport import Transport
 from aerarm_ros.model.gravity_load import largest_gravity_load
@@ -35,20 +38,7 @@ _STEP_MAX = 0.005  # [s] longest time over which a reference is moved in one cyc
 class BridgeCycle:
     """Applies joint commands to the boards and reads the joints, once a cycle.
 
-    `mode` is one of `bridge_modes.MODES`:
-
-    - disconnected: a board does not answer.
-    - idle: the boards answer and are off.
-    - aligning: the boards turn their motors to find the rotors' directions. The arm moves.
-    - ready: the arm is held where it is; no command has come yet.
-    - homing: the motors search the encoders' index pulses.
-    - running: the last command is followed.
-    - damping: the last command is too old, and nobody asked to `hold` the arm after it. The
-      joints are damped, so the arm sinks slowly; the next good command is followed again, and
-      `enable` or `hold` hold the arm where it is.
-    - fault: stopped for the reason that `faults` gives. The joints are damped where their
-      board and encoder still work, until `clear_fault`.
-
+    `mode` is one of `bridge_modes.MODES`, which says what each means.
     Requests (`enable`, `disable`, `home`, ...) act from the next update on.
 
     Parameters
@@ -66,6 +56,10 @@ class BridgeCycle:
         turns, for a base that moves; from `robot` if not given. See `EncoderMonitor`.
     robot
         The arm as drawn, whose loads the limits' barriers take; the packaged one if not given.
+    kept
+        Zeros that a bridge before this one knew, or why they cannot be used.
+    pulse_offset
+        (n,) or one for all: motor angles of the index pulses modulo one turn [rad], see `Homing`.
 
     Raises
     ------
@@ -82,12 +76,10 @@ class BridgeCycle:
         The same with more detail: `ArmMeasurements`, and `MotorPower` with energy and source.
     intake, gate
         Checks on commands, with their counts.
-    links, zeros
-        The boards, with their monitors; what is known of the encoders' zeros.
-    mode
-        See above.
-    cycles
-        Number of updates.
+    links, zeros, recall, probe
+        The boards; what is known of the zeros, and kept of that; what commissions an arm.
+    heat : how warm the motors are, and what that leaves of their torque.
+    cycles : number of updates.
     """
 
     def __init__(
@@ -98,48 +90,44 @@ class BridgeCycle:
         profile: FrameProfile | None = None,
         load_max: ArrayLike | None = None,
         robot: Robot | None = None,
+        kept: KeptZeros | str | None = None,
+        pulse_offset: ArrayLike = 0.0,
     ) -> None:
         settings = settings or BridgeSettings()
         profile = profile or load_profile(config.profile)
         self.state = ArmMeasurements(config)
         self.power = MotorPower(config, profile)
-        # These are updated in place.
-        self.q, self.dq, self.tau = self.state.q, self.state.dq, self.state.tau
+        self.q, self.dq, self.tau = self.state.q, self.state.dq, self.state.tau  # updated in place
         self.motor_position = self.state.motor_position
         self.motor_velocity = self.state.motor_velocity
         self.motor_current = self.state.motor_current
         self.motor_power = self.power.watts
         self.intake = CommandIntake(
-            config.joint_names,
-            settings,
-            effort_supported=profile.command.has('current'),
+            config.joint_names, settings, effort_supported=profile.command.has('current')
         )
         robot = robot or load_robot(gravity_in_base=config.gravity_in_base)
         loads = JointLoads(config, robot)
         self.gate = SafetyGate(config, settings, loads)
         self.links = make_links(config, profile, settings, transport)
-        self.mode = 'disconnected'
-        self.cycles = 0
+        self.mode, self.cycles = 'disconnected', 0
         self._config = config
         self._transport = transport
         self._references = MotorReferences(
             config, profile, settings.position_error_max, loads.damping_min
         )
-        if load_max is None:
-            load_max = largest_gravity_load(robot)
+        load_max = largest_gravity_load(robot) if load_max is None else load_max
         self._encoders = EncoderMonitor(config, settings.stall_time, load_max)
-        self.zeros = EncoderZeros(config)
-        self._watch = FaultWatch(
-            config,
-            self.gate,
-            self.links,
-            self._encoders,
-            self.zeros,
-            profile.errors_until_power_cycle,
-        )
-        self._report = BridgeReport(self.intake, self.gate, self.links, self.zeros)
+        self.zeros = EncoderZeros(config, profile.encoders)
+        zero = self._references.zero
+        self.recall = ZeroRecall(config, self.zeros, self.links, zero, kept, pulse_offset)
+        self.heat = HeatWatch(config, settings, profile, self.gate, self.links, self._references)
+        watched = (self.gate, self.links, self._encoders, self.zeros, self.heat)
+        self._watch = FaultWatch(config, *watched, profile.errors_until_power_cycle)
+        self._report = BridgeReport(self.intake, self.gate, self.links, self.zeros, self.heat)
+        parts = (self.links, self.state, self._references, loads, self._watch.refusal)
+        self.probe = CommissioningProbe(config, *parts)
         self._standstill = CommandBuffer.standstill(config.n)
-        self._search = ZeroSearch(config, self.state)
+        self._search = ZeroSearch(config, self.state, pulse_offset)
         self._enabled = False
         self._aligned = False  # every motor in use, when its board last answered
         self._followed = False  # a command was followed since the arm became ready
@@ -150,6 +138,11 @@ class BridgeCycle:
     def rejections(self) -> dict[str, int]:
         """Number of rejected commands by reason, keys of `command_intake.REJECTIONS`."""
         return self.intake.rejections
+
+    @property
+    def q_known(self) -> Array:
+        """(n,) joint positions [rad], NaN where the zero is unknown."""
+        return self.zeros.known_only(self.q)
 
     @property
     def counters(self) -> dict[str, int]:
@@ -170,10 +163,7 @@ class BridgeCycle:
     def command(self, offered: OfferedCommand, now: float) -> bool:
         """Offer a joint command, received at `now` [s, monotonic], the clock of `update`.
 
-        Returns
-        -------
-        bool
-            False if the command was rejected; `rejections` counts the reason.
+        Returns False if the command was rejected; `rejections` counts the reason.
         """
         ready = self.mode in ('ready', 'running', 'damping')
         return self.intake.offer(offered, now, ready=ready)
@@ -191,7 +181,7 @@ class BridgeCycle:
 
     def enable(self) -> Answer:
         """Ask the boards to align and drive the motors. The arm moves: have it supported."""
-        refusal = self._watch.refusal(self._enabled)
+        refusal = self.probe.refusal or self._watch.refusal(self._enabled)
         if self._enabled and not refusal:
             return self._hold()
         refusal = refusal or self.zeros.problem or self.gate.alignment_refusal(self.q, self.dq)
@@ -225,6 +215,7 @@ class BridgeCycle:
         """Ask the boards to switch the motors off. The arm falls: have it supported."""
         self._enabled = False
         self._search.end()
+        self.probe.end('the motors were disabled')
         self.intake.forget()
         return Answer(True, 'the motors are off')
 
@@ -238,8 +229,8 @@ class BridgeCycle:
         stays = self._enabled and all(link.may_be_damped for link in self.links)
         if stays and self.zeros.are_lost:
             return Answer(False, f'disable first, the arm supported: {self.zeros.problem}')
-        violation = self.gate.state_violation(self.q, self.dq) if self._enabled else ''
-        if violation:
+        violation = self.gate.state_violation(self.q, self.dq) or self.heat.refusal()
+        if violation and self._enabled:
             return Answer(False, f'the arm would stop again at once, {violation}')
         reasons = [link.monitor.clear(link.state) for link in self.links]
         if any(reasons):
@@ -252,7 +243,7 @@ class BridgeCycle:
         return Answer(True, 'the arm is held' if self._enabled else 'the motors are off')
 
     def home(self) -> Answer:
-        """Search the encoders' index pulses: every joint turns by up to 8 degrees each way.
+        """Search the encoders' index pulses: every motor turns by up to one turn to each side.
 
         The arm has to be in its rest posture. With motors that are off they are aligned before.
         """
@@ -260,25 +251,25 @@ class BridgeCycle:
         is_held = self.mode in ('ready', 'running', 'damping')
         if not is_held and self._enabled:
             return Answer(False, f'the arm is {self.mode}, homing starts from ready or idle')
-        refusal = '' if is_held else self._watch.refusal(driven=False)
-        refusal = refusal or zeros.refusal(state.motor_position)
+        refusal = '' if is_held else self.probe.refusal or self._watch.refusal(driven=False)
+        refusal = self._search.problem or refusal or zeros.refusal(state.motor_position)
         if not is_held and not refusal:
             refusal = self.gate.alignment_refusal(np.array(self._config.rest_position), self.dq)
         if refusal:
             return Answer(False, refusal)
         if is_held:
-            self._search.begin(zeros.rest)
+            self._search.begin(zeros.expected(state.motor_position))
             self.intake.forget()
             self._followed = False
         else:
             # Until a pulse is met nobody but who homes the arm says where it is.
+            expected = zeros.expected(state.motor_position)
             zeros.lose(range(self._config.n), 'homing did not end')
-            self._set_zero(state.reported_position - zeros.rest)
+            self._set_zero(state.reported_position - expected)
             self._align()
             self._search.wait()
         align = '' if is_held else 'the motors align, then '
-        turn = 'the joints turn slowly until their index pulses are met'
-        return Answer(True, f'{align}{turn}; {zeros.vouched()}')
+        return Answer(True, f'{align}{self._search.motion}; {zeros.vouched()}')
 
     def e_stop(self, reason: str) -> Answer:
         """Stop, damped and latched."""
@@ -295,13 +286,19 @@ class BridgeCycle:
         gains, feed_forward = self._references.gains, self._references.feed_forward
         noise = self._references.braking_noise
         running = self._choose_references(now, elapsed)
+        probed = self.probe.drive(now, self.gate.stop)
         for link in self.links:
             enable = self._enabled and not (self.gate.stop and not link.may_be_damped)
-            link.exchange(self._references, enable, running)
+            link.exchange(self._references, enable or link is probed, running)
+        self._references.note_sent()
         self._aligned = all(link.is_aligned for link in self.links)
         self.state.read(self.links, self._references.zero, gains, self._current_lag)
+        if self.recall.is_on and self.recall.look():
+            self._set_zero(self._references.zero)
         dt = min(elapsed, _STEP_MAX)
         self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
+        self.heat.update(self.state, elapsed, self._enabled)
+        self.probe.look(now)
         self._look_for_faults(now, feed_forward, noise)
         self.mode = self._current_mode(now)
 
@@ -324,7 +321,8 @@ class BridgeCycle:
         # A barrier that leads a joint which nobody hears would drive it.
         times, tells = state.age(now, now - elapsed), self._encoders.tells_position & state.heard
         q, dq = state.believed(tells)
-        gate.watch(q, dq, references.torques(q, dq), *times)
+        kept = references.kept_torques(q, dq, state.unconfirmed)
+        gate.watch(q, dq, references.torques(q, dq), *times, kept, state.unconfirmed)
         followed = self._follow(now, min(elapsed, _STEP_MAX))
         if references.keep_within(gate.barriers, tells & state.driven):
             gate.note_braking(now)
@@ -362,6 +360,7 @@ class BridgeCycle:
             self._search.end()
             if homing.fault:
                 self.gate.trip(homing.fault)
+                self.zeros.lose(homing.doubted, 'homing found its index pulses implausible')
             else:
                 self._set_zero(homing.zero)
                 self._encoders.clear()
@@ -390,7 +389,8 @@ class BridgeCycle:
         if any(link.monitor.mode is BoardMode.DISCONNECTED for link in self.links):
             return 'disconnected'
         if not self._enabled:
-            return 'idle'
+            off = 'unhomed' if self.zeros.are_lost else 'idle'
+            return 'commissioning' if self.probe.is_driving else off
         if not self._aligned:
             return 'aligning'
         if self._search.is_on:

@@ -8,6 +8,7 @@ from aerarm_ros.hardware.boards.encoder_zeros import EncoderZeros
 from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake
 from aerarm_ros.hardware.gate.joint_limiter import LIMITED
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
+from aerarm_ros.hardware.heat_watch import HeatWatch
 
 _RECENT = 1.0  # [s] how long a rejection or a limit stays in the list of faults
 
@@ -17,7 +18,7 @@ class BridgeReport:
 
     Parameters
     ----------
-    intake, gate, links, zeros
+    intake, gate, links, zeros, heat
         The parts.
     """
 
@@ -27,7 +28,9 @@ class BridgeReport:
         gate: SafetyGate,
         links: Sequence[BoardLink],
         zeros: EncoderZeros,
+        heat: HeatWatch,
     ) -> None:
+        self._heat = heat
         self._zeros = zeros
         self._intake = intake
         self._gate = gate
@@ -47,13 +50,16 @@ class BridgeReport:
                 )
             elif monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
                 texts.append(f'{monitor.name} does not answer: {monitor.problem}')
-        if mode in ('idle', 'fault'):
+            elif not monitor.fault:
+                texts.append(monitor.echo.warning)
+        if mode in ('unhomed', 'fault'):
             texts.append(self._zeros.problem)
         if mode == 'damping':
             texts.append(
                 f'no good command for {intake.age(now):.2f} s, the arm is damped: is the '
                 'controller running?'
             )
+        texts += self._heat.warnings()
         if now - intake.last_rejection_time < _RECENT:
             texts.append(f'a command was rejected: {REJECTIONS[intake.last_rejection]}')
         if now - gate.last_limited_time < _RECENT:

@@ -11,6 +11,7 @@ from aerarm_ros.hardware.boards.board_mode import BoardMode
 from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.boards.encoder_zeros import EncoderZeros
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
+from aerarm_ros.hardware.heat_watch import HeatWatch
 from aerarm_ros.hardware.stopped_arm import StoppedArm
 
 
@@ -21,7 +22,7 @@ class FaultWatch:
     ----------
     config
         The arm.
-    gate, links, encoders, zeros
+    gate, links, encoders, zeros, heat
         What is watched, and what is told.
     until_power_cycle
         Whether the boards keep an error until their supply was off.
@@ -34,6 +35,7 @@ class FaultWatch:
         links: Sequence[BoardLink],
         encoders: EncoderMonitor,
         zeros: EncoderZeros,
+        heat: HeatWatch,
         until_power_cycle: bool,
     ) -> None:
         self._joints = config.joints
@@ -41,6 +43,7 @@ class FaultWatch:
         self._links = tuple(links)
         self._encoders = encoders
         self._zeros = zeros
+        self._heat = heat
         self._until_power_cycle = until_power_cycle
 
     def refusal(self, driven: bool) -> str:
@@ -52,11 +55,12 @@ class FaultWatch:
             for link in self._links
             if link.monitor.mode is BoardMode.DISCONNECTED
         ]
+        silent += [link.monitor.echo.warning for link in self._links if link.monitor.echo.is_cut]
         if silent:
             return '; '.join(silent)
         if not driven and any(link.state.system_enabled for link in self._links):
             return 'the boards are still switching off: try again'
-        return ''
+        return '' if driven else self._heat.refusal()
 
     def boards(self) -> None:
         """Look for faults of boards, and for those that were switched off and on."""
@@ -65,7 +69,7 @@ class FaultWatch:
                 self._gate.trip(link.monitor.fault)
             if link.restarted:
                 joints = [joint for joint, _ in link.joints]
-                self._zeros.lose(joints, f'{link.monitor.name} was switched off and on')
+                self._zeros.restarted(joints, f'{link.monitor.name} was switched off and on')
 
     def joints(
         self,
@@ -122,5 +126,6 @@ class FaultWatch:
             driven,
             self._until_power_cycle,
             self._zeros.are_lost,
+            all(self._zeros.absolute),
             bool(self._gate.stop),
         )

@@ -22,6 +22,8 @@ class StoppedArm:
         Whether its boards keep an error until their supply was off.
     zero_unknown
         Whether an encoder counts from nobody knows where.
+    absolute
+        Whether all its encoders know their angles after a power cycle.
     latched
         Whether the stop is still latched; without it the arm is off, and its zero unknown.
     """
@@ -31,6 +33,7 @@ class StoppedArm:
     driven: bool = True
     until_power_cycle: bool = True
     zero_unknown: bool = False
+    absolute: bool = False
     latched: bool = True
 
 
@@ -48,7 +51,7 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
     steps = []
     through_idle = bool(arm.boards) or arm.violation or arm.zero_unknown
     restarts = bool(arm.boards) and (emulated or arm.until_power_cycle)
-    homes = arm.zero_unknown or restarts
+    homes = (arm.zero_unknown or restarts) and not (arm.absolute and restarts)
     if through_idle:
         steps += ["'arm disable'"] if emulated else ['support the arm', "'arm disable'"]
     if emulated:

@@ -1,6 +1,6 @@
 """Asks bridge and controllers to do something, and says what came of it.
 
-Usage: ros2 run aerarm_ros arm enable --wait ready
+Usage: ros2 run aerarm_ros arm home --wait ready
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientErro
 from aerarm_ros.ros.requests.parameter_request import set_parameter
 from aerarm_ros.ros.requests.set_point_request import SetPointRequest
 from aerarm_ros.ros.requests.tool_request import ToolRequest
+from aerarm_ros.ros.states.arm_modes import OFF
 
 NAME = 'arm'
 MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]
@@ -58,7 +59,9 @@ _PROGRAMS = {
     'play': ('excitation', 'trajectory', 'FILE', 'play a motion of a file, once it can begin'),
     'record': ('recorder', 'bag', 'NAME', 'record a bag of that name, until Ctrl-C'),
 }
+_HOME = 'home the arm instead if a zero is unknown: it must be in its home configuration'
 _INIT = 'write a first configuration of an arm from its URDF'
+_COMMISSION = 'lead through the first power-on, joint by joint: THE ARM MOVES, after a question'
 _TIMEOUT = 20.0  # [s]
 # Twice what a new node needs at worst until it is told of a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
@@ -99,18 +102,23 @@ def _say_wait(what: str) -> None:
 def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     """Return a call of the bridge's service, made ready: discovery takes its time."""
     bridges = options.bridge or ([_FAKE] if options.command == 'put_back' else [])
-    client = ArmClient(node, bridges, [options.command], _say_wait)
+    actions = [options.command, *(['home'] if getattr(options, 'home', False) else [])]
+    client = ArmClient(node, bridges, actions, _say_wait)
 
     def ask() -> None:
         if options.wait_before:
             # An arm that is where it shall end up need not come from there.
             modes = [options.wait_before, *(options.wait or ())]
             client.wait_for_mode(modes, options.timeout)
+        action = options.command
+        if getattr(options, 'home', False):
+            client.wait_for_mode([*OFF, *(options.wait or ())], options.timeout)
+            action = 'home' if client.mode == 'unhomed' else action
         if options.command in STOPS:
             for answer in client.stop(options.command, options.timeout):
                 print_answer(answer)  # the stop goes on, whoever hears of it
         else:
-            print(client.call(options.command, options.timeout), flush=True)
+            print(client.call(action, options.timeout), flush=True)
         if options.wait:
             client.wait_for_mode(options.wait, options.timeout)
             print(f'arm_mode {client.mode}', flush=True)
@@ -152,13 +160,21 @@ def _fault(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     return _set(node, options)
 
 
+def _commission(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    # Only now: no other command needs the arm's model, which takes a second to load.
+    from aerarm_ros.ros.programs.commissioning_run import CommissioningRun
+
+    return CommissioningRun(node, options).run
+
+
 def make_parser() -> argparse.ArgumentParser:
     """Return what reads the command line."""
     parser = argparse.ArgumentParser(
         prog=NAME,
         description='Asks the bridge, or another node, for one thing, and says what came of it.',
-        epilog=f'{NAME} COMMAND --help tells more, as in: {NAME} enable --wait-before idle --wait '
-        f"ready; {NAME} go 0 1.57 0 0; {NAME} set computed_torque kp '[900.0]'",
+        epilog=f'{NAME} COMMAND --help tells more, as in: {NAME} home --wait ready; '
+        f'{NAME} enable --wait ready; {NAME} go 0 1.57 0 0; '
+        f"{NAME} set computed_torque kp '[900.0]'",
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
 
@@ -176,7 +192,10 @@ def make_parser() -> argparse.ArgumentParser:
         return command
 
     for name in (*ACTIONS, 'put_back'):
-        _add_waits(add(name, _MEANING[name], _action), _WHO.get(name, ' or '.join(BRIDGES)))
+        command = add(name, _MEANING[name], _action)
+        _add_waits(command, _WHO.get(name, ' or '.join(BRIDGES)))
+        if name == 'enable':
+            command.add_argument('--home', action='store_true', help=_HOME)
     command = add('go', 'let the controller that runs move the arm to a posture', _go)
     command.add_argument('angle', type=finite_number, nargs='+', help='of each joint in turn [rad]')
     command.add_argument(
@@ -200,11 +219,27 @@ def make_parser() -> argparse.ArgumentParser:
     command = add('fault', f'inject a fault into {_FAKE}', _fault)
     command.add_argument('fault', metavar=FORM, help=f'NAME is one of {", ".join(FAULTS)}')
     command.add_argument('--bridge', metavar='NODE', default=_FAKE, help='its node name')
+    _add_commission(add('commission', _COMMISSION, _commission))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
     commands.add_parser(
         'completion', help='print what makes bash or zsh complete this and all other executables'
     )
     return parser
+
+
+def _add_commission(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add('--joint', action='append', default=[], metavar='NAME', help='joint to commission; may be '
+        'repeated (default: all)')  # fmt: skip
+    add('--resume', action='store_true', help='only joints that have not passed yet')
+    add('--config', default='', metavar='FILE', help="the bridge's (default: packaged)")
+    add('--urdf', default='', metavar='FILE', help='of the arm (default: packaged)')
+    add('--record', default='', metavar='FILE', help='of the results (default: '
+        'CONFIG.commissioning.yaml beside the configuration)')  # fmt: skip
+    add('--yes', action='store_true', help='emulated boards only: an emulated hand does and '
+        'confirms everything')  # fmt: skip
+    add('--bridge', metavar='NODE', default=_FAKE, help='node name of the emulated bridge, for '
+        f'--yes (default: {_FAKE})')  # fmt: skip
 
 
 def _add_init(command: argparse.ArgumentParser) -> None:

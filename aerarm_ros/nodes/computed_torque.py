@@ -17,7 +17,8 @@ from aerarm_ros.ros.controllers.controller_node import ControllerNode, controlle
 from aerarm_ros.ros.controllers.controller_parameters import (
     FOLLOWER_PARAMETERS,
     FRICTION_PARAMETERS,
-    OBSERVER_PARAMETERS,
+    REACHING_COMPENSATION,
+    observer_parameters,
     one_or_each,
 )
 from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
@@ -31,7 +32,7 @@ HOST, BOARDS = 'host', 'boards'
 
 PARAMETERS = controller_parameters(
     *FRICTION_PARAMETERS,
-    *OBSERVER_PARAMETERS,
+    *observer_parameters(REACHING_COMPENSATION),
     *HAND_OVER_PARAMETERS,
     *FOLLOWER_PARAMETERS,
     Parameter(
@@ -95,7 +96,10 @@ class ComputedTorqueNode(ControllerNode):
     def subscribe(self) -> None:
         """Take trajectories, by topic and action, and set points."""
         self.take_references(
-            topics.JOINT_TRAJECTORY, lambda m, now: follow_trajectory(self.follower, m, now)
+            topics.JOINT_TRAJECTORY,
+            lambda m, now: follow_trajectory(
+                self.follower, m, now, self.values.allow_partial_joints_goal
+            ),
         )
         self.take_references(
             topics.SET_POINT, lambda m, now: go_to_set_point(self.follower, m, now)

@@ -5,6 +5,7 @@ Thesis (2.14). Set points: topic set_point; zero-gain mode: parameter hand_guidi
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from aerarm_msgs_py import topics
@@ -18,7 +19,8 @@ from aerarm_ros.ros.controllers.controller_node import ControllerNode, controlle
 from aerarm_ros.ros.controllers.controller_parameters import (
     FOLLOWER_PARAMETERS,
     FRICTION_PARAMETERS,
-    OBSERVER_PARAMETERS,
+    REACHING_COMPENSATION,
+    observer_parameters,
     one_or_each,
 )
 from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
@@ -32,7 +34,7 @@ KP, KD = [60.0, 60.0, 40.0, 40.0], [5.0, 5.0, 1.0, 1.0]
 
 PARAMETERS = controller_parameters(
     *FRICTION_PARAMETERS,
-    *OBSERVER_PARAMETERS,
+    *observer_parameters(REACHING_COMPENSATION),
     *HAND_OVER_PARAMETERS,
     *FOLLOWER_PARAMETERS,
     Parameter('kp', KP, 'proportional gains, one or one a joint', 'Nm/rad', 0.0, 1e4, live=True),
@@ -66,7 +68,8 @@ class GravityCompensationNode(ControllerNode):
     def subscribe(self) -> None:
         """Take set points, and trajectories by topic and action."""
         self.take_references(topics.SET_POINT, self._unless_guided(go_to_set_point))
-        self.take_references(topics.JOINT_TRAJECTORY, self._unless_guided(follow_trajectory))
+        follow = partial(follow_trajectory, partial=self.values.allow_partial_joints_goal)
+        self.take_references(topics.JOINT_TRAJECTORY, self._unless_guided(follow))
         serve_trajectories(self, self.follower, self._guidance_problem)
         self.tell_plan(lambda times: None if self._was_guided else self.follower.ahead(times))
         self.take_payload()

@@ -11,7 +11,7 @@ from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import (
     FRICTION_PARAMETERS,
-    OBSERVER_PARAMETERS,
+    observer_parameters,
     one_or_each,
 )
 from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
@@ -27,7 +27,8 @@ PARAMETERS = controller_parameters(
     *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
     # By measured velocity: below one, so that the arm stays passive.
     Parameter('friction_fraction', 0.7, 'share of friction compensated', '', 0.0, 0.95),
-    *OBSERVER_PARAMETERS,
+    # What a contact pushes is no disturbance to compensate.
+    *observer_parameters(compensation=0.0),
     *HAND_OVER_PARAMETERS,
     Parameter('stiffness', [300.0], 'one or along x, y, z', 'N/m', 0.0, 1e5, live=True),
     Parameter('damping', [40.0], 'one or along x, y, z', 'Ns/m', 0.0, 1e4, live=True),

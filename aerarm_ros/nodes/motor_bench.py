@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.storage.bag_error import BagError
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.resources import resource
+from aerarm_ros.description.resources import find_file
 from aerarm_ros.excitation.planning.bench_motion import BenchMotion, bench_checker
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan
 from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
@@ -106,7 +106,7 @@ class MotorBenchNode:
         self.status = 1
         self._node = rclpy.create_node(NAME)
         self._values = values = PARAMETERS.declare(self._node)
-        self._source = Path(values.config) if values.config else resource('config', 'aerarm.yaml')
+        self._source = find_file(values.config or 'config/aerarm.yaml')
         arm, self._robot = load_arm(values)
         # What is measured is told, and written, by the names that the arm has in its files.
         self._config = load_arm_config(values.config or None)

@@ -208,7 +208,11 @@ class View:
             self._requests.is_emulated,
         )
         self._controls.show(now, feed.posture, self._scene.tool)
-        self._panel.show_diagnostics(diagnostics.timing_html(now), diagnostics.status_html(now))
+        self._panel.show_diagnostics(
+            diagnostics.motors_html(now),
+            diagnostics.timing_html(now),
+            diagnostics.status_html(now),
+        )
 
     def _on_mode(self, message: String) -> None:
         self._mode = message.data

@@ -158,6 +158,13 @@ class ArmPlant:
         """Set the torques (n,) that the motors put into the gears, at joint side [Nm]."""
         self._effort[:] = effort
 
+    def scale_friction(self, factors: Sequence[float]) -> None:
+        """Multiply the dry friction of each joint's gear by a factor of n, from now on."""
+        for row, coulomb, factor in zip(
+            self._constants, self.parameters.coulomb.tolist(), factors, strict=True
+        ):
+            row[2] = factor * coulomb
+
     def grasp(self, parameters: PlantParameters) -> None:
         """Let the last link be that of other parameters, as of an arm that picks something up.
 

@@ -113,6 +113,6 @@ class BacklashPlant(ArmPlant):
 
     def _set_friction(self) -> None:
         """Let dry friction follow what the flanks press the links with."""
-        parameters = self.parameters
+        coulomb = np.array([row[2] for row in self._constants])
         self._load[:] = self._data.qfrc_constraint[: self.n]
-        self._friction_limit[:] = parameters.coulomb + parameters.load_friction * np.abs(self._load)
+        self._friction_limit[:] = coulomb + self.parameters.load_friction * np.abs(self._load)

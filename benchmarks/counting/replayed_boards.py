@@ -5,12 +5,14 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 
+_CONFIG = load_arm_config().with_encoders('absolute')
+
 
 class RecordingBoards:
     """Passes an emulated transport through, and keeps every answer."""
 
     def __init__(self) -> None:
-        self._boards = make_emulated_transport(load_arm_config(), load_robot(), 1)
+        self._boards = make_emulated_transport(_CONFIG, load_robot(), 1)
         self.answers: list[bytes] = []
 
     def __getattr__(self, name: str) -> object:
@@ -69,5 +71,5 @@ def replayed_cycle(drive, cycles: int) -> BridgeCycle:
     `drive(bridge, cycles)` is what is asked of it.
     """
     recording = RecordingBoards()
-    drive(BridgeCycle(load_arm_config(), recording), cycles)
-    return BridgeCycle(load_arm_config(), ReplayedBoards(recording.answers))
+    drive(BridgeCycle(_CONFIG, recording), cycles)
+    return BridgeCycle(_CONFIG, ReplayedBoards(recording.answers))

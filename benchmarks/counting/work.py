@@ -71,7 +71,7 @@ def bridge_cycle(cycles: int) -> None:
 
 def emulated_cycle(cycles: int) -> None:
     """Run the same with emulated boards and the physics of the arm."""
-    config = load_arm_config()
+    config = load_arm_config().with_encoders('absolute')
     drive(BridgeCycle(config, make_emulated_transport(config, load_robot(), 1)), cycles)
 
 

@@ -84,7 +84,8 @@ class EnergyBench:
         # it sends itself, too, and whenever it listens.
         self._told: dict[Stamp, dict] = {}
         self._sent: dict[Stamp, JointTrajectory] = {}
-        self._bridge = self._start(stack, 'fake_hardware', {'seed': arm.seed, 'pace': 'lockstep'})
+        world = {'seed': arm.seed, 'pace': 'lockstep', 'encoders': 'absolute'}
+        self._bridge = self._start(stack, 'fake_hardware', world)
         law = {**arm.law, **LAW}
         self._start(stack, 'computed_torque', law)
         self._planner = self._start(stack, 'motion_planner', {**arm.law, 'lead': LEAD})

@@ -90,7 +90,7 @@ class ArmModel:
 
 def _record(node: Node, folder: Path, bag: Path, seed: int) -> None:
     arm = ArmClient(node, ['fake_hardware'])
-    world = {'pace': 'lockstep', 'seed': seed}
+    world = {'pace': 'lockstep', 'encoders': 'absolute', 'seed': seed}
     motion = {'seed': 1, 'periods': 2, 'subscribers': 2, 'wait_for_recorder': True}
     with NodeProcess('fake_hardware', (), world, log=folder / 'hardware.log'):
         arm.wait_for_mode(['idle'], _PATIENCE)

@@ -51,7 +51,7 @@ class FlightBench:
     ) -> None:
         self.folder, self.node = folder, node
         rotors: tuple[str, ...] = ()
-        world = {'seed': arm.seed, 'pace': 'lockstep', **dict(case.sensors)}
+        world = {'seed': arm.seed, 'pace': 'lockstep', 'encoders': 'absolute', **dict(case.sensors)}
         law: dict[str, object] = {
             'base_motion': case.base,
             'path_tolerance': 10.0,

@@ -18,6 +18,7 @@ from timing.diagnosed import Diagnosed
 
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
+from aerarm_ros.ros.states.arm_modes import OFF
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'hardware'))
 import spi_boards
@@ -97,16 +98,16 @@ def _run(
     stack: ExitStack, bridge: str, controller: str, logs: list[Path], seconds: float, ask: bool
 ) -> NodeFigures:
     node = stack.enter_context(_node_in_own_domain())
-    environment, own = {}, {'pace': 'real_time'}
+    environment, own = {}, {'pace': 'real_time', 'encoders': 'absolute'}
     if bridge == REAL:
         environment = stack.enter_context(spi_boards.SpiBoards()).environment
-        own = {'board_timeout': 0.2}
+        own = {'board_timeout': 0.2, 'state_file': ''}
     arm = ArmClient(node, [bridge])
     common = {'lock_memory': True, 'keep_cpus_awake': True}
     leading = {'realtime_priority': 80, **common, **own}
     master = stack.enter_context(NodeProcess(bridge, (), leading, environment, logs[0]))
-    arm.wait_for_mode(['idle'], 30.0)
-    arm.call('enable')
+    arm.wait_for_mode(OFF, 30.0)
+    arm.call('enable' if arm.mode == 'idle' else 'home')
     arm.wait_for_mode(['ready', 'running'], 30.0)
     motion = LONG_MOTION if controller == EXCITATION else {}
     answering = {'realtime_priority': 70, **common, **motion}

@@ -35,6 +35,7 @@ ALLOWED = {
     'online': {'identification', 'control', 'motion', 'model', 'description'},
     'simulation': {'motion', 'model', 'description'},
     'hardware': {'motion', 'simulation', 'model', 'description'},
+    'commissioning': {'hardware', 'simulation', 'model', 'description'},
     'draft': {'excitation', 'hardware', 'motion', 'model', 'description'},
     'experiment': {
         *('control', 'excitation', 'identification', 'hardware', 'simulation'),

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from aerarm_ros.description import resources
+from aerarm_ros.description.drone_config import load_drone_config
 
 
 def test_a_checkout_holds_the_shared_files_beside_the_package() -> None:
@@ -46,3 +47,28 @@ def test_an_incomplete_installation_says_what_to_do(tmp_path: Path) -> None:
     found = installed(tmp_path, share=False)
     assert found.returncode != 0
     assert 'install the package again' in found.stderr
+
+
+@pytest.mark.parametrize('name', ['config/drone.yaml', 'drone.yaml', 'drones/quadrotor.yaml'])
+def test_a_packaged_file_is_found_by_its_name_from_anywhere(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = resources.find_file(name)
+    assert found.is_file()
+    assert found.is_relative_to(resources.share_directory() / 'config')
+    assert load_drone_config(name).mass > 0.0
+
+
+def test_ones_own_file_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('drone.yaml').touch()
+    assert resources.find_file('drone.yaml') == Path('drone.yaml')
+
+
+@pytest.mark.parametrize('name', ['nothing.yaml', '/drone.yaml', '../config/drone.yaml'])
+def test_no_other_file_is_taken_for_a_missing_one(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert resources.find_file(name) == Path(name)

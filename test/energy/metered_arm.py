@@ -39,6 +39,7 @@ class MeteredArm:
     """An arm as drawn, which follows motions by computed torque with the exact model."""
 
     def __init__(self, config: ArmConfig, robot: Robot, posture: np.ndarray) -> None:
+        config = config.with_encoders('absolute')
         self._names = config.joint_names
         truth = PlantParameters.nominal(config, robot)
         self._boards = make_emulated_transport(

@@ -2,7 +2,13 @@
 
 One row an attack: runs, the furthest that the true arm was beyond a position limit, the highest
 true speed as a share of its limit, and the arm of the worst run, so that it can be run again.
-Ends with status 1 if a promise was broken.
+Then the same attacks on arms that were just switched on, whose zeros are unknown, and on bridges
+that are restarted meanwhile (`attack_zeros`). Ends with status 1 if a promise was broken.
+
+With `--lost-commands RATE ...` the boards lose that share of the commands from a random moment on
+(MOSI of the first, of the second, of both in turn), while their answers arrive. What is printed and
+promised then is the speed for as long as the boards drive: a board that receives nothing lets go
+after `board_timeout`, and the arm falls.
 """
 
 import argparse
@@ -12,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from attack_rig import AttackRig
+from attack_zeros import ZeroOutcome, attack_restart, attack_unknown
 from attacks import ATTACKS, WITHOUT_EFFORT
 
 from aerarm_ros.description.arm_config import load_arm_config
@@ -23,6 +30,8 @@ from aerarm_ros.model.drive_train import DriveTrain
 BEYOND_MAX = 0.02  # [rad]
 SPEED_MAX = 1.15
 _SECONDS = 1.5
+_LOSING_SECONDS = 0.8  # after the wire begins to lose commands
+_LOSING_BOARDS = ((0,), (1,), (0, 1))
 
 
 @dataclass(frozen=True)
@@ -39,15 +48,24 @@ class Outcome:
     faults: tuple[str, ...]
 
     @property
+    def names_the_wire(self) -> bool:
+        """Whether the stop, if there was one, is not blamed on what works."""
+        return not any('check the controller and the encoder' in fault for fault in self.faults)
+
+    @property
     def is_doubted(self) -> bool:
         """Whether a joint was said to have turned although its encoder, which is sound, did not."""
         return any('must have turned it' in fault for fault in self.faults)
 
 
 def run(
-    attack: str, number: int, seconds: float = _SECONDS, settings: BridgeSettings | None = None
+    attack: str,
+    number: int,
+    seconds: float = _SECONDS,
+    settings: BridgeSettings | None = None,
+    lost_commands: float = 0.0,
 ) -> Outcome:
-    """Run an attack on the arm that its number draws."""
+    """Run an attack on the arm that its number draws, with a share of the commands lost."""
     config, robot = load_arm_config(), load_robot()
     random = np.random.default_rng([number, *attack.encode()])
     low, high = config.column('position_min'), config.column('position_max')
@@ -78,7 +96,12 @@ def run(
         gains=gains,
         gravity=gravity,
     ).bring_up()
-    log = rig.run(seconds, ATTACKS[attack](random))
+    source = ATTACKS[attack](random)
+    if lost_commands:
+        rig.run(random.uniform(0.05, 0.6), source)
+        for board in _LOSING_BOARDS[number % 3]:
+            rig.inject('lost_commands', board, 0, lost_commands)
+    log = rig.run(seconds, source).driven()
     beyond, speed = log.beyond(config), log.speed_ratio(config)
     arm = f'q {posture.round(2)} m {payload:.1f} seed {seed}'
     if gains is not None:
@@ -109,23 +132,75 @@ def _row(outcomes: list[Outcome]) -> str:
     )
 
 
+def _sweep(pool: ProcessPoolExecutor, options: argparse.Namespace, rate: float) -> int:
+    """Run all attacks at one rate of lost commands; return how many broke a promise."""
+    settings = BridgeSettings(period=options.period)
+    futures = [
+        pool.submit(run, name, number, _LOSING_SECONDS, settings, rate)
+        for name in options.only
+        for number in range(options.first, options.first + options.runs)
+    ]
+    outcomes = [future.result() for future in futures]
+    broken = [
+        outcome
+        for outcome in outcomes
+        if outcome.speed > SPEED_MAX or outcome.is_doubted or not outcome.names_the_wire
+    ]
+    print(f'{100 * rate:4.0f} % lost  {_row(outcomes)[25:]}', flush=True)
+    for outcome in outcomes if options.verbose else broken:
+        print(f'  #{outcome.number}: {outcome}', flush=True)
+    return len(broken)
+
+
+def _zero_row(name: str, outcomes: list[ZeroOutcome]) -> str:
+    restarted = [outcome for outcome in outcomes if np.isfinite(outcome.beyond)]
+    return (
+        f'{name:25}{len(outcomes):5} driven {sum(o.driven for o in outcomes)}, accepted '
+        f'{sum(o.accepted for o in outcomes)}, known angles wrong by '
+        f'{max(o.wrong for o in outcomes):.4f} rad; boards cycled in '
+        f'{sum(o.cycled > 0 for o in outcomes)}; {len(restarted)} driven again: beyond '
+        f'{max((o.beyond for o in restarted), default=-np.inf):.4f}, speed '
+        f'{max((o.speed for o in restarted), default=0.0):.3f}'
+    )
+
+
+def _attack_zeros(pool: ProcessPoolExecutor, names: list[str], numbers: range) -> int:
+    """Print a row each for unknown zeros and for restarts; return the number of broken promises."""
+    broken = 0
+    for name, attack in (('unknown zeros', attack_unknown), ('restarts', attack_restart)):
+        futures = [pool.submit(attack, one, number) for one in names for number in numbers]
+        outcomes = [future.result() for future in futures]
+        print(_zero_row(name, outcomes), flush=True)
+        for outcome in outcomes:
+            if not outcome.is_clean or outcome.beyond > BEYOND_MAX or outcome.speed > SPEED_MAX:
+                broken += 1
+                print(f'  {outcome}', flush=True)
+    return broken
+
+
 def main() -> int:
     """Run the campaign."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--runs', type=int, default=20, help='of each attack')
     parser.add_argument('--first', type=int, default=0, help='number of the first')
     parser.add_argument('--only', nargs='*', default=list(ATTACKS))
+    parser.add_argument('--zeros-only', action='store_true', help='unknown zeros and restarts')
     parser.add_argument('--processes', type=int, default=None)
     parser.add_argument('--verbose', action='store_true')
     parser.add_argument('--period', type=float, default=BridgeSettings().period, help="the host's")
+    parser.add_argument('--lost-commands', type=float, nargs='*', default=[], metavar='RATE')
     options = parser.parse_args()
     settings = BridgeSettings(period=options.period)
     broken = 0
     with ProcessPoolExecutor(options.processes) as pool:
+        if options.lost_commands:
+            broken = sum(_sweep(pool, options, rate) for rate in options.lost_commands)
+            print(f'{broken} runs broke a promise')
+            return 1 if broken else 0
         numbers = range(options.first, options.first + options.runs)
         futures = {
             name: [pool.submit(run, name, number, _SECONDS, settings) for number in numbers]
-            for name in options.only
+            for name in ([] if options.zeros_only else options.only)
         }
         for waiting in futures.values():
             outcomes = [future.result() for future in waiting]
@@ -136,6 +211,7 @@ def main() -> int:
                 broken += bad
                 if bad or options.verbose:
                     print(f'  #{outcome.number}: {outcome}', flush=True)
+        broken += _attack_zeros(pool, options.only, numbers)
     print(f'{broken} runs broke a promise')
     return 1 if broken else 0
 

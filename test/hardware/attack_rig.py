@@ -65,6 +65,8 @@ class AttackLog:
     ----------
     time, q_rows, dq_rows
         Rows of `q` and `dq` with their true times [s].
+    driven_rows
+        Number of rows before the first in which a board drove no motors.
     modes
         The bridge's mode after each cycle.
     faults
@@ -79,6 +81,7 @@ class AttackLog:
     modes: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     accepted: int = 0
+    driven_rows: int | None = None
 
     @property
     def q(self) -> np.ndarray:
@@ -99,6 +102,13 @@ class AttackLog:
     def speed_ratio(self, config: ArmConfig) -> np.ndarray:
         """Return the largest speed of each joint as a multiple of its limit, (n,)."""
         return np.abs(self.dq).max(axis=0) / config.column('velocity_max')
+
+    def driven(self) -> 'AttackLog':
+        """Return the run up to when a board let go of its motors: nobody keeps a limit then."""
+        rows = self.driven_rows
+        return replace(
+            self, time=self.time[:rows], q_rows=self.q_rows[:rows], dq_rows=self.dq_rows[:rows]
+        )
 
 
 class AttackRig:
@@ -121,6 +131,9 @@ class AttackRig:
         The host's script, None for one that is never late.
     gravity
         (3,) in the base frame [m/s^2], which the bridge is not told.
+    homed
+        Whether the zeros are known at the start, as after homing; else the boards are just
+        switched on.
     """
 
     def __init__(
@@ -135,6 +148,7 @@ class AttackRig:
         gains: Sequence[Sequence[float]] | None = None,
         delays: Delays | None = None,
         gravity: Sequence[float] | None = None,
+        homed: bool = True,
     ) -> None:
         self.config = config
         truth = PlantParameters.nominal(config, robot)
@@ -142,7 +156,13 @@ class AttackRig:
             truth = truth.perturbed(seed)
         truth = replace(truth.carrying(payload, PAYLOAD_CENTRE, _PAYLOAD_RADIUS), seed=seed)
         self.boards = make_emulated_transport(
-            config, robot, seed, position=posture, parameters=truth, alignment=_QUICK
+            config,
+            robot,
+            seed,
+            position=posture,
+            parameters=truth,
+            alignment=_QUICK,
+            encoder_zeros=[0.0] * config.n if homed else None,
         )
         if gravity is not None:
             self.plant.gravity_in_base = gravity
@@ -151,6 +171,8 @@ class AttackRig:
         self._period = (settings or BridgeSettings()).period
         self.world = AttackWorld(self.boards, self._look)
         self.bridge = BridgeCycle(config, self.world, settings, robot=robot)
+        if homed:
+            self.bridge.zeros.found()
         if gains is not None:
             self.bridge.set_gains(*gains)
         self.cycles = 0
@@ -219,6 +241,10 @@ class AttackRig:
         self.log.time.append(now)
         self.log.q_rows.append(self.plant.position)
         self.log.dq_rows.append(self.plant.velocity)
+        if self.log.driven_rows is None and not all(
+            board.system_enabled for board in self.boards.boards
+        ):
+            self.log.driven_rows = len(self.log.time) - 1
 
     def inject(
         self, fault: str, board: int = 0, motor: int = 0, value: float | None = None

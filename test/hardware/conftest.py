@@ -21,7 +21,10 @@ Reference = Callable[[float], tuple[Sequence[float] | None, ...]]
 
 
 class Rig:
-    """Emulated boards and a bridge, run cycle by cycle."""
+    """Emulated boards and a bridge, run cycle by cycle.
+
+    `homed`: the zeros are known at the start, as after homing; else boards just switched on.
+    """
 
     def __init__(
         self,
@@ -30,10 +33,14 @@ class Rig:
         *,
         seed: int | None = None,
         settings: BridgeSettings | None = None,
+        homed: bool = True,
+        commissioned: Sequence[float] | float = 0.0,
         **emulation: object,
     ) -> None:
         self.config = config
         self.robot = robot
+        if homed:
+            emulation.setdefault('encoder_zeros', [0.0] * config.n)
         self.boards = make_emulated_transport(
             config,
             robot,
@@ -41,7 +48,11 @@ class Rig:
             alignment=QUICK,
             **emulation,  # type: ignore[arg-type]
         )
-        self.bridge = BridgeCycle(config, self.boards, settings, robot=robot)
+        self.bridge = BridgeCycle(
+            config, self.boards, settings, robot=robot, pulse_offset=commissioned
+        )
+        if homed:
+            self.bridge.zeros.found()
         self.now = 100.0
 
     @property
@@ -80,9 +91,7 @@ class Rig:
         """
         self.enable()
         if aligned:
-            for board in self.boards.boards:
-                for motor in board.motors:
-                    motor.ready = True
+            self.align()
             self.run(0.02)
             self.plant.support = 0.0
             self.run(0.15)
@@ -91,6 +100,12 @@ class Rig:
         assert self.bridge.mode == 'ready', self.bridge.faults
         assert self.plant.support == 0.0
         return self
+
+    def align(self) -> None:
+        """Declare every motor aligned."""
+        for board in self.boards.boards:
+            for motor in board.motors:
+                motor.ready = True
 
     def inject(self, fault: str, board: int = 0, motor: int = 0, value: float | None = None):
         inject(self.boards, fault, board, motor, value)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from attack_campaign import BEYOND_MAX, SPEED_MAX, Outcome, run
 from attack_rig import AttackRig, Offer
+from attack_zeros import attack_restart, attack_unknown
 from attacks import ATTACKS
 
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
@@ -24,6 +25,19 @@ NUMBERS = {name: (1, 2) if index % 2 else (3, 5) for index, name in enumerate(AT
 )
 def test_no_attack_breaks_a_limit(attack: str, number: int) -> None:
     keeps_limits(run(attack, number, 1.5 if (attack, number) in SPECIAL else 0.7))
+
+
+@pytest.mark.parametrize('attack', ['velocity', 'full_law', 'any_mode'])
+def test_nothing_but_homing_moves_an_arm_that_was_just_switched_on(attack: str) -> None:
+    outcome = attack_unknown(attack, 1)
+    assert outcome.is_clean, outcome
+
+
+@pytest.mark.parametrize('number', [1, 2, 3])
+def test_a_restart_amid_an_attack_keeps_only_zeros_that_hold(number: int) -> None:
+    outcome = attack_restart('velocity', number)
+    assert outcome.is_clean, outcome
+    assert outcome.beyond <= BEYOND_MAX, outcome
 
 
 def keeps_limits(outcome: Outcome) -> None:

@@ -23,7 +23,8 @@ STOPPING = [
     ('encoder_jump', 1, 1, -2.0, 'encoder of joint4 jumped by (2.0|1.9)'),
     ('over_temperature', 0, 0, None, r'board0: error 3 \(critical temperature\): let the board'),
     ('driver_error', 1, 0, None, r'board1: error 7 \(driver fault\): check the supply'),
-    ('board_timeout', 1, 0, None, r'board1: error 2 \(SPI receive time-out\)'),
+    ('board_timeout', 1, 0, None, 'board1: 10 commands in a row did not reach it over MOSI'),
+    ('lost_commands', 0, 0, 0.8, 'board0: .* commands in a row did not reach it over MOSI'),
     ('mute_board', 0, 0, None, 'board0: .* frames in a row were bad'),
     ('short_answers', 1, 0, None, 'board1: .* frames in a row were bad'),
     ('slow_bus', 0, 0, None, 'board0: exchanges take 2.00 ms'),
@@ -85,7 +86,8 @@ def test_some_bad_frames_are_counted_and_the_arm_goes_on(rig, fault, moving):
     bad = rig.bridge.counters['board1 bad frames']
     lost = rig.bridge.counters['board1 lost commands']
     assert 50 < bad < 200
-    assert 50 < lost < 250
+    # Flipped bits damage each way for itself; what the board missed as a whole is counted once.
+    assert 50 < lost < 250 if fault == 'bit_errors' else lost == 0
     assert rig.bridge.counters['board0 bad frames'] == 0
     if moving:
         assert rig.plant.velocity[2:] == pytest.approx(MOVING[2:], abs=0.1)
@@ -114,13 +116,13 @@ def test_a_board_error_is_cleared_by_a_power_cycle_and_a_new_alignment(rig):
     assert rig.bridge.clear_fault().accepted
     rig.boards.carry()
     rig.run(0.05)
-    assert rig.bridge.mode == 'idle'
+    assert rig.bridge.mode == 'unhomed'
     # Its encoders count from where they were switched on.
     assert 'the zero of joint3, joint4 is unknown' in rig.bridge.enable().message
     rig.boards.put_at_rest()
     rig.run(0.01)
     assert rig.bridge.home().accepted
-    rig.run(1.2)
+    rig.run(3.5)
     assert rig.bridge.mode == 'ready', rig.bridge.faults
     assert rig.bridge.q == pytest.approx(rig.plant.position, abs=1e-3)
 
@@ -207,6 +209,7 @@ def test_effort_that_steps_at_the_last_count_is_not_taken_for_feedback(
     # Boards answer before they take a command, so a cycle's current is that of the one before.
     rig = make_rig(position=[0.3, 1.2, 0.0, 0.2])
     rig.bridge = BridgeCycle(rig.config, rig.boards, load_max=largest_gravity_load(robot))
+    rig.bridge.zeros.found()
     rig.bring_up()
     load = Dynamics(robot).gravity(rig.bridge.q)
     rig.run(0.3, lambda now: (None, None, load))
@@ -222,6 +225,7 @@ def test_effort_that_steps_at_the_last_count_is_not_taken_for_feedback(
 def test_taking_over_a_resting_arm_is_not_taken_for_a_stuck_encoder(make_rig, robot) -> None:
     rig = make_rig(position=[0.3, 1.0, 0.0, 0.2])
     rig.bridge = BridgeCycle(rig.config, rig.boards, load_max=largest_gravity_load(robot))
+    rig.bridge.zeros.found()
     rig.bring_up()  # held by the boards
     load = Dynamics(robot).gravity(rig.bridge.q)
     rig.inject('stuck_encoder', board=0, motor=1)  # the joint rests, as friction may hold it

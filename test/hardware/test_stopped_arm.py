@@ -145,7 +145,8 @@ def follow(rig, steps: str, emulated: bool) -> None:
         answer = command(rig, quoted[1], emulated)
         assert answer.accepted, (steps, step, answer.message)
         rig.run(0.05)
-    for _ in range(13):  # motors align, if they were off
+    rig.align()  # motors that were off
+    for _ in range(30):
         rig.run(0.1)
         if rig.bridge.mode == 'ready':
             return

@@ -47,6 +47,7 @@ class EmulatedArm:
         posture: np.ndarray,
         seed: int | None = None,
     ) -> None:
+        config = config.with_encoders('absolute')
         self._names = config.joint_names
         transport = make_emulated_transport(config, robot, seed, position=posture, parameters=truth)
         self._bridge = BridgeCycle(config, transport, BridgeSettings(stall_time=60.0), robot=robot)

@@ -50,6 +50,11 @@ def test_a_file_must_exist(name: str, tmp_path: Path) -> None:
     )
 
 
+def test_a_packaged_file_may_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert missing({**GIVEN, 'drone_file': 'config/drone.yaml'}) == []
+
+
 def test_a_prefix_is_looked_at_before_anything_starts() -> None:
     assert missing({**GIVEN, 'tf_prefix': 'left_'}) == []
     (problem,) = missing({**GIVEN, 'tf_prefix': '/left'})

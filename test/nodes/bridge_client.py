@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
 from aerarm_ros.ros.process.node_process import NodeProcess
-from aerarm_ros.ros.states.arm_modes import HELD
+from aerarm_ros.ros.states.arm_modes import HELD, OFF
 
 StartBridge = Callable[..., NodeProcess]  # of fixture start_bridge
 SERVICES = ('enable', 'disable', 'clear_fault', 'home', 'e_stop', 'inject_fault', 'put_back')
@@ -99,8 +99,9 @@ class BridgeClient:
         self.wait_for(lambda: bool(self.modes) and self.modes[-1] == mode)
 
     def make_ready(self) -> None:
-        self.wait_for_mode('idle')
-        assert self.call('enable').success
+        """Enable the arm, or home it if its zeros are unknown."""
+        self.wait_for(lambda: self.modes[-1:] and self.modes[-1] in OFF)
+        assert self.call('enable' if self.modes[-1] == 'idle' else 'home').success
         # A controller that answers at once makes the mode another before it is heard.
         self.wait_for(lambda: self.modes[-1] in HELD and bool(self.states))
 

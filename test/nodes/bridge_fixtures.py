@@ -17,14 +17,15 @@ def start_bridge(
 ) -> Iterator[StartBridge]:
     """Return a function that starts fake_hardware with parameters; all are stopped at the end.
 
-    Its world is in lockstep, unless the test is marked with another pace.
+    Its world is in lockstep, unless the test is marked with another pace. Its encoders are
+    absolute, unless the test gives others.
     """
     marker = request.node.get_closest_marker('pace')
     pace = marker.args[0] if marker else 'lockstep'
     with ExitStack() as stack:
 
         def start(**parameters: object) -> NodeProcess:
-            given = {'seed': 3, 'pace': pace, **parameters}
+            given = {'seed': 3, 'pace': pace, 'encoders': 'absolute', **parameters}
             process = NodeProcess('fake_hardware', (), given, log=tmp_path / 'log')
             return stack.enter_context(process)
 

@@ -40,7 +40,13 @@ class ControllerBench:
         self.listen(topics.JOINT_STATES, self._on_state)
         self.listen(topics.DIAGNOSTICS, self._on_diagnostics)
         log = folder / 'fake_hardware.log'
-        arm = {'seed': -1, 'pace': 'lockstep', 'realtime_priority': 80, **arm}
+        arm = {
+            'seed': -1,
+            'pace': 'lockstep',
+            'realtime_priority': 80,
+            'encoders': 'absolute',
+            **arm,
+        }
         self.hardware = NodeProcess('fake_hardware', (), arm, None, log)
 
     def start(self) -> None:

@@ -4,6 +4,7 @@ import subprocess
 import time
 from pathlib import Path
 
+from bridge_client import StartBridge
 from forked_executable import run
 from rclpy.node import Node
 
@@ -46,7 +47,9 @@ def test_with_two_bridges_only_what_stops_goes_to_both(
     client = ArmClient(ros_node)
     client.wait_for_mode(['idle'], 60.0)
     remap = ('--ros-args', '-r', '__node:=hardware_bridge', '--')
-    with NodeProcess('fake_hardware', remap, log=tmp_path / 'second.log') as second:
+    with NodeProcess(
+        'fake_hardware', remap, {'encoders': 'absolute'}, log=tmp_path / 'second.log'
+    ) as second:
         while ': idle' not in second.tail(50):
             assert second.returncode is None, second.tail()
             time.sleep(0.05)
@@ -65,8 +68,11 @@ def test_with_two_bridges_only_what_stops_goes_to_both(
         client.wait_for_mode(['fault'], 60.0)
 
 
-def test_an_injected_fault_and_the_way_back(bridge: NodeProcess, tmp_path: Path) -> None:
-    assert ask(*ENABLE)[0] == 0
+def test_an_injected_fault_and_the_way_back(start_bridge: StartBridge) -> None:
+    start_bridge(encoders='incremental')
+    status, text = ask('enable', '--wait-before', 'unhomed', '--timeout', '100')
+    assert (status, "home it ('arm home')" in text) == (1, True), text
+    assert ask('home', '--timeout', '100', '--wait', 'ready')[0] == 0
     status, text = ask('fault', 'bit_errors:0:0:2')
     assert (status, 'bit_errors: 2 is not from 0 to 1' in text) == (1, True)
     status, text = ask('fault', 'encoder_jump:1:0:20')
@@ -76,10 +82,17 @@ def test_an_injected_fault_and_the_way_back(bridge: NodeProcess, tmp_path: Path)
     assert ask('disable')[0] == 0
     assert ask('fault', 'power_cycle:1')[0] == 0
     # The boards switch off in their own time.
-    assert ask('clear_fault', '--wait', 'idle')[0] == 0
+    assert ask('clear_fault', '--wait', 'unhomed')[0] == 0
     status, text = ask('put_back')
     assert (status, 'back where it started' in text) == (0, True)
-    assert ask('home', '--timeout', '100', '--wait', 'ready')[0] == 0
+    home = ('enable', '--home', '--timeout', '100', '--wait', 'ready')
+    status, text = ask(*home)
+    assert (status, 'this is taken for the rest posture' in text) == (0, True), text
+    status, text = ask(*home)
+    assert (status, 'already enabled' in text) == (0, True), text
+    assert ask('disable')[0] == 0
+    status, text = ask(*home)
+    assert (status, 'the motors align now' in text, 'rest posture' in text) == (0, True, False)
 
 
 def test_goes_to_a_posture_and_says_when_it_does_not(bridge: NodeProcess, tmp_path: Path) -> None:
@@ -88,7 +101,7 @@ def test_goes_to_a_posture_and_says_when_it_does_not(bridge: NodeProcess, tmp_pa
     listening = NodeProcess('recorder', parameters={'bag': str(tmp_path / 'bag')})
     with listening, NodeProcess('gravity_compensation', log=tmp_path / 'controller.log') as node:
         status, text = ask('go', *posture, '--timeout', '100')
-        assert (status, 'arm enable first' in text) == (1, True), text
+        assert (status, "run 'arm enable' first" in text) == (1, True), text
         assert ask(*ENABLE, 'running')[0] == 0
         status, text = ask('go', *posture, '--timeout', '100')
         assert (status, words(text)) == (0, 'the arm is there\n')

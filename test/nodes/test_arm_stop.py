@@ -31,7 +31,7 @@ class Bridges:
         process = NodeProcess(
             'fake_hardware',
             ('--ros-args', *arguments, '--') if remaps else (),
-            {'pace': 'lockstep'},
+            {'pace': 'lockstep', 'encoders': 'absolute'},
             log=self._logs / log,
         )
         return self._stack.enter_context(process)

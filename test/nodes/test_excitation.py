@@ -27,6 +27,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 START = np.array([0.1, 1.4, -0.1, 0.2])
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
+ABSOLUTE = {'encoders': 'absolute'}
 
 
 @pytest.fixture
@@ -104,7 +105,7 @@ def assert_holds_a_period(time: np.ndarray, q: np.ndarray, trajectory: FourierTr
 
 
 def test_drives_the_emulated_boards(tmp_path: Path, environment, ros_node: Node) -> None:
-    arm = {'seed': 3, 'pace': 'lockstep'}
+    arm = {'seed': 3, 'pace': 'lockstep', 'encoders': 'absolute'}
     hardware = NodeProcess('fake_hardware', (), arm, environment, tmp_path / 'hardware.log')
     with hardware:
         client = BridgeClient(ros_node)
@@ -130,7 +131,9 @@ def test_goes_on_after_a_pause_of_an_arm_with_a_clock_of_another_name(
     log = tmp_path / 'excitation.log'
     other_name = ('--ros-args', '-r', '/clock:=left/clock', '--')  # told to the bridge alone
     parameters = quick(tmp_path, state_timeout=0.2)
-    with NodeProcess('fake_hardware', other_name, {}, environment, tmp_path / 'arm.log') as arm:
+    with NodeProcess(
+        'fake_hardware', other_name, ABSOLUTE, environment, tmp_path / 'arm.log'
+    ) as arm:
         BridgeClient(ros_node).make_ready()
         with NodeProcess('excitation', (), parameters, environment, log) as node:
             wait_for_text(log, ' s  excitation ')
@@ -251,7 +254,7 @@ def test_starts_only_from_an_arm_that_is_held(
 
 
 def test_two_bridges_are_named(tmp_path: Path, environment) -> None:
-    bridge = NodeProcess('fake_hardware', (), {}, environment, tmp_path / 'bridge.log')
+    bridge = NodeProcess('fake_hardware', (), ABSOLUTE, environment, tmp_path / 'bridge.log')
     with ideal_arm(tmp_path, environment, '--mode', 'idle'), bridge:
         wait_for_text(tmp_path / 'bridge.log', ': idle')
         for seconds in (5, 15, 60):  # names of new nodes come late on a busy machine

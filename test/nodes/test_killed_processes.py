@@ -27,6 +27,7 @@ UNHURRIED = {
     'command_timeout': 1.0,
     'stamp_age_max': 1.0,
     'exchange_time_max': 0.1,
+    'state_file': '',
     'slow_exchanges_max': 1000,
     'velocity_factor': 4.0,
     'alignment_timeout': 60.0,
@@ -94,13 +95,13 @@ def test_a_device_that_comes_back_is_off_until_enabled_and_sigquit_switches_off(
     spi_bridge: NodeProcess, boards: SpiBoards, ros_node: Node
 ) -> None:
     client = BridgeClient(ros_node, 'hardware_bridge')
-    client.wait_for_mode('idle')
+    client.wait_for_mode('unhomed')
     boards.vanish('/dev/spidev0.1')
     client.wait_for_mode('disconnected')
     client.wait_for(lambda: 'opened again once it does' in client.messages['arm'])
-    assert '/dev/spidev0.1 reports' in client.call('enable').message
+    assert '/dev/spidev0.1 reports' in client.call('home').message
     boards.come_back('/dev/spidev0.1')
-    client.wait_for_mode('idle')
+    client.wait_for_mode('unhomed')
     assert [board['told_on'] for board in boards.report()] == [False, False]
     client.make_ready()
     assert [board['told_on'] for board in boards.report()] == [True, True]

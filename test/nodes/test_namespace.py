@@ -14,7 +14,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 NAMESPACE, IMU = '/left', '/drone/imu'
 ROS_ARGUMENTS = ('--ros-args', '-r', f'__ns:={NAMESPACE}', '-r', f'imu:={IMU}', '--')
 NODES = {
-    'fake_hardware': {'seed': 3, 'base_motion_profile': 'tilted'},
+    'fake_hardware': {'seed': 3, 'encoders': 'absolute', 'base_motion_profile': 'tilted'},
     'gravity_compensation': {'base_motion': 'full'},
 }
 

@@ -93,7 +93,7 @@ def nodes(ros_node: Node, tmp_path: Path) -> Iterator[NamespacedNodes]:
 def test_two_arms_are_one_tree_and_each_moves_alone(nodes: NamespacedNodes, tmp_path: Path) -> None:
     saved = tmp_path / 'drawn.yaml'
     for side in SIDES:
-        nodes.start(side, 'fake_hardware', f'{side}_', seed=3)
+        nodes.start(side, 'fake_hardware', f'{side}_', seed=3, encoders='absolute')
     nodes.start('left', 'gravity_compensation', 'left_')
     nodes.start('left', 'base_reaction', 'left_')
     nodes.start('right', 'gravity_compensation', 'left_')  # a mistake

@@ -211,7 +211,7 @@ def test_shows_the_arm_its_timing_and_stops_it(
     browser: HeadlessBrowser, ros_domain: dict[str, str], tmp_path: Path
 ) -> None:
     log = tmp_path / 'fake_hardware.log'
-    with NodeProcess('fake_hardware', log=log):
+    with NodeProcess('fake_hardware', (), {'encoders': 'absolute'}, log=log):
         until(lambda: 'idle' in browser.text() and 'joint_states at' in browser.text())
         until(lambda: str(browser.evaluate('document.title')).startswith('idle'))
         browser.unfold('Timing')

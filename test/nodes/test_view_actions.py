@@ -72,7 +72,12 @@ def test_the_arm_is_enabled_recorded_played_stopped_and_brought_back(
     names = tuple(f'joint{k}' for k in range(1, 5))
     TrajectoryFile(series, names, periods=5).save(folder / 'mine.yaml')
     with (
-        NodeProcess('fake_hardware', (), {'pace': 'keep_up'}, log=tmp_path / 'arm.log'),
+        NodeProcess(
+            'fake_hardware',
+            (),
+            {'pace': 'keep_up', 'encoders': 'absolute'},
+            log=tmp_path / 'arm.log',
+        ),
         shown(tmp_path, {'folder': folder}) as viewer,
     ):
         drive(viewer)

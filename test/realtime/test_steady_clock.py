@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from aerarm_ros.realtime.steady_clock import SteadyClock
 
@@ -50,6 +51,19 @@ def test_a_clock_that_is_set_is_followed_at_once() -> None:
     clock, clocks = make()
     clocks.system += 3600 * 10**9
     assert run(clock, clocks, 1)[0] == clocks.system
+
+
+@pytest.mark.parametrize('step', [0.6, -0.6, 5.0, -5.0, 3600.0, -3600.0])
+def test_a_clock_that_is_set_while_the_arm_moves_is_followed_later(step: float) -> None:
+    clock, clocks = make()
+    clock.may_step = False
+    clocks.system += round(step * 1e9)
+    stamps = run(clock, clocks, 1000)
+    assert np.all(np.abs(np.diff(stamps) - MILLISECOND) <= 500e-6 * MILLISECOND)
+    assert clock.behind == pytest.approx(step, abs=1e-3)
+    clock.may_step = True
+    assert run(clock, clocks, 1)[0] == clocks.system
+    assert clock.behind == 0.0
 
 
 def test_follows_the_real_clock() -> None:

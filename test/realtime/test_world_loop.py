@@ -87,3 +87,14 @@ def test_goes_on_from_an_earlier_time() -> None:
 def test_refuses_a_period_that_is_none() -> None:
     with pytest.raises(ValueError, match='period'):
         WorldLoop(0.0, lambda: True)
+
+
+def test_a_slip_that_no_arm_would_notice_is_no_slow_host() -> None:
+    loop = WorldLoop(2e-3, lambda: False)
+    loop.cycles, loop._host_ns = 5, 20_000_000
+    loop.slipped_ns = 10_000_000
+    assert loop.share_of_real_time == 0.5
+    assert 'too slow' not in loop.account()
+    loop.cycles, loop._host_ns = 50, 200_000_000
+    loop.slipped_ns = 100_000_000
+    assert '0.10 s behind it: too slow here for a real arm' in loop.account()

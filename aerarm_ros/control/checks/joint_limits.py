@@ -116,5 +116,6 @@ class JointLimits:
             joint = int(np.argmin(inside))
             raise RejectedInputError(
                 f'{what}: {self.names[joint]} needs {size[joint]:.3g} {unit}, '
-                f'{size[joint] - largest[joint]:.3g} more than its limit: slow the motion down'
+                f'{size[joint] - largest[joint]:.3g} more than its limit of {largest[joint]:.3g}: '
+                'slow the motion down'
             )

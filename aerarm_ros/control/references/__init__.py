@@ -9,15 +9,15 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        'blend': ['Blend'],
         'follower_tolerances': ['FollowerTolerances'],
         'goal_tolerances': ['resolve_tolerances'],
         'joint_trajectory': ['JointTrajectory'],
         'motion_end': ['MotionEnd'],
         'reference_source': ['ReferenceSource'],
-        'streamed_point': ['StreamedPoint'],
+        'streamed_point': ['Posture', 'StreamedPoint'],
         'target_follower': ['TargetFollower'],
         'trajectory_follower': ['TrajectoryFollower'],
+        'transition': ['Transition', 'find_transition'],
         'trajectory_goals': ['GoalResult', 'ResultCode', 'TrajectoryGoals'],
     },
 )

@@ -19,9 +19,9 @@ class FollowerTolerances:
     start : (n,) ndarray
         Distance [rad] of a trajectory's first point from the present reference.
     path : (n,) ndarray
-        Error [rad] under way beyond which the motion is aborted; positive.
+        Error [rad] under way beyond which the motion is aborted; positive, infinite for no check.
     goal : (n,) ndarray
-        Error [rad] at which the goal counts as reached; positive.
+        Error [rad] at which the goal counts as reached; positive, infinite for no check.
     goal_time : float
         Time [s] after the end to reach the goal.
     stream_timeout : float
@@ -53,8 +53,12 @@ class FollowerTolerances:
         """
         return cls(
             start=non_negative('start', start, n),
-            path=np.full(n, positive('path', path)),
-            goal=np.full(n, positive('goal', goal)),
-            goal_time=positive('goal_time', goal_time),
+            path=np.full(n, _limit('path', path)),
+            goal=np.full(n, _limit('goal', goal)),
+            goal_time=_limit('goal_time', goal_time),
             stream_timeout=positive('stream_timeout', stream_timeout),
         )
+
+
+def _limit(name: str, value: float) -> float:
+    return value if value == np.inf else positive(name, value)

@@ -13,6 +13,9 @@ from aerarm_ros.motion.polynomial_path import PolynomialPath
 Array = npt.NDArray[np.float64]
 Rows = Sequence[Sequence[float]]
 
+# Nearer to a limit, in rad or as a share of it, samples of a path don't show that it is kept.
+_NEAR = 0.05
+
 
 class JointTrajectory:
     """Points that joints pass at given times; checked, and in the arm's joint order.
@@ -83,10 +86,17 @@ class JointTrajectory:
         self._check_end()
         return JointReference.at_rest(self.q[-1])
 
-    def path(self, start: Array, interpolation: str) -> PolynomialPath:
+    def path(
+        self,
+        start: Array,
+        interpolation: str,
+        elapsed: float = 0.0,
+        start_dq: Array | None = None,
+        start_ddq: Array | None = None,
+    ) -> PolynomialPath:
         """Return the motion along the points.
 
-        A trajectory whose first point lies in the future begins at rest at `start`. Missing
+        A trajectory whose first point lies in the future begins at `start`. Missing
         velocities and accelerations are the slopes between neighbouring points, zero at the
         ends.
 
@@ -96,6 +106,10 @@ class JointTrajectory:
             Present reference [rad].
         interpolation : str
             'cubic' (continuous velocity) or 'quintic' (continuous acceleration).
+        elapsed : float
+            Of the time to the first point, what has passed when the motion begins [s].
+        start_dq, start_ddq : (n,) ndarray, optional
+            Present velocity [rad/s] and acceleration [rad/s^2]; default: at rest.
 
         Raises
         ------
@@ -103,29 +117,57 @@ class JointTrajectory:
             If the motion leaves the limits between points, or doesn't end at rest.
         """
         times, q, dq, ddq = self.times, self.q, self.dq, self.ddq
-        if times[0] > 0.0:
-            times = np.concatenate([[0.0], times])
+        zero = np.zeros_like(start)
+        begins_here = times[0] > elapsed
+        if begins_here:
+            times = np.concatenate([[0.0], times - elapsed])
             q = np.vstack([start, q])
-            dq = None if dq is None else np.vstack([np.zeros_like(start), dq])
-            ddq = None if ddq is None else np.vstack([np.zeros_like(start), ddq])
+            dq = None if dq is None else np.vstack([zero, dq])
+            ddq = None if ddq is None else np.vstack([zero, ddq])
         self._check_end()
         if dq is None:
             dq = _slopes(times, q)
+        if begins_here and start_dq is not None:
+            dq[0] = start_dq
         if interpolation == 'quintic':
-            path = PolynomialPath.quintic(times, q, dq, _slopes(times, dq) if ddq is None else ddq)
+            if ddq is None:
+                ddq = _slopes(times, dq)
+            if begins_here and start_ddq is not None:
+                ddq[0] = start_ddq
+            path = PolynomialPath.quintic(times, q, dq, ddq)
         else:
             path = PolynomialPath.cubic(times, q, dq)
-        samples = path.sample()
-        limits = self._limits.including(start)
-        limits.check_position('trajectory between its points', samples.q)
-        self._limits.check_velocity('trajectory between its points', samples.dq)
-        self._limits.check_acceleration('trajectory between its points', samples.ddq)
+        self._check_between(path, self._limits.including(start))
         return path
 
+    def _check_between(self, path: PolynomialPath, limits: JointLimits) -> None:
+        samples = path.sample()
+        parts = [samples]
+        near = (samples.q < limits.position_min + _NEAR).any()
+        near |= (samples.q > limits.position_max - _NEAR).any()
+        for values, largest in (
+            (samples.dq, limits.velocity_max),
+            (samples.ddq, limits.acceleration_max),
+        ):
+            near |= (np.abs(values) > (1.0 - _NEAR) * largest).any()
+        if near:
+            parts.append(path.extremes())
+        what = 'trajectory between its points'
+        for q, dq, ddq in parts:
+            limits.check_position(what, q)
+            limits.check_velocity(what, dq)
+            limits.check_acceleration(what, ddq)
+
     def _check_end(self) -> None:
-        if self.dq is not None and np.any(np.abs(self.dq[-1]) > 1e-3 * self._limits.velocity_max):
+        if self.dq is None:
+            return
+        speed, largest = np.abs(self.dq[-1]), 1e-3 * self._limits.velocity_max
+        if np.any(speed > largest):
+            joint = int(np.argmax(speed / largest))
             raise RejectedInputError(
-                'trajectory: the last point has a velocity: end at rest, or stream single points'
+                f'trajectory: the last point has a velocity, {self._limits.names[joint]} '
+                f'{speed[joint]:.3g} rad/s (limit {largest[joint]:.3g}): end at rest, or stream '
+                'single points'
             )
 
 

@@ -1,37 +1,41 @@
 """Executes trajectories, set points and streamed references in time."""
 
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.checks.joint_limits import JointLimits
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.control.references.blend import Blend
 from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.motion_end import MotionEnd
-from aerarm_ros.control.references.streamed_point import StreamedPoint
+from aerarm_ros.control.references.streamed_point import Posture, StreamedPoint
+from aerarm_ros.control.references.transition import (
+    FollowedMotion,
+    Transition,
+    find_transition,
+    joined,
+    rest_to_rest_path,
+)
+from aerarm_ros.motion.joint_brake import brake
 from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.path_stop import acceleration_rows, stop_along
 from aerarm_ros.motion.polynomial_path import PolynomialPath
-from aerarm_ros.motion.smooth_step import rest_to_rest_duration
 
 Array = npt.NDArray[np.float64]
 
-
-class _Motion(Protocol):
-    @property
-    def duration(self) -> float: ...
-
-    def evaluate(self, time: float) -> JointReference: ...
+# Times that the limits need to stop, up to which a trajectory's first point is reached without.
+_JOINED = 3.0
 
 
 class TrajectoryFollower:
     """What the joints should do now, always continuous up to the acceleration.
 
-    A new motion replaces the running one at any time: the difference between the two is
-    blended out (see `Blend`). After its end, and after an abort, the arm holds. Times are
-    injected [s], of any steady clock.
+    A new motion replaces the running one at any time, on a way that keeps to the limits (see
+    `find_transition`). A stop follows the path of the motion under way, see `stop_along`; on a
+    stream, whose path is not known, each joint brakes. After its end, and after an abort, the arm
+    holds. Times are injected [s], of any steady clock.
 
     Parameters
     ----------
@@ -70,6 +74,7 @@ class TrajectoryFollower:
         self.status = 'holding'
         self.motion = 0
         self._until = np.inf  # when the reference is at the motion's goal [s]
+        self._silent_stream = ''  # how a stream ends after which nothing comes
         self.take_over(np.zeros(limits.n))
 
     @property
@@ -92,9 +97,7 @@ class TrajectoryFollower:
         if self.status != 'holding':
             self.outcome, self.end = 'stopped: control began anew', MotionEnd.STOPPED
         self.reference = JointReference.at_rest(q)
-        self._blend: Blend | None = None
-        self._replaced = 0.0
-        self._begin(StreamedPoint(self.reference, np.inf), 0.0, 'holding')
+        self._begin(Posture(self.reference), 0.0, 0.0, 'holding')
 
     def follow(
         self,
@@ -121,48 +124,51 @@ class TrajectoryFollower:
         Raises
         ------
         RejectedInputError
-            If it starts too far from the present reference or leaves the limits.
+            If it starts too far from the present reference or leaves the limits, between its
+            points or on the way to it.
         """
-        is_streamed = trajectory.is_single_point and not is_goal
-        if is_streamed:
-            zero = np.zeros(self._limits.n)
-            rows = (trajectory.q, trajectory.dq, trajectory.ddq)
-            point = JointReference(*(zero if row is None else row[0] for row in rows))
-            motion: _Motion = StreamedPoint(point, self._tolerances.stream_timeout)
-        elif trajectory.is_single_point:
-            motion = StreamedPoint(trajectory.posture(), 0.0)
-        else:
-            motion = trajectory.path(self.reference.q, self.interpolation)
         begin = now if start is None else start
-        self._check_start(motion.evaluate(now - begin).q)
-        status = 'streaming' if is_streamed else 'moving'
-        self._replace(motion, now, status, begin)
+        if trajectory.is_single_point and not is_goal:
+            self._stream(trajectory, now, now - begin)
+        else:
+            motion, zero = self._goal(trajectory, now, begin)
+            self._replace(motion, now, zero, 'moving')
         self._used = tolerances or self._tolerances
+
+    def check_goal(
+        self, trajectory: JointTrajectory, now: float, start: float | None = None
+    ) -> None:
+        """Require that a goal could begin now; nothing changes, and any thread may call it.
+
+        Arguments as of `follow`. Raises RejectedInputError as that does.
+        """
+        self._goal(trajectory, now, now if start is None else start)
 
     def go_to(self, q: Array, now: float) -> None:
         """Go to rest at `q` (n,) [rad] on a quintic that uses half of what limits allow.
+
+        An arm that moves stops on its path first.
 
         Raises
         ------
         RejectedInputError
             If the set point is outside the limits.
         """
-        limits = self._limits
-        limits.check_position('set point', q)
-        duration = rest_to_rest_duration(
-            q - self.reference.q, 0.5 * limits.velocity_max, 0.5 * limits.acceleration_max, 0.1
-        )
-        path = PolynomialPath.rest_to_rest(self.reference.q, q, duration)
-        self._replace(path, now, 'moving')
+        self._limits.check_position('set point', q)
+        path = rest_to_rest_path(self.reference.q, q, self._limits)
+        if self._moves():
+            stop = self._stop(now)
+            path = joined(stop, rest_to_rest_path(stop.evaluate(stop.duration).q, q, self._limits))
+        self._replace(path, now, now, 'moving')
 
     def stop(self, now: float, reason: str, q: Array | None = None) -> None:
-        """Brake smoothly and hold: at `q` (n,) [rad], or as soon as the motion can stop."""
+        """Stop and hold: at `q` (n,) [rad], or as soon as the motion can stop on its path."""
         if q is None:
-            dq = self.reference.dq
-            # On average the blend brakes with a quarter of the largest acceleration.
-            q = self.reference.q + 2.0 * dq * np.abs(dq) / self._limits.acceleration_max
-        q = np.clip(q, self._limits.position_min, self._limits.position_max)
-        self._replace(StreamedPoint(JointReference.at_rest(q), np.inf), now, 'holding')
+            motion: FollowedMotion = self._stop(now)
+        else:
+            q = np.clip(q, self._limits.position_min, self._limits.position_max)
+            motion = self._transition(Posture(JointReference.at_rest(q)), now, now)
+        self._replace(motion, now, now, 'holding')
         self.outcome, self.end = reason, MotionEnd.STOPPED
 
     def update(self, q: Array, now: float, dt: float = 0.0) -> JointReference:
@@ -171,9 +177,7 @@ class TrajectoryFollower:
         `dt` isn't used: the reference is a function of time.
         """
         self.reference = self._evaluate(now)
-        if self._blend is not None and now - self._replaced >= self._blend.duration:
-            self._blend = None
-        self._elapsed = now - self._start
+        self._elapsed = now - self._zero
         if self.status != 'holding':
             self._watch(q, now)
         return self.reference
@@ -184,11 +188,79 @@ class TrajectoryFollower:
         return JointReference(*map(np.array, zip(*rows, strict=True)))
 
     def _evaluate(self, now: float) -> JointReference:
-        reference = self._motion.evaluate(now - self._start)
-        elapsed = now - self._replaced
-        if self._blend is None or elapsed >= self._blend.duration:
-            return reference
-        return self._blend.add_to(reference, elapsed)
+        return self._motion.evaluate(now - self._start)
+
+    def _after(self, now: float) -> Callable[[float], JointReference]:
+        """Return what gives the reference a time [s] after now, if nothing new comes."""
+        motion, elapsed = self._motion, now - self._start
+        return lambda time: motion.evaluate(elapsed + time)
+
+    def _moves(self) -> bool:
+        return bool(np.any(self.reference.dq) or np.any(self.reference.ddq))
+
+    def _stop(self, now: float, share: float = 1.0) -> PolynomialPath:
+        """Return the stop of the motion under way, with a share of the acceleration limits."""
+        acceleration_max = share * self._limits.acceleration_max
+        if self.status == 'streaming':
+            return brake(self._evaluate(now), acceleration_max)
+        motion = self._after(now)
+        return stop_along(motion, 0.0, acceleration_rows(acceleration_max)).path(motion)
+
+    def _transition(self, motion: PolynomialPath | Posture, now: float, begin: float) -> Transition:
+        """Return the way to a motion whose time zero is `begin` [s]."""
+        return find_transition(
+            self._after(now),
+            lambda share: self._stop(now, share),
+            motion,
+            begin - now,
+            self._limits,
+        )
+
+    def _stream(self, trajectory: JointTrajectory, now: float, age: float) -> None:
+        """Follow a streamed point that was valid `age` [s] ago."""
+        zero = np.zeros(self._limits.n)
+        rows = (trajectory.q, trajectory.dq, trajectory.ddq)
+        q, dq, ddq = (zero if row is None else row[0] for row in rows)
+        point = JointReference(q + age * (dq + 0.5 * age * ddq), dq + age * ddq, ddq)
+        timeout = self._tolerances.stream_timeout - max(0.0, age)
+        if timeout <= 0.0:
+            raise RejectedInputError(
+                f'streamed point: it is {age:.3g} s old (stream_timeout: '
+                f'{self._tolerances.stream_timeout:g}): check the clocks, or stamp it zero for now'
+            )
+        self._check_start(point.q)
+        motion = StreamedPoint.longest(point, self._evaluate(now), timeout, self._limits)
+        self._silent_stream = 'stopped: no streamed point in time'
+        if motion.duration < timeout:
+            self._silent_stream = 'stopped: the streamed point led to a limit, and no other came'
+        self._replace(motion, now, now, 'streaming')
+
+    def _goal(
+        self, trajectory: JointTrajectory, now: float, begin: float
+    ) -> tuple[FollowedMotion, float]:
+        """Return what executes a trajectory from `now` on, and when its time zero is [s].
+
+        A trajectory that does not say where it begins goes on from here.
+        """
+        left = trajectory.times[0] - (now - begin)
+        if self.interpolation == 'quintic' and begin <= now and left > 0.0:
+            q, dq, ddq = self._evaluate(now)
+            # One polynomial from a fast motion to a late point would swing out.
+            stopping = float((np.abs(dq) / self._limits.acceleration_max).max())
+            try:
+                if not self._moves() or left <= _JOINED * stopping:
+                    return trajectory.path(q, 'quintic', now - begin, dq, ddq), begin
+            except RejectedInputError:
+                if not self._moves():
+                    raise
+        motion: PolynomialPath | Posture
+        if trajectory.is_single_point:
+            motion = Posture(trajectory.posture())
+        else:
+            motion = trajectory.path(self.reference.q, self.interpolation)
+        self._check_start(motion.evaluate(now - begin).q)
+        way = self._transition(motion, now, begin)
+        return way, now + way.delay
 
     def _check_start(self, q: Array) -> None:
         distance = np.abs(q - self.reference.q)
@@ -202,23 +274,15 @@ class TrajectoryFollower:
                 'first point a time to get there'
             )
 
-    def _replace(
-        self, motion: _Motion, now: float, status: str, start: float | None = None
-    ) -> None:
-        begin = now if start is None else start
-        old, new = self._evaluate(now), motion.evaluate(now - begin)
-        deviation = JointReference(old.q - new.q, old.dq - new.dq, old.ddq - new.ddq)
-        self._blend = Blend(deviation, self._limits)
-        self._replaced = now
+    def _replace(self, motion: FollowedMotion, now: float, zero: float, status: str) -> None:
         self.end = MotionEnd.REPLACED
-        self._begin(motion, begin, status)
-        if status == 'moving':
-            # Until the old motion is blended out the reference is not at the goal.
-            self._until = max(self._until, now + self._blend.duration)
+        self._begin(motion, now, zero, status)
 
-    def _begin(self, motion: _Motion, start: float, status: str) -> None:
+    def _begin(self, motion: FollowedMotion, start: float, zero: float, status: str) -> None:
+        """Execute a motion from `start` on; `zero` is the time zero of its trajectory [s]."""
         self._motion = motion
         self._start = start
+        self._zero = zero
         self._until = start + motion.duration
         self._elapsed = 0.0
         self.status = status
@@ -237,7 +301,8 @@ class TrajectoryFollower:
         elif now < self._until:
             return
         elif self.status == 'streaming':
-            self.stop(now, 'stopped: no streamed point in time')
+            self.status, self.end = 'holding', MotionEnd.STOPPED
+            self.outcome = self._silent_stream
         elif (error <= used.goal).all():
             self.status, self.end = 'holding', MotionEnd.REACHED
             self.outcome = f'reached, error {error.max():.2g} rad'

@@ -35,6 +35,9 @@ class ArmMeasurements:
         (n,) False once a board has been silent for so long that it counts as not heard.
     driven
         (n,) whether the motor's board drove its motors, aligned, when it last answered.
+    unconfirmed
+        n numbers of commands sent since the one that the motor's board used when it answered last;
+        0 while the board loses none.
     interval, interval_max
         (n,) time between the two last measurements of each motor, and the longest that it can
         have been [s]; see `BoardLink`.
@@ -52,6 +55,7 @@ class ArmMeasurements:
         self.fresh: Mask = np.zeros(config.n, dtype=bool)
         self.heard: Mask = np.zeros(config.n, dtype=bool)
         self.driven: Mask = np.zeros(config.n, dtype=bool)
+        self.unconfirmed = [0] * config.n
         self.interval, self.interval_max = unknown(), unknown()
         self._measured_at: Array = np.full(config.n, -np.inf)  # begin of that cycle [s]
         self._drive = DriveTrain(config)
@@ -98,11 +102,13 @@ class ArmMeasurements:
         """
         self._last_velocity[:] = self.motor_velocity
         for link in links:
-            state = link.state
+            state, echo = link.state, link.monitor.echo
+            unconfirmed = echo.unconfirmed if echo.is_losing else 0
             for joint, channel in link.joints:
                 self.fresh[joint] = link.fresh
                 self.heard[joint] = not link.monitor.is_silent
                 self.driven[joint] = link.is_aligned
+                self.unconfirmed[joint] = unconfirmed
                 if link.fresh:
                     self.reported_position[joint] = state.position[channel]
                     self.motor_velocity[joint] = state.velocity[channel]

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import inf
 
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.boards.board_mode import BoardMode
 from aerarm_ros.hardware.boards.board_monitor import BoardMonitor
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.boards.restart_watch import RestartWatch
@@ -47,6 +48,8 @@ class BoardLink:
         Whether `state` is of the last exchange.
     restarted
         Whether that answer shows that the board was off since the one before.
+    keeps_errors
+        Whether the board keeps an error until its supply was off.
     interval
         Time from the last good answer but one to the last [s]; inf before the second.
     interval_max
@@ -68,7 +71,8 @@ class BoardLink:
         self.monitor = BoardMonitor(name, profile, [channel for _, channel in joints], settings)
         self.state = BoardState()
         self.fresh = self.restarted = False
-        self._restart_watch = RestartWatch(profile.errors_until_power_cycle)
+        self.keeps_errors = profile.errors_until_power_cycle
+        self._restart_watch = RestartWatch(self.keeps_errors)
         self.interval = self.interval_max = inf
         self._earliest = self._latest = -inf  # between which the last good answer was made [s]
         self._sent = -inf  # when a frame last left for the board [s]
@@ -90,6 +94,16 @@ class BoardLink:
             raise ValueError(f'{name} cannot be told its limits: {error}') from None
 
     @property
+    def is_connected(self) -> bool:
+        """Whether the board has answered well for long enough to be one of the arm."""
+        return self.monitor.mode is not BoardMode.DISCONNECTED
+
+    @property
+    def answered_at(self) -> float:
+        """When the last good answer came [s], -inf before the first."""
+        return self._latest
+
+    @property
     def is_aligned(self) -> bool:
         """Whether every motor in use was driven and aligned when the board last answered."""
         return self.monitor.is_aligned(self.state)
@@ -109,6 +123,12 @@ class BoardLink:
     def is_damped_unheard(self) -> bool:
         """Whether the board is told to drive its motors and gives no answer."""
         return self._command.enable_system and self.monitor.is_silent
+
+    def drive_only(self, channel: int | None) -> None:
+        """Let `exchange` enable one motor alone from now on, or all in use again if None."""
+        channels = [used for _, used in self.joints] if channel is None else [channel]
+        self._used = [number in channels for number in (0, 1)]
+        self.monitor.watch(channels)
 
     def exchange(self, references: MotorReferences, enable: bool, running: bool) -> None:
         """Send the references of the board's motors and take what it reports.

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import inf
 
 from aerarm_ros.hardware.boards.board_mode import BoardMode
+from aerarm_ros.hardware.boards.command_echo import CommandEcho
 from aerarm_ros.hardware.frames.board_state import BoardState
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
@@ -16,8 +17,9 @@ class BoardMonitor:
 
     disconnected -> idle once it answers well; idle -> aligning -> ready when the system is
     enabled and until every motor in use is aligned; ready <-> running while a command is
-    followed. Back to idle when it is disabled. An error code, too many bad frames, frozen data, a
-    slow bus or motors that are no longer ready lead to fault.
+    followed. Back to idle when it is disabled. An error code, too many bad frames, too many
+    commands that do not reach a driven board, frozen data, a slow bus or motors that are no longer
+    ready lead to fault.
 
     Silence is counted in exchanges that failed. Time in which the host was held up and asked
     nothing says nothing about a board.
@@ -41,8 +43,10 @@ class BoardMonitor:
         What happened and what to check; '' unless the mode is fault.
     problem
         What the bus says about the last bad frame, or what to check.
-    good_frames, bad_frames, lost_commands, slow_exchanges
-        Counts since start. A command is lost if the board does not echo its index.
+    good_frames, bad_frames, slow_exchanges
+        Counts since start.
+    echo
+        Which commands reached the board.
     """
 
     def __init__(
@@ -52,7 +56,10 @@ class BoardMonitor:
         self.mode = BoardMode.DISCONNECTED
         self.fault = ''
         self.problem = _ADVICE
-        self.good_frames = self.bad_frames = self.lost_commands = self.slow_exchanges = 0
+        self.good_frames = self.bad_frames = self.slow_exchanges = 0
+        self.echo = CommandEcho(
+            name, settings, profile.command.has('index') and profile.sensor.has('index')
+        )
         self._profile = profile
         self._channels = tuple(channels)
         self._settings = settings
@@ -62,6 +69,10 @@ class BoardMonitor:
         self._timestamp = -1.0
         self._index: int | None = None
         self._enabled_since: float | None = None
+
+    def watch(self, channels: Sequence[int]) -> None:
+        """Expect these motors, 0 and 1, to be driven where the system is enabled."""
+        self._channels = tuple(channels)
 
     def sent(self, index: int) -> None:
         """Note the index of the command that has just been sent."""
@@ -91,6 +102,7 @@ class BoardMonitor:
         problem
             What the bus says about it.
         """
+        self.echo.missed()
         self.bad_frames += 1
         self._bad_in_row += 1
         self._good_in_row = 0
@@ -120,8 +132,8 @@ class BoardMonitor:
         self.good_frames += 1
         self._good_in_row += 1
         self._bad_in_row = 0
-        if self._index is not None and state.index != self._index:
-            self.lost_commands += 1
+        if self._index is not None:
+            self.echo.answered(state.index, self._index)
         self._frozen_in_row += 1
         if state.timestamp != self._timestamp:
             self._timestamp, self._fresh_time = state.timestamp, now
@@ -132,6 +144,8 @@ class BoardMonitor:
             self.mode = BoardMode.IDLE
         if state.error:
             self.fail(self._profile.error_text(state.error))
+        elif enable and self.echo.is_cut:
+            self.fail(self.echo.fault)
         elif self._is_frozen(now):
             self.fail('its frames are correct but their data is frozen: power-cycle it')
         if self.mode is not BoardMode.FAULT:
@@ -148,7 +162,7 @@ class BoardMonitor:
         return {
             'good frames': self.good_frames,
             'bad frames': self.bad_frames,
-            'lost commands': self.lost_commands,
+            'lost commands': self.echo.lost,
             'slow exchanges': self.slow_exchanges,
         }
 
@@ -159,6 +173,8 @@ class BoardMonitor:
         silent = self.is_silent
         if not silent and state.error:
             return f'{self.name}: {self._profile.error_text(state.error)}'
+        if not silent and self.echo.is_cut:
+            return self.echo.warning
         if self._slow_in_row >= self._settings.slow_exchanges_max:
             return self.fault
         self.fault = ''

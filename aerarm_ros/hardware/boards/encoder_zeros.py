@@ -18,46 +18,88 @@ _TURN = 2.0 * np.pi
 class EncoderZeros:
     """Remembers of each joint whether its angle can be believed, and where the arm rests.
 
-    An incremental encoder counts from where its board was switched on. At first the configuration's
-    zeros are assumed. Homing finds them, by pulses that come once a motor turn; which turn it is
+    An incremental encoder counts from where its board was switched on, so its zero is unknown at
+    first. Homing finds it, by pulses that come once a motor turn; which turn it is
     follows from the rest posture, for which somebody vouches who puts the arm there. A board that
     restarts, an encoder that jumps or one that stood still while its joint turned has lost its
     zero: then no limit and no load is known until the arm has been homed again.
+
+    An absolute encoder knows its angle whenever its board is switched on: the configuration's zero
+    holds at first, and again after a restart.
 
     Parameters
     ----------
     config
         The arm.
+    encoders
+        Kind of the encoders of boards whose configuration does not say it: the frame profile's.
 
     Attributes
     ----------
     rest
         (n,) motor angles of the rest posture [rad].
+    absolute
+        n flags: whether the joint's encoder is absolute.
+    names
+        n names of the joints.
+    changes
+        How often a zero became known or unknown.
     """
 
-    def __init__(self, config: ArmConfig) -> None:
+    def __init__(self, config: ArmConfig, encoders: str = 'incremental') -> None:
         self.rest: Array = DriveTrain(config).joint_to_motor_position(
             np.array(config.rest_position)
         )
-        self._names = config.joint_names
+        self.names = config.joint_names
+        self.changes = 0
         self._rest_position = config.rest_position
+        self.absolute = config.absolute_encoders(encoders)
         self._lost: dict[int, str] = {}
-        self._is_homed = False
+        self.restarted(range(config.n), 'not homed since the bridge started')
 
     @property
     def are_lost(self) -> bool:
         """Whether the zero of a joint is unknown."""
         return bool(self._lost)
 
+    @property
+    def known(self) -> list[bool]:
+        """Whether the zero of each of n joints is known."""
+        return [joint not in self._lost for joint in range(len(self.names))]
+
+    @property
+    def unknown(self) -> list[str]:
+        """Names of the joints whose zero is unknown."""
+        return [self.names[joint] for joint in sorted(self._lost)]
+
+    def known_only(self, q: Array) -> Array:
+        """Return joint positions (n,) [rad] with NaN where the zero is unknown."""
+        if not self._lost:
+            return q
+        known = q.copy()
+        known[list(self._lost)] = np.nan
+        return known
+
+    def restarted(self, joints: Iterable[int], reason: str) -> None:
+        """Note that the boards of joints were switched on, and read absolute encoders again."""
+        joints = list(joints)
+        self.found(joint for joint in joints if self.absolute[joint])
+        self.lose((joint for joint in joints if not self.absolute[joint]), reason)
+
     def lose(self, joints: Iterable[int], reason: str) -> None:
         """Note that the zeros of joints are unknown from now on; the first reason stays."""
         for joint in joints:
+            self.changes += joint not in self._lost
             self._lost.setdefault(joint, reason)
 
-    def found(self) -> None:
-        """Note that homing has found the zero of every joint."""
-        self._lost.clear()
-        self._is_homed = True
+    def explain(self, joints: Iterable[int], reason: str) -> None:
+        """Note why zeros that are unknown still are."""
+        self._lost.update((joint, reason) for joint in joints if joint in self._lost)
+
+    def found(self, joints: Iterable[int] | None = None) -> None:
+        """Note that the zero of joints is known, of every joint if not given."""
+        for joint in range(len(self.names)) if joints is None else joints:
+            self.changes += self._lost.pop(joint, None) is not None
 
     @property
     def problem(self) -> str:
@@ -65,21 +107,20 @@ class EncoderZeros:
         if not self._lost:
             return ''
         reasons = dict.fromkeys(self._lost.values())
-        names = ', '.join(self._names[joint] for joint in sorted(self._lost))
         return (
-            f'the zero of {names} is unknown ({", ".join(reasons)}): bring the arm to its rest '
-            f'posture, {self._posture()}, and home it'
+            f'the zero of {", ".join(self.unknown)} is unknown ({", ".join(reasons)}): bring the '
+            f"arm to its rest posture, {self._posture()}, and home it ('arm home')"
         )
 
     def refusal(self, motor_position: Array) -> str:
         """Return why an arm at motor angles (n,) [rad] may not be homed where it is, or ''.
 
-        Only of zeros that homing has found, and that were not lost since.
+        Only while every zero is known: else nothing contradicts who vouches for the posture.
         """
-        if self._lost or not self._is_homed:
+        if self._lost:
             return ''
         turns = np.abs(motor_position - self.rest) / _TURN
-        away = [name for name, part in zip(self._names, turns, strict=True) if part > REST_SHARE]
+        away = [name for name, part in zip(self.names, turns, strict=True) if part > REST_SHARE]
         if not away:
             return ''
         return (
@@ -87,12 +128,16 @@ class EncoderZeros:
             'another index pulse for the right one; bring the arm there first'
         )
 
+    def expected(self, motor_position: Array) -> Array:
+        """Return where homing takes the motors to be (n,) [rad]: absolute ones where they say."""
+        return np.where(self.absolute, motor_position, self.rest)
+
     def vouched(self) -> str:
         """Return what homing takes the present posture for, in words."""
         return f'this is taken for the rest posture, {self._posture()}'
 
     def _posture(self) -> str:
-        return _in_words(self._names, self._rest_position)
+        return _in_words(self.names, self._rest_position)
 
 
 def _in_words(names: Sequence[str], angles: Sequence[float]) -> str:

@@ -1,31 +1,50 @@
 """Finds the encoders' zeros by their index pulses."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.gate.command_buffer import Array, CommandBuffer, Mask
+from aerarm_ros.model.drive_train import DriveTrain
 
-_SPEED = 0.15  # [rad/s] at the joint
-_REACH = 0.6  # of a motor turn, to either side
+# Of a motor turn: a pulse farther than this from where it is expected belongs to no known turn.
+RESIDUAL_MAX = 1.0 / 3.0
+
+_SPEED = 0.25  # [rad/s] at the joint, while its zero is unknown
+_RETURN_SPEED, _RETURN_GAIN = 0.3, 15.0  # [rad/s] at the joint, [1/s]
+_RETURNED = 5e-4  # [rad] at the joint
 _TURN = 2.0 * np.pi
-_BLURRED = 2.5  # times the usual interval, in which a pulse's place is not known well enough
-_REPEATS_MAX = 20
+_REACH = 1.05  # of a motor turn, in which a pulse must come
+_SAME_PULSE = 0.25  # of a motor turn from the first pulse: the motor passes that one again
+_SPACING_ERROR = 0.02  # of a motor turn, by which the distance of two pulses may differ from one
+_BLURRED = 6e-4  # [rad] at the joint, moved between two frames: the pulse lies somewhere in it
+_REPEATS_MAX = 10  # per joint
+# Motor turns between home configuration and position limits: two pulses need the one or the other.
+_ROOM_BOTH_SIDES = _REACH + RESIDUAL_MAX
+_ROOM_ONE_SIDE = 2.0 * _REACH + RESIDUAL_MAX
 
 
 class Homing:
-    """Turns every motor slowly until its index pulse, which fixes the encoder's zero.
+    """Turns every motor slowly to two index pulses, which fix the encoder's zero.
 
-    An incremental encoder counts from where it was switched on; its index pulse comes once
-    a motor turn, at multiples of 2 pi of the motor angle. Which multiple follows from the
-    posture: the arm must start within a third of a motor turn (about 4 degrees at the joint)
-    of the configuration's rest position. Each motor searches 0.6 turns one way, then as far
-    the other way.
+    An incremental encoder counts from where it was switched on; its index pulse comes once per
+    motor turn, at a known angle within the turn. Which turn it is follows from the posture: the
+    arm must start within a third of a motor turn (about 4 degrees at the joint) of its home
+    configuration. Each motor turns to the nearest pulse that is expected, and then back to the
+    pulse one turn before it, so no motor leaves its start by more than one turn. A joint whose
+    position limit is too near goes on to the next pulse instead. At the end each joint turns to
+    its home configuration, so the arm can be homed again from there.
+
+    Homing fails if a pulse lies farther than `RESIDUAL_MAX` from its expected angle, or if the two
+    pulses are not one turn apart. A posture that is wrong by two thirds of a turn or more looks
+    like a posture near the next turn: the pulses alone cannot show it.
 
     The boards' own index offset compensation is not used: it makes the position jump under
-    the control law, so that the motor jerks. Here the master notes the position at the
-    pulse, to within the 1 ms between two frames, and corrects it afterwards. A pulse that was met
-    while the host was held up lies somewhere in what the motor turned meanwhile: it is searched
-    once more, the other way.
+    the control law, so that the motor jerks. The host notes the position at the pulse, to within
+    the 1 ms between two frames, and corrects it afterwards. Two pulses met from opposite sides
+    cancel that delay. A pulse that was met while the host was held up lies somewhere in what the
+    motor turned meanwhile: it is searched once more, the other way and at half the speed, which
+    ends at the latest when the longest hold-up is too short for the motor to turn far.
 
     Parameters
     ----------
@@ -37,6 +56,9 @@ class Homing:
         (n,) the index bits at the start, which flip at each pulse.
     expected
         (n,) what the motors' angles are at the start, to within a third of a turn [rad].
+    pulse_offset
+        (n,) or one for all: motor angle of an index pulse, modulo one turn [rad], as measured at
+        commissioning. 0 is what the configuration's `offset` assumes.
 
     Attributes
     ----------
@@ -44,33 +66,58 @@ class Homing:
         What the joints shall do now.
     fault
         What went wrong, or ''.
+    doubted
+        Joints whose pulses contradict what is known of them.
     """
 
-    def __init__(self, config: ArmConfig, position: Array, toggles: Mask, expected: Array) -> None:
+    def __init__(
+        self,
+        config: ArmConfig,
+        position: Array,
+        toggles: Mask,
+        expected: Array,
+        pulse_offset: ArrayLike = 0.0,
+    ) -> None:
         self.command = CommandBuffer.standstill(config.n)
         self.fault = ''
+        self.doubted: list[int] = []
         self._names = config.joint_names
-        self._expected = expected.copy()
         self._sign = config.column('sign')
+        self._ratio = config.column('gear.ratio')
         self._start = position.copy()
         self._toggles = toggles.copy()
-        self._direction = np.ones(config.n)
+        self._shift = expected - position  # from the reported to the expected motor angle
+        self._offset: Array = np.zeros(config.n) + np.asarray(pulse_offset, np.float64)
+        self._side = roomy_side(config) * self._sign
+        ahead = (self._offset - expected) / _TURN
+        nearest = np.where(ahead >= np.round(ahead), 1.0, -1.0)
+        self._direction = np.where(self._side == 0.0, nearest, self._side)
+        self._first = np.full(config.n, np.nan)  # reported angle of the first pulse [rad]
+        self._pulse = np.zeros(config.n)  # mean of the two, led to the first one's turn
+        self._home = DriveTrain(config).joint_to_motor_position(np.array(config.rest_position))
         self._found = np.zeros(config.n, dtype=bool)
-        self._zero = np.zeros(config.n)
-        self._usual_interval = np.inf
+        self._returned = np.zeros(config.n, dtype=bool)
+        self._speed = np.full(config.n, _SPEED)
+        self._last = position.copy()
         self._repeats = 0
 
     @property
     def is_done(self) -> bool:
-        """Whether every index was found, or the search has failed."""
-        return bool(self._found.all()) or bool(self.fault)
+        """Whether every zero was found and every joint is back, or the search has failed."""
+        return bool(self._returned.all()) or bool(self.fault)
 
     @property
     def zero(self) -> Array:
         """(n,) angles [rad] that the boards report where the motors' angle is zero."""
-        return self._zero.copy()
+        turn, _ = self._turn_and_residual(self._pulse)
+        return self._pulse - self._offset - _TURN * turn
 
-    def update(self, position: Array, toggles: Mask, interval: Array | float = 0.0) -> None:
+    @property
+    def pulse_offset(self) -> Array:
+        """(n,) motor angles of the pulses that were met [rad], 0 to 2 pi, if the start is exact."""
+        return (self._pulse + self._shift) % _TURN
+
+    def update(self, position: Array, toggles: Mask) -> None:
         """Set the next command.
 
         Parameters
@@ -79,37 +126,140 @@ class Homing:
             (n,) reported motor angles [rad].
         toggles
             (n,) index bits.
-        interval
-            (n,) or one for all: time since the last measurement [s].
         """
-        self._usual_interval = min(self._usual_interval, float(np.min(interval)))
-        met = (toggles != self._toggles) & ~self._found
-        blurred = met & (interval > _BLURRED * self._usual_interval)
-        if blurred.any():
-            self._search_again(blurred, toggles)
-            met &= ~blurred
-        for i in np.flatnonzero(met):
-            angle = position[i] - self._start[i] + self._expected[i]
-            self._zero[i] = position[i] - _TURN * round(angle / _TURN)
-        self._found |= met
-        travel = (position - self._start) / _TURN
-        missed = ~self._found & (travel < -_REACH)
-        self._direction[travel > _REACH] = -1.0
-        if missed.any():
-            names = ', '.join(name for name, no in zip(self._names, missed, strict=True) if no)
-            self.fault = (
-                f'homing found no index pulse of {names} within a motor turn: check the encoder '
-                'cable'
-            )
-        speed = np.where(self._found, 0.0, _SPEED * self._direction)
+        moved = self._ratio * np.abs(position - self._last)
+        self._last[:] = position
+        from_first = np.abs(position - self._first) / _TURN  # NaN before the first pulse
+        flipped = (toggles != self._toggles) & ~self._found
+        if flipped.any():
+            self._toggles[flipped] = toggles[flipped]
+            met = flipped & ~(from_first < _SAME_PULSE)
+            blurred = met & (moved > _BLURRED)
+            if blurred.any():
+                self._search_again(blurred)
+            for joint in np.flatnonzero(met & ~blurred).tolist():
+                self._meet(joint, position)
+        self._give_up_where_no_pulse_comes(position, from_first)
+        speed = self._speed * self._direction
+        if self._found.any():
+            speed = np.where(self._found, self._return_speed(position), speed)
         self.command.dq[:] = self._sign * speed
 
-    def _search_again(self, blurred: Mask, toggles: Mask) -> None:
-        self._direction[blurred] *= -1.0
-        self._toggles[blurred] = toggles[blurred]
-        self._repeats += 1
-        if self._repeats > _REPEATS_MAX:
-            self.fault = (
-                f'homing was held up at {self._repeats} index pulses, so their place is not known: '
-                'check what else the host does'
+    def _return_speed(self, position: Array) -> Array:
+        """Return the speeds (n,) that lead joints home whose zeros are known [rad/s]."""
+        away = self._ratio * (self.zero + self._home - position)
+        self._returned |= self._found & (np.abs(away) < _RETURNED)
+        speed = np.clip(_RETURN_GAIN * away, -_RETURN_SPEED, _RETURN_SPEED)
+        return np.where(self._returned, 0.0, speed)
+
+    def _meet(self, joint: int, position: Array) -> None:
+        """Take an index pulse of a joint at (n,) reported angles [rad]."""
+        self._speed[joint] = _SPEED
+        if np.isnan(self._first[joint]):
+            self._first[joint] = position[joint]
+            self._judge(joint)
+            back = -np.sign(position[joint] - self._start[joint]) or -self._direction[joint]
+            self._direction[joint] = self._side[joint] or back
+            return
+        distance = position[joint] - self._first[joint]
+        error = abs(distance) / _TURN - 1.0
+        if abs(error) > _SPACING_ERROR:
+            self._fail(
+                [joint],
+                f'homing met two index pulses of {self._names[joint]} that are '
+                f'{1.0 + error:.2f} motor turns apart instead of 1: check the encoder, its disc '
+                'and its cable',
             )
+        self._pulse[joint] = self._first[joint] + 0.5 * (distance - np.copysign(_TURN, distance))
+        self._found[joint] = True
+
+    def _judge(self, joint: int) -> None:
+        """Compare the first pulse of a joint with where it is expected."""
+        residual = self._turn_and_residual(self._first)[1][joint]
+        if abs(residual) <= RESIDUAL_MAX:
+            return
+        angle = abs(residual) * _TURN * self._ratio[joint]
+        self._fail(
+            [joint],
+            f'homing met the index pulse of {self._names[joint]} {residual:+.2f} motor turns '
+            f'({angle:.3f} rad at the joint) from its expected angle, allowed are '
+            f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and home again; if it '
+            'was there, the encoder, motor or configuration has changed, commission the joint',
+        )
+
+    def _turn_and_residual(self, reported: Array) -> tuple[Array, Array]:
+        """Return the turn of pulses at (n,) reported angles [rad], and what is left over, turns."""
+        turns = (reported + self._shift - self._offset) / _TURN
+        turn = np.round(turns)
+        return turn, turns - turn
+
+    def _give_up_where_no_pulse_comes(self, position: Array, from_first: Array) -> None:
+        travel = np.abs(position - self._start) / _TURN
+        distance = np.where(np.isnan(from_first), travel, from_first)
+        missed = ~self._found & (distance > _REACH)
+        if missed.any():
+            joints = np.flatnonzero(missed).tolist()
+            names = ', '.join(self._names[joint] for joint in joints)
+            self._fail(
+                joints,
+                f'homing found no index pulse of {names} within a motor turn: check the encoder '
+                'cable',
+            )
+
+    def _search_again(self, blurred: Mask) -> None:
+        self._direction[blurred] *= -1.0
+        self._speed[blurred] *= 0.5
+        self._repeats += 1
+        if self._repeats > _REPEATS_MAX * len(self._names):
+            self._fail(
+                [],
+                f'homing was held up at {self._repeats} index pulses, so their place is not known: '
+                'check what else the host does',
+            )
+
+    def _fail(self, joints: list[int], reason: str) -> None:
+        self.fault = self.fault or reason
+        self.doubted += joints
+
+
+def roomy_side(config: ArmConfig) -> Array:
+    """Return the side to which each joint has to turn for its pulses, from its position limits.
+
+    Returns
+    -------
+    (n,) ndarray
+        0 where there is room for a turn to both sides of the home configuration; 1 or -1 where the
+        joint has to turn towards its upper or lower limit only; NaN where neither side has room.
+    """
+    turn = _TURN * config.column('gear.ratio')
+    home = np.array(config.rest_position)
+    above = (config.column('position_max') - home) / turn
+    below = (home - config.column('position_min')) / turn
+    below_only = np.where(below > _ROOM_ONE_SIDE, -1.0, np.nan)
+    one_side = np.where(above > _ROOM_ONE_SIDE, 1.0, below_only)
+    return np.where(np.minimum(above, below) > _ROOM_BOTH_SIDES, 0.0, one_side)
+
+
+def motion_in_words(config: ArmConfig) -> str:
+    """Return what homing does to the joints, with the largest travel [rad]."""
+    travel = _TURN * config.column('gear.ratio')
+    one_sided = roomy_side(config) != 0.0
+    side = 'up to two turns to one side' if one_sided.any() else 'to either side'
+    return (
+        'the joints turn slowly by one motor turn '
+        f'({travel.min():.2f} to {travel.max():.2f} rad), {side}, and back home'
+    )
+
+
+def no_room(config: ArmConfig) -> str:
+    """Return why the arm cannot be homed within its position limits, '' if it can."""
+    tight = np.isnan(roomy_side(config))
+    if not tight.any():
+        return ''
+    joint = int(np.argmax(tight))
+    turn = _TURN * config.joints[joint].gear.ratio
+    return (
+        f'{config.joint_names[joint]} cannot be homed: it needs {_ROOM_BOTH_SIDES * turn:.2f} rad '
+        f'from its home configuration to both position limits, or {_ROOM_ONE_SIDE * turn:.2f} rad '
+        'to one: change rest_position or the limits, or use an absolute encoder'
+    )

@@ -1,8 +1,11 @@
 """What one motor's board is asked to do."""
 
+from collections import deque
 from math import inf, nan
 
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
+
+_SENT_KEPT = 64  # references; as many cycles as a board goes on alone, and some more
 
 
 class MotorReference:
@@ -37,6 +40,9 @@ class MotorReference:
         braked.
     current_max
         Largest current that it may take besides the board's own limit [A].
+    effort_limit
+        Largest torque of the joint that a reference may ask for [Nm]; braking may use all of
+        `effort_max`.
     zero
         Angle [rad] that the board reports where the motor's angle is zero.
     integral
@@ -58,11 +64,14 @@ class MotorReference:
         '_intercept',
         '_kd_max',
         '_lowest',
+        '_most',
         '_reach',
+        '_sent',
         '_slope',
         'believed',
         'current',
         'current_max',
+        'effort_limit',
         'integral',
         'integral_gain',
         'joint_position',
@@ -89,7 +98,11 @@ class MotorReference:
         self._current_per_effort = current_per_effort
         self._lowest, self._highest = position_min, position_max
         self._effort_max, self._braking_kd, self._kd_max = effort_max, braking_kd, kd_max
+        self._most = self.effort_limit = effort_max
         self.zero = self.integral = 0.0
+        self._sent: deque[tuple[float, float, float, float, float, float]] = deque(
+            maxlen=_SENT_KEPT
+        )
         self.set_gains(0.0, 0.0, 0.0, 0.0)
         self.release()
 
@@ -112,6 +125,7 @@ class MotorReference:
         self.position = self.velocity = self.current = 0.0
         self.kp = self.kd = self.integral_gain = self.believed = self.noise = 0.0
         self.current_max = inf
+        self._most = self._effort_max
         self.joint_position = nan
         self._integrates = False
 
@@ -124,11 +138,19 @@ class MotorReference:
 
     def torque(self, q: float, dq: float) -> float:
         """Return the joint torque [Nm] of the board's law for a joint at q [rad], dq [rad/s]."""
-        slip = self.velocity - self._slope * dq
-        current = self.kp * self._error(q) + self.kd * slip + self.current
-        if self.integral_gain:
-            current += self.integral
-        return min(max(current / self._current_per_effort, -self._effort_max), self._effort_max)
+        return self._limited(self._law(self._reference(), q, dq))
+
+    def note_sent(self) -> None:
+        """Remember the references, which a frame has taken to the board or was to take."""
+        self._sent.append(self._reference())
+
+    def kept_torque(self, q: float, dq: float, unconfirmed: int) -> float:
+        """Return the joint torque [Nm] if the last commands do not arrive.
+
+        The board then goes on with the one that is `unconfirmed` commands older than the last.
+        """
+        sent = self._sent
+        return self._limited(self._law(sent[-1 - min(unconfirmed, len(sent) - 1)], q, dq))
 
     def wind_up(self, q: float, duration: float) -> None:
         """Follow the board's integral for a time [s], with the joint at q [rad] in its middle."""
@@ -141,7 +163,9 @@ class MotorReference:
         """Follow a limited reference; arguments as in `MotorReferences.track`, for one joint."""
         stiff = position == position or velocity == velocity
         speed = velocity if velocity == velocity else 0.0
-        self.current_max = inf
+        self._most = self.effort_limit
+        is_reduced = self._most < self._effort_max
+        self.current_max = abs(self._current_per_effort) * self._most if is_reduced else inf
         if position == position:
             reference = position
         elif stiff:
@@ -162,7 +186,8 @@ class MotorReference:
         """Brake the joint instead if the references ask for more than a barrier lets pass.
 
         A torque alone that passes, but would be too much if the host were held up, gets a damping
-        about the speed that the joint will have until the next frame.
+        about the speed that the joint will have until the next frame. So does the torque that other
+        references make now, if their stiffness would make the joint too fast by then.
 
         Else the torque is the barrier's, put as a speed that the board damps to: it can be said
         without a feed-forward current, and while it is held the joint's own speed lowers it.
@@ -173,20 +198,29 @@ class MotorReference:
             Whether the joint is braked.
         """
         q, dq = barrier.q, barrier.filtered
-        asked = self.torque(q, dq)
+        law = self._law(self._reference(), q, dq)
+        asked = self._limited(law)
         if barrier.lowest <= asked <= barrier.highest:
-            if self.kp == 0.0 and self.kd == 0.0 and not self.integral_gain:
-                self.kd = self._gap_kd(barrier, asked)
-                self.velocity = self._slope * barrier.mean_filtered(asked) if self.kd else 0.0
+            gap = self._gap_kd(barrier, asked, law)
+            if self.kp == 0.0 and self.kd == 0.0:
+                self.kd = gap
+                self.velocity = self._slope * barrier.mean_filtered(asked) if gap else 0.0
+            elif gap:
+                # It falls as the joint gets faster, as under the law that it stands for.
+                self.kp = self.integral_gain = self.current = 0.0
+                self.kd = max(gap, self.kd)
+                self.velocity = self._slope * dq + asked * self._current_per_effort / self.kd
             return False
         allowed = barrier.highest if asked > barrier.highest else barrier.lowest
-        torque = min(max(allowed, -self._effort_max), self._effort_max)
+        if self._most < self._effort_max:  # a reduced torque is no reason to break a limit
+            self._most, self.current_max = self._effort_max, inf
+        torque = self._limited(allowed)
         if self._integrates and self.kp > 0.0:
             # The integral of a velocity reference does not wind up.
             excess = (asked - torque) * self._current_per_effort / (self.kp * self._slope)
             self.joint_position -= excess
-        self.kp = self.integral_gain = self.current = 0.0
-        gap = self._gap_kd(barrier, torque)
+        self.kp = self.kd = self.integral_gain = self.current = 0.0
+        gap = self._gap_kd(barrier, torque, torque)
         self.kd = max(self._braking_kd, gap)
         self.believed = barrier.load * self._current_per_effort
         self.noise = barrier.noise * abs(self._current_per_effort)
@@ -195,10 +229,29 @@ class MotorReference:
         self.velocity = self._slope * about + torque * self._current_per_effort / self.kd
         return True
 
-    def _gap_kd(self, barrier: JointBarrier, torque: float) -> float:
+    def _gap_kd(self, barrier: JointBarrier, torque: float, law: float) -> float:
         """Return the board's damping [A s/rad] for a torque [Nm] that a held up host leaves."""
-        damping = barrier.gap_damping(torque)
-        return min(damping * abs(self._current_per_effort / self._slope), self._kd_max)
+        per_gain = abs(self._slope / self._current_per_effort)
+        damping = barrier.gap_damping(torque, law, self.kp * per_gain, self.kd * per_gain)
+        return min(damping / per_gain, self._kd_max)
+
+    def _reference(self) -> tuple[float, float, float, float, float, float]:
+        """Return what a frame says of the motor, as `_law` takes it."""
+        return self.position, self.velocity, self.current, self.kp, self.kd, self.integral_gain
+
+    def _law(
+        self, reference: tuple[float, float, float, float, float, float], q: float, dq: float
+    ) -> float:
+        """Return the joint torque [Nm] of the board's law under a reference, without limits."""
+        position, velocity, current, kp, kd, integral_gain = reference
+        error = position - self.zero - self._slope * q - self._intercept
+        current += kp * error + kd * (velocity - self._slope * dq)
+        if integral_gain:
+            current += self.integral
+        return current / self._current_per_effort
+
+    def _limited(self, torque: float) -> float:
+        return min(max(torque, -self._most), self._most)
 
     def _error(self, q: float) -> float:
         """Return how far the motor is from its reference [rad] with the joint at q [rad]."""

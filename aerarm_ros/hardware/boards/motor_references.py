@@ -1,6 +1,7 @@
 """From what the joints shall do to what the boards' law (4.4) is given."""
 
 from collections.abc import Sequence
+from math import nan
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -147,6 +148,28 @@ class MotorReferences:
         """Return the torques (n,) [Nm] of the boards' laws for joints at q, dq (n,)."""
         rows = zip(self.motors, q.tolist(), dq.tolist(), strict=True)
         return np.array([motor.torque(angle, speed) for motor, angle, speed in rows])
+
+    def note_sent(self) -> None:
+        """Remember what the frames of this cycle said."""
+        for motor in self.motors:
+            motor.note_sent()
+
+    def kept_torques(self, q: Array, dq: Array, unconfirmed: Sequence[int]) -> list[float]:
+        """Return the torques, n [Nm], of boards that go on with an older command.
+
+        Parameters
+        ----------
+        q, dq
+            (n,) joints [rad], [rad/s].
+        unconfirmed
+            n numbers of commands since the one that the board used when it answered last; 0 for a
+            board that loses none, whose torque is NaN.
+        """
+        rows = zip(self.motors, q.tolist(), dq.tolist(), unconfirmed, strict=True)
+        return [
+            motor.kept_torque(angle, speed, number) if number else nan
+            for motor, angle, speed, number in rows
+        ]
 
     def keep_within(self, barriers: Sequence[JointBarrier], trusted: Mask) -> bool:
         """Brake joints whose references ask for more than their barriers let pass.

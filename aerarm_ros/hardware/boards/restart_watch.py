@@ -45,6 +45,8 @@ class RestartWatch:
             # A board that stood still beside the host is behind it; none is ahead.
             most = (1.0 + _DRIFT) * max(longest, 0.0) + _TICKS
             restarted = most < ahead < TIMESTAMP_PERIOD - _TICKS
+            # In a silence as long as its period the clock shows nothing.
+            restarted = restarted or most >= TIMESTAMP_PERIOD
             restarted = restarted or any(
                 before and not now for before, now in zip(self._detected, detected, strict=True)
             )

@@ -15,6 +15,8 @@ class BoardFaults:
         Share of frames, each way, in which one to three bits flip.
     lost_frame_rate
         Share of exchanges that the board misses: it reads nothing, and the line stays low.
+    lost_command_rate
+        Share of commands that do not reach the board, while its answers reach the host.
     dead
         No supply: the line stays low and the motors are free.
     deaf
@@ -29,6 +31,7 @@ class BoardFaults:
 
     bit_error_rate: float = 0.0
     lost_frame_rate: float = 0.0
+    lost_command_rate: float = 0.0
     dead: bool = False
     deaf: bool = False
     mute: bool = False

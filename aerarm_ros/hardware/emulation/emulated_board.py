@@ -1,13 +1,16 @@
 """An emulated dual-motor board: frames in, frames out, motors in between."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from aerarm_ros.description.motor_config import MotorConfig
 from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
 from aerarm_ros.hardware.emulation.board_faults import BoardFaults
+from aerarm_ros.hardware.emulation.board_wiring import BoardWiring
+from aerarm_ros.hardware.emulation.emulated_heat import CRITICAL, EmulatedHeat
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedMotor
+from aerarm_ros.hardware.emulation.emulated_supply import EmulatedSupply
 from aerarm_ros.hardware.frames.board_command import BoardCommand
 from aerarm_ros.hardware.frames.board_state import TIMESTAMP_PERIOD, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
@@ -23,6 +26,7 @@ _ROLLOVER = 128.0 * 2.0 * np.pi  # [rad] end of the position field
 _CURRENT_NOISE = 0.02  # [A] standard deviation
 _NOISE_LENGTH = 8192
 _LINE_LOW = bytes(FRAME_BYTES)
+_SLOW_STEPS = 8  # sub-steps between two looks at heat and supply
 
 
 class EmulatedBoard:
@@ -43,10 +47,22 @@ class EmulatedBoard:
         Time between two calls of `step` [s].
     seed
         Of measurement noise and of random faults.
+    heat_seed
+        Of how warm its motors get beside what their configuration states; None for no deviation.
     alignment
         What happens when a motor is enabled.
     zeros
-        True angles [rad] of the two motors at which their encoders count zero.
+        True angles [rad] of the two motors at which their encoders count zero; None where they
+        are switched on.
+    absolute
+        Whether the encoders of the two motors are absolute.
+    pulse_offsets
+        True angles [rad] of the two motors at an index pulse, modulo one turn.
+
+    Attributes
+    ----------
+    wiring
+        What is connected to the board; `rewire` tells whoever connects that it has changed.
     """
 
     def __init__(
@@ -56,10 +72,16 @@ class EmulatedBoard:
         substep: float,
         *,
         seed: int = 0,
+        heat_seed: int | None = None,
         alignment: AlignmentTiming | None = None,
-        zeros: Sequence[float] = (0.0, 0.0),
+        zeros: Sequence[float | None] = (0.0, 0.0),
+        absolute: Sequence[bool] = (False, False),
+        pulse_offsets: Sequence[float] = (0.0, 0.0),
     ) -> None:
         self.faults = BoardFaults()
+        self.wiring = BoardWiring()
+        self.rewire: Callable[[], None] = lambda: None
+        self.supply = EmulatedSupply()
         self.error = 0
         self._codec = FrameCodec(profile)
         self._reports_voltage = profile.sensor.has('quadrature_voltage')
@@ -67,9 +89,14 @@ class EmulatedBoard:
         self._current_max = tuple(motor.current_max for motor in motors)
         timing = alignment or AlignmentTiming()
         self.motors = tuple(
-            EmulatedMotor(motor, substep, timing, zero)
-            for motor, zero in zip(motors, zeros, strict=True)
+            EmulatedMotor(motors[i], substep, timing, zeros[i], absolute[i], pulse_offsets[i])
+            for i in range(len(motors))
         )
+        if heat_seed is not None:
+            for i, motor in enumerate(motors):
+                self.motors[i].heat = EmulatedHeat(motor, 2 * heat_seed + i)
+        self._squares = [0.0, 0.0]  # of the currents, since the last look at the heat [A^2]
+        self._steps = 0
         self._substep = substep
         self._random = np.random.default_rng(seed)
         noise = _CURRENT_NOISE * self._random.standard_normal(_NOISE_LENGTH)
@@ -80,7 +107,6 @@ class EmulatedBoard:
         self._prepared: bytes | None = None
         self._clock = 0.0
         self._silence = 0.0
-        self._state.coil_resistance = [motor.resistance for motor in motors]
 
     @property
     def system_enabled(self) -> bool:
@@ -94,7 +120,8 @@ class EmulatedBoard:
             return _LINE_LOW
         answer = self._prepared or self._sensor_frame()
         self._prepared = None
-        if not faults.deaf:
+        is_lost = faults.lost_command_rate and self._happens(faults.lost_command_rate)
+        if not (faults.deaf or is_lost):
             self._receive(self._with_bit_errors(frame))
         if faults.mute:
             return _LINE_LOW
@@ -111,7 +138,26 @@ class EmulatedBoard:
         second.step(angle_2)
         self._clock += self._substep
         self._silence += self._substep
+        squares = self._squares
+        squares[0] += first.torque_current * first.torque_current
+        squares[1] += second.torque_current * second.torque_current
+        self._steps += 1
+        if self._steps == _SLOW_STEPS:
+            self._warm()
         self._check()
+
+    def _warm(self) -> None:
+        """Let heat and supply follow the sub-steps since the last time."""
+        duration = self._steps * self._substep
+        power = 0.0
+        for i, motor in enumerate(self.motors):
+            motor.heat.step(self._squares[i] / self._steps, motor.encoder.velocity, duration)
+            self._squares[i] = 0.0
+            power += motor.power
+            if motor.heat.copper > CRITICAL:
+                self.raise_error(TEMPERATURE_ERROR)
+        self.supply.step(power, duration)
+        self._steps = 0
 
     def raise_error(self, code: int) -> None:
         """Stop with an error code; the first one stays."""
@@ -193,9 +239,10 @@ class EmulatedBoard:
             state.position[i] = encoder.position
             state.velocity[i] = encoder.velocity
             state.current[i] = motor.measured_current + self._noise[self._noise_index]
+            state.coil_resistance[i] = motor.heat.resistance
             if self._reports_voltage:
                 state.quadrature_voltage[i] = motor.quadrature_voltage
-                state.bus_voltage[i] = motor.bus_voltage
+                state.bus_voltage[i] = self.supply.voltage
             self._noise_index = (self._noise_index + 1) % _NOISE_LENGTH
         return self._codec.encode_state(state)
 

@@ -5,11 +5,10 @@ from math import exp, pi, sin
 from aerarm_ros.description.motor_config import MotorConfig
 from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulated_encoder import EmulatedEncoder
+from aerarm_ros.hardware.emulation.emulated_heat import EmulatedHeat
 
 _CURRENT_BANDWIDTH = 2.0 * pi * 1000.0  # [rad/s] of the closed current loop
 _TRAVEL_TOLERANCE = 0.3  # of an electrical turn, beyond which the alignment has failed
-_SUPPLY_VOLTAGE = 24.0  # [V]
-_SUPPLY_RESISTANCE = 0.05  # [ohm] battery and leads
 
 
 class EmulatedMotor:
@@ -22,18 +21,30 @@ class EmulatedMotor:
     ----------
     torque_current
         Current that makes torque [A]: the plant multiplies it by the true torque constant.
+    delivery
+        Share of the target current that the driver delivers.
     ready, alignment_failed
         Result of the alignment.
+    heat
+        How warm it is.
     """
 
     def __init__(
-        self, motor: MotorConfig, substep: float, alignment: AlignmentTiming, zero: float = 0.0
+        self,
+        motor: MotorConfig,
+        substep: float,
+        alignment: AlignmentTiming,
+        zero: float | None = 0.0,
+        absolute: bool = False,
+        pulse_offset: float = 0.0,
     ) -> None:
-        self.encoder = EmulatedEncoder(substep, zero)
+        self.encoder = EmulatedEncoder(substep, zero, absolute, pulse_offset)
+        self.heat = EmulatedHeat(motor)
         self.position = self.velocity = self.current = 0.0
         self.kp = self.kd = self.integral_gain = 0.0
         self.current_saturation = motor.current_max
         self.compensate_index = False
+        self.delivery = 1.0
         self.torque_current = 0.0
         self.target_current = 0.0
         self.ready = False
@@ -61,13 +72,12 @@ class EmulatedMotor:
     def quadrature_voltage(self) -> float:
         """Voltage [V] for which (4.1) gives Joule loss plus mechanical power."""
         back_emf = 2.0 / 3.0 * self._motor.torque_constant * self.encoder.velocity
-        return self._motor.resistance * self.measured_current + back_emf
+        return self.heat.resistance * self.measured_current + back_emf
 
     @property
-    def bus_voltage(self) -> float:
-        """Supply voltage [V], which sags with the power drawn."""
-        power = 1.5 * self.quadrature_voltage * self.measured_current
-        return _SUPPLY_VOLTAGE - _SUPPLY_RESISTANCE * power / _SUPPLY_VOLTAGE
+    def power(self) -> float:
+        """Electrical power that it takes [W], negative while it brakes."""
+        return 1.5 * self.quadrature_voltage * self.measured_current
 
     def enable(self, enabled: bool) -> None:
         """Drive the motor, after an alignment if it has not been aligned; or stop driving it."""
@@ -97,7 +107,8 @@ class EmulatedMotor:
         else:
             self._align(angle)
             return
-        self.torque_current += self._current_gain * (self.target_current - self.torque_current)
+        target = self.delivery * self.target_current
+        self.torque_current += self._current_gain * (target - self.torque_current)
 
     def _integrate(self, error: float) -> float:
         """Return the integral term of (4.4) [A], held within the saturation."""
@@ -115,7 +126,8 @@ class EmulatedMotor:
         else:
             turn = max(0.0, 1.0 - (now - timing.forward) / timing.reverse)
         pole_pairs = self._motor.pole_pairs
-        self.torque_current = timing.current * sin(2.0 * pi * turn - pole_pairs * angle)
+        current = self.delivery * timing.current
+        self.torque_current = current * sin(2.0 * pi * turn - pole_pairs * angle)
         self.target_current = timing.current
         if before < timing.forward <= now:
             self._travel_start = self.encoder.position

@@ -6,6 +6,8 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
+from aerarm_ros.hardware.emulation.emulated_hand import EmulatedHand
+from aerarm_ros.hardware.emulation.emulated_motor import EmulatedMotor
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, Array
 
 _CATCH_UP = 0.010  # [s] most that one call simulates
@@ -39,21 +41,67 @@ class EmulatedTransport:
         self.boards = tuple(boards)
         self.plant = plant
         self.slipped = 0.0
-        ratios = config.column('sign') / config.column('gear.ratio')
-        motors = [self.boards[joint.board].motors[joint.channel] for joint in config.joints]
+        self._config = config
+        self._seed = plant.parameters.seed or 0
         self._angles = [[0.0, 0.0] for _ in self.boards]
-        # What each joint turns: where its motor's angle goes, the motor, its gear and its zero.
-        self._drives = [
-            (self._angles[joint.board], joint.channel, motor, ratio, joint.offset)
-            for joint, motor, ratio in zip(config.joints, motors, ratios.tolist(), strict=True)
-        ]
-        efficiency = config.column('gear.efficiency')
-        torque_constant = plant.parameters.motor_torque_constant
-        self._effort_per_current = (torque_constant * efficiency * ratios).tolist()
+        self._hand: EmulatedHand | None = None
+        self._connect()
+        for board in self.boards:
+            board.rewire = self._rewire
         self._start = plant.position
         self._rest: Array = np.array(config.rest_position)
         self._now: float | None = None
         self.carry()
+
+    def _connect(self) -> None:
+        """Connect joints to boards as the configuration and the boards' wiring say."""
+        # What each joint turns: where its motor's angle goes, the motor, its gear and its zero.
+        self._drives: list[tuple[list[float], int, EmulatedMotor, float, float]] = []
+        self._effort_per_current: list[float] = []
+        constants = self.plant.parameters.motor_torque_constant.tolist()
+        for joint, torque_constant in zip(self._config.joints, constants, strict=True):
+            board = self.boards[joint.board]
+            wiring, at = board.wiring, joint.channel
+            reduction = wiring.reduction[at] or 1.0 / joint.gear.ratio
+            ratio = joint.sign * wiring.direction[at] * reduction
+            channel = 1 - at if wiring.swapped else at
+            angles = self._angles[joint.board]
+            self._drives.append((angles, channel, board.motors[channel], ratio, joint.offset))
+            self._effort_per_current.append(torque_constant * joint.gear.efficiency * ratio)
+
+    def _rewire(self) -> None:
+        """Take over the boards' wiring; encoders go on from the counts that they have."""
+        self._connect()
+        for (_, _, motor, ratio, offset), q in zip(
+            self._drives, self.plant.position.tolist(), strict=True
+        ):
+            motor.encoder.remount((q - offset) * ratio)
+        for board in self.boards:
+            for motor, delivery in zip(board.motors, board.wiring.delivery, strict=True):
+                motor.delivery = delivery
+        friction = [
+            self.boards[joint.board].wiring.friction[joint.channel] for joint in self._config.joints
+        ]
+        self.plant.scale_friction(friction)
+
+    def turn(self, joint: int, angle: float) -> float:
+        """Let a hand turn a joint to an angle [rad] while its motors are off.
+
+        It carries the weight of the arm, from now on. Returns how long it will take [s]; raises
+        ValueError if a motor is driven or the angle is beyond what a hand can reach.
+        """
+        if any(board.system_enabled for board in self.boards):
+            raise ValueError('the motors are driven: disable first')
+        limits = self._config.joints[joint]
+        if not limits.position_min <= angle <= limits.position_max:
+            raise ValueError(
+                f'{limits.name} turns from {limits.position_min:g} to {limits.position_max:g} rad, '
+                f'not to {angle:g}'
+            )
+        if not self._carried:
+            self.carry()
+        self._hand = EmulatedHand(joint, float(self.plant.position[joint]), angle, self._seed)
+        return self._hand.duration
 
     def open(self) -> None:
         """Nothing to open."""
@@ -133,10 +181,17 @@ class EmulatedTransport:
         for board, (first, second) in zip(self.boards, self._angles, strict=True):
             board.step(first, second)
         gains = self._effort_per_current
-        self.plant.apply_effort(
-            [gain * drive[2].torque_current for gain, drive in zip(gains, drives, strict=True)]
-        )
+        effort = [gain * drive[2].torque_current for gain, drive in zip(gains, drives, strict=True)]
+        if self._hand is not None:
+            self._push(self._hand, positions, effort)
+        self.plant.apply_effort(effort)
         self.plant.step()
+
+    def _push(self, hand: EmulatedHand, positions: list[float], effort: list[float]) -> None:
+        i = hand.joint
+        effort[i] += hand.effort(positions[i], float(self.plant.velocity[i]), SUBSTEP)
+        if hand.is_done:
+            self._hand = None
 
     def _let_go(self, duration: float) -> None:
         if self._carried:

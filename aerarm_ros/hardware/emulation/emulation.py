@@ -28,6 +28,7 @@ def make_emulated_transport(
     spread: Spread | None = None,
     alignment: AlignmentTiming | None = None,
     encoder_zeros: Sequence[float] | None = None,
+    pulse_offset: Sequence[float] | None = None,
     parameters: PlantParameters | None = None,
     profile: FrameProfile | None = None,
 ) -> EmulatedTransport:
@@ -46,8 +47,11 @@ def make_emulated_transport(
     alignment
         Durations of the boards' alignment.
     encoder_zeros
-        True motor angles (n,) [rad] at which the encoders count zero, in joint order. Zero,
-        if not given, which is what the configuration's offsets assume; others need homing.
+        True motor angles (n,) [rad] at which the encoders count zero, in joint order. If not
+        given, incremental encoders count from where the arm is when it is switched on, as real
+        ones do, and absolute ones from the zero that the configuration's offsets assume.
+    pulse_offset
+        True motor angles (n,) [rad] of the index pulses, modulo one turn. Zero, if not given.
     parameters
         True parameters of the arm, in place of `seed` and `spread`.
     profile
@@ -65,19 +69,30 @@ def make_emulated_transport(
     made = ArmPlant if parameters.backlash is None else BacklashPlant
     plant = made(robot, parameters, config.rest_position if position is None else position)
     motors = [[_NO_MOTOR, _NO_MOTOR] for _ in config.boards]
-    zeros = [[0.0, 0.0] for _ in config.boards]
+    zeros: list[list[float | None]] = [[None, None] for _ in config.boards]
+    pulse_offsets = [[0.0, 0.0] for _ in config.boards]
+    absolute = [[False, False] for _ in config.boards]
+    profile = profile or load_profile(config.profile)
+    knows = config.absolute_encoders(profile.encoders)
     for i, joint in enumerate(config.joints):
         motors[joint.board][joint.channel] = joint.motor
-        zeros[joint.board][joint.channel] = encoder_zeros[i] if encoder_zeros else 0.0
-    profile = profile or load_profile(config.profile)
+        absolute[joint.board][joint.channel] = knows[i]
+        pulse_offsets[joint.board][joint.channel] = pulse_offset[i] if pulse_offset else 0.0
+        if encoder_zeros is not None:
+            zeros[joint.board][joint.channel] = encoder_zeros[i]
+        elif knows[i]:
+            zeros[joint.board][joint.channel] = 0.0
     boards = [
         EmulatedBoard(
             profile,
             motors[number],
             SUBSTEP,
             seed=1000 * (seed or 0) + number,
+            heat_seed=None if parameters.seed is None else 1000 * parameters.seed + number,
             alignment=alignment,
             zeros=zeros[number],
+            absolute=absolute[number],
+            pulse_offsets=pulse_offsets[number],
         )
         for number in range(len(config.boards))
     ]

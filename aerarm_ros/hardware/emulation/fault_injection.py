@@ -98,6 +98,10 @@ def _lost_frames(board: EmulatedBoard, _motor: int, value: float) -> None:
     board.faults.lost_frame_rate = value
 
 
+def _lost_commands(board: EmulatedBoard, _motor: int, value: float) -> None:
+    board.faults.lost_command_rate = value
+
+
 def _dead_board(board: EmulatedBoard, _motor: int, _value: float) -> None:
     board.cut_power()
 
@@ -112,6 +116,18 @@ def _encoder_jump(board: EmulatedBoard, motor: int, value: float) -> None:
 
 def _over_temperature(board: EmulatedBoard, _motor: int, _value: float) -> None:
     board.raise_error(TEMPERATURE_ERROR)
+
+
+def _warm_motor(board: EmulatedBoard, motor: int, value: float) -> None:
+    board.motors[motor].heat.warm(value)
+
+
+def _supply_voltage(board: EmulatedBoard, _motor: int, value: float) -> None:
+    board.supply.source = value
+
+
+def _no_sink(board: EmulatedBoard, _motor: int, value: float) -> None:
+    board.supply.capacitance = value
 
 
 def _driver_error(board: EmulatedBoard, _motor: int, _value: float) -> None:
@@ -138,6 +154,31 @@ def _power_cycle(board: EmulatedBoard, _motor: int, _value: float) -> None:
     board.power_cycle()
 
 
+def _swapped_channels(board: EmulatedBoard, _motor: int, _value: float) -> None:
+    board.wiring.swapped = not board.wiring.swapped
+    board.rewire()
+
+
+def _wrong_sign(board: EmulatedBoard, motor: int, _value: float) -> None:
+    board.wiring.direction[motor] *= -1.0
+    board.rewire()
+
+
+def _wrong_ratio(board: EmulatedBoard, motor: int, value: float) -> None:
+    board.wiring.reduction[motor] = value
+    board.rewire()
+
+
+def _weak_driver(board: EmulatedBoard, motor: int, value: float) -> None:
+    board.wiring.delivery[motor] = value
+    board.rewire()
+
+
+def _high_friction(board: EmulatedBoard, motor: int, value: float) -> None:
+    board.wiring.friction[motor] = value
+    board.rewire()
+
+
 _SHARE_OF_FRAMES = (0.05, 0.0, 1.0)
 
 # The last one is the cure.
@@ -148,14 +189,40 @@ FAULTS: dict[str, Fault] = {
     'lost_frames': Fault(
         'share of exchanges that the board misses', _lost_frames, *_SHARE_OF_FRAMES
     ),
+    'lost_commands': Fault(
+        'share of commands that the board does not receive while it answers',
+        _lost_commands,
+        *_SHARE_OF_FRAMES,
+    ),
     'dead_board': Fault('the board has no supply', _dead_board),
     'stuck_encoder': Fault("a motor's count stands still", _stuck_encoder),
     'encoder_jump': Fault("a motor's count jumps [rad, motor side]", _encoder_jump, pi),
     'over_temperature': Fault('the board reports a critical temperature', _over_temperature),
+    'warm_motor': Fault('temperature of a whole motor [degC]', _warm_motor, 90.0, -40.0, 250.0),
+    'supply_voltage': Fault("voltage of the board's supply [V]", _supply_voltage, 16.0, 1.0, 100.0),
+    'no_sink': Fault(
+        "the supply takes no current back, beside it the board's capacitance [F]",
+        _no_sink,
+        *(2e-3, 1e-5, 1.0),
+    ),
     'driver_error': Fault('the gate driver reports a fault', _driver_error),
     'board_timeout': Fault('the board no longer receives', _board_timeout),
     'mute_board': Fault('the board receives and is no longer heard', _mute_board),
     'short_answers': Fault("bytes of the board's answers that arrive", _short_answers, 20, 0, 34),
     'slow_bus': Fault('duration of an exchange [s]', _slow_bus, 2e-3, 0.0, 1.0),
+    'swapped_channels': Fault(
+        "the board's two motors, with their encoders, are swapped; again: swapped back",
+        _swapped_channels,
+    ),
+    'wrong_sign': Fault('a motor turns its joint the other way; again: turned back', _wrong_sign),
+    'wrong_ratio': Fault(
+        'motor turns per joint turn of the gear that was built in', _wrong_ratio, 27.0, 1.0, 1e4
+    ),
+    'weak_driver': Fault(
+        'share of the requested current that a motor gets', _weak_driver, 0.5, 0.0, 1.0
+    ),
+    'high_friction': Fault(
+        "factor of the dry friction of a motor's joint", _high_friction, 5.0, 0.0, 100.0
+    ),
     'power_cycle': Fault('no fault: supply off and on', _power_cycle),
 }

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from aerarm_ros.description.board_config import ENCODERS
 from aerarm_ros.description.config_error import ConfigError
 from aerarm_ros.description.plain_yaml import read_plain
 from aerarm_ros.description.resources import resource
@@ -72,6 +73,8 @@ class FrameProfile:
         Name and advice of each error code.
     errors_until_power_cycle
         True if the board keeps an error until its supply is switched off and on.
+    encoders
+        'incremental' or 'absolute', where the arm's configuration does not say it of a board.
     """
 
     name: str
@@ -79,6 +82,12 @@ class FrameProfile:
     sensor: FrameLayout
     errors: Mapping[int, tuple[str, str]]
     errors_until_power_cycle: bool
+    encoders: str = 'incremental'
+
+    def __post_init__(self) -> None:
+        """Check the kind of encoders; raises ProfileError."""
+        if self.encoders not in ENCODERS:
+            raise ProfileError(f'encoders is {self.encoders!r}, must be one of {ENCODERS}')
 
     def error_text(self, code: int) -> str:
         """Return what an error code of the board means and what to check."""
@@ -125,6 +134,7 @@ def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
                 for code, entry in document.get('errors', {}).items()
             },
             errors_until_power_cycle=bool(document['errors_until_power_cycle']),
+            encoders=document.get('encoders', 'incremental'),
         )
     except ProfileError as error:
         raise ProfileError(f'frame profile {name_or_path}: {error}') from None

@@ -22,6 +22,10 @@ class BridgeSettings:
         Time without a valid frame after which a board switches its motors off [s].
     bad_frames_max
         Consecutive bad frames of a board that are a fault.
+    lost_commands_max
+        Consecutive commands that do not reach a board, while its answers arrive, that are a fault.
+    lost_commands_warning
+        Share of such commands, over the last second, that is a warning.
     state_age_max
         Age of a board's last changed state, in one good frame after the other, that is a fault [s].
     exchange_time_max, slow_exchanges_max
@@ -45,6 +49,10 @@ class BridgeSettings:
         Time constant of the boards' current loop, for the mean torque of a cycle [s].
     stall_time
         Standstill under a torque that must move the joint that is a fault [s].
+    ambient_temperature
+        Temperature of the air about the motors [degC].
+    start_temperature
+        Temperature of the motors when the bridge starts, which nobody knows [degC].
     BOUNDS
         Smallest and largest allowed value of each, by name.
     """
@@ -59,6 +67,8 @@ class BridgeSettings:
             'stamp_age_max': (0.002, 1.0),
             'board_timeout': (0.001, 0.255),  # its byte in the frame; 0 would mean never
             'bad_frames_max': (1, 1000),
+            'lost_commands_max': (1, 1000),
+            'lost_commands_warning': (0.001, 1.0),
             'state_age_max': (0.002, 1.0),
             'exchange_time_max': (2e-5, 0.1),
             'slow_exchanges_max': (1, 1000),
@@ -72,6 +82,8 @@ class BridgeSettings:
             'velocity_lag': (1e-5, 0.02),
             'current_lag': (1e-6, 0.05),
             'stall_time': (0.005, 60.0),
+            'ambient_temperature': (-40.0, 60.0),
+            'start_temperature': (-40.0, 100.0),
         }
     )
 
@@ -80,6 +92,8 @@ class BridgeSettings:
     stamp_age_max: float = 0.05
     board_timeout: float = 0.04
     bad_frames_max: int = 10
+    lost_commands_max: int = 10
+    lost_commands_warning: float = 0.01
     state_age_max: float = 0.02
     exchange_time_max: float = 0.5e-3
     slow_exchanges_max: int = 10
@@ -93,6 +107,8 @@ class BridgeSettings:
     velocity_lag: float = 1.59e-3  # 100 Hz
     current_lag: float = 0.19e-3
     stall_time: float = 0.05
+    ambient_temperature: float = 25.0
+    start_temperature: float = 60.0
 
     def __post_init__(self) -> None:
         """Check the numbers; raises ValueError."""

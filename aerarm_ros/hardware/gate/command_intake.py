@@ -14,7 +14,8 @@ from aerarm_ros.hardware.gate.offered_command import OfferedCommand, Source
 # Why a command is not let in, and what to check.
 REJECTIONS: dict[str, str] = {
     'unreadable': 'it is not a JointState: check what publishes it, and with which ROS',
-    'not_ready': 'the arm is not ready: enable it, or clear its fault',
+    'not_ready': 'the arm is not ready: enable it (home it if arm_mode is unhomed), or clear its '
+    'fault',
     'not_allowed': 'its publisher is not on the list of allowed ones: check allowed_publishers',
     'source': 'another publisher is commanding the arm: stop one of the two',
     'names': "it does not name each of the arm's joints once: compare with joint_states, and "

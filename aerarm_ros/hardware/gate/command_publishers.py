@@ -1,28 +1,22 @@
-"""Tells the publishers of joint commands apart."""
+"""Tells the publishers of joint commands apart, and says which of them may command."""
 
-from collections.abc import Collection, Sequence
-from math import inf
+from collections.abc import Collection, Mapping
 
-# Numbers that mean "not numbered" in a message's info.
-_UNNUMBERED = frozenset({0, 2**64 - 1})
-_WINDOW = 100  # messages of one publisher that may be lost in a row
-_MEMORY = 0.2  # [s] silence after which a publisher's next message is a new publisher's
-_STREAMS_MAX = 16
+from aerarm_ros.hardware.gate.offered_command import Source
+
+_ONLY = 'the only publisher'
+_STOP = 'stop all but one'
 
 
 class CommandPublishers:
     """Says of each message which publisher it is from, and whether that one may command.
 
-    A message's info names no publisher, but each publisher numbers its messages 1, 2, 3...
-    So a message whose number goes on from the last one of a publisher, with at most 100 lost
-    between, is that publisher's: a publisher is known by its run of numbers, called `source`.
-    A number that goes back by less shows two publishers too close to be told apart, which
-    happens if they start at the same time: then neither of them gets a source.
+    The middleware's message info holds the publisher's global identifier (GID), and the list of
+    the topic's endpoints names the node of each GID. That list is looked up now and then by
+    somebody else; until the first look that holds a GID, its node is unknown and not on any list.
 
-    Names come from the list of a topic's endpoints, which is looked up now and then by
-    somebody else. With a list of allowed names, a source is judged by the first look after
-    its first message: it may command if all publishers present then are allowed. Once it may,
-    it keeps the right while its numbers go on, so an intruder cannot take it away.
+    Where the message info has no GID nobody knows who sent a command. Then commands are accepted
+    while the topic has one publisher, and all are rejected while it has several.
 
     Parameters
     ----------
@@ -33,58 +27,46 @@ class CommandPublishers:
     ----------
     names
         Publishers at the last look, full names, sorted.
-    sources
-        How many publishers have been told apart so far.
     """
 
     def __init__(self, allowed: Collection[str] = ()) -> None:
         self.names: tuple[str, ...] = ()
         self._allowed = frozenset(allowed)
-        self._looks = 0
-        self._streams: list[_Stream] = []
-        self._unnumbered = _Stream(0, 0, 0.0, 0)
-        self.sources = 0
+        self._nodes: Mapping[bytes, str] = {}
+        self._is_anonymous = False
 
-    def look(self, names: Sequence[str]) -> None:
-        """Take the full names of the publishers that are present now."""
-        self.names = tuple(sorted(names))
-        self._looks += 1
+    def look(self, nodes: Mapping[bytes, str]) -> None:
+        """Take the full names of the nodes that publish now, by the GIDs of their publishers."""
+        self._nodes = nodes
+        self.names = tuple(sorted(nodes.values()))
 
-    def judge(self, number: int, now: float) -> tuple[int | None, bool]:
+    def knows(self, gid: bytes | None) -> bool:
+        """Whether the last look has found the publisher; True where no message names one."""
+        return gid is None or gid in self._nodes
+
+    def judge(self, gid: bytes | None, matched: int) -> tuple[Source, bool]:
         """Tell who sent a message.
 
         Parameters
         ----------
-        number
-            The message's publication sequence number; 0 or the largest if it has none.
-        now
-            Time of receipt [s].
+        gid
+            The publisher, as the message info says; None if it does not.
+        matched
+            How many publishers the subscription is matched with; only used without a GID.
 
         Returns
         -------
-        source : int or None
-            The publisher; None if it can't be told from another one.
+        source
+            The publisher; None if it cannot be told from another one.
         allowed : bool
-            Whether it may command.
+            Whether its node may command.
         """
-        if number in _UNNUMBERED:
-            stream, told_apart = self._unnumbered, len(self.names) <= 1
-        else:
-            stream = self._stream_of(number, now)
-            if number <= stream.number:
-                stream.mixed = now
-            stream.number = max(stream.number, number)
-            stream.heard = now
-            told_apart = now - stream.mixed > _MEMORY
-        return stream.source if told_apart else None, self._may_command(stream)
-
-    def _may_command(self, stream: '_Stream') -> bool:
-        if not self._allowed:
-            return True
-        if not stream.allowed and self._looks > stream.looks:
-            stream.allowed = bool(self.names) and all(map(self.is_allowed, self.names))
-            stream.looks = self._looks
-        return stream.allowed
+        self._is_anonymous = gid is None
+        if gid is not None:
+            return gid, self.is_allowed(self._nodes.get(gid, ''))
+        is_alone = matched <= 1 and len(self.names) <= 1
+        is_allowed = not self._allowed or bool(self.names)
+        return _ONLY if is_alone else None, is_allowed and all(map(self.is_allowed, self.names))
 
     def is_allowed(self, name: str) -> bool:
         """Whether the list of allowed names holds a publisher's full name."""
@@ -101,40 +83,9 @@ class CommandPublishers:
                 f'{", ".join(others)} publishes joint_command without being on the list '
                 'allowed_publishers: stop it, or add it to the list'
             )
-        if len(self.names) > 1:
-            return (
-                f'joint_command has {len(self.names)} publishers ({", ".join(self.names)}), the '
-                'first to command is followed: stop the others'
-            )
-        return ''
-
-    def _stream_of(self, number: int, now: float) -> '_Stream':
-        """Return the stream whose last number is nearest, or a new one if none is near."""
-        best, least = None, _WINDOW + 1
-        for stream in self._streams:
-            distance = abs(number - stream.number)
-            if distance < least and now - stream.heard <= _MEMORY:
-                best, least = stream, distance
-        return best or self._new(number - 1, now)
-
-    def _new(self, number: int, now: float) -> '_Stream':
-        self.sources += 1
-        if len(self._streams) >= _STREAMS_MAX:
-            self._streams.remove(min(self._streams, key=lambda stream: stream.heard))
-        stream = _Stream(self.sources, number, now, self._looks)
-        self._streams.append(stream)
-        return stream
-
-
-class _Stream:
-    """A run of numbers: one publisher, or several too close to be told apart."""
-
-    __slots__ = ('allowed', 'heard', 'looks', 'mixed', 'number', 'source')
-
-    def __init__(self, source: int, number: int, heard: float, looks: int) -> None:
-        self.source = source
-        self.number = number
-        self.heard = heard
-        self.mixed = -inf  # when a number went back
-        self.looks = looks  # at names, when it was last judged
-        self.allowed = False
+        if len(self.names) < 2:
+            return ''
+        present = f'joint_command has {len(self.names)} publishers ({", ".join(self.names)})'
+        if self._is_anonymous:
+            return f'{present}, and this ROS does not say who sent a command: {_STOP}'
+        return f'{present}, the first to command is followed: {_STOP}'

@@ -1,6 +1,6 @@
 """Where one joint may still go: the speed from which it can be braked, and the torque for it."""
 
-from math import exp, sqrt
+from math import exp, nan, sqrt
 
 from aerarm_ros.description.joint_config import JointConfig
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
@@ -40,6 +40,8 @@ _GAP_FASTEST = 700.0
 _GAP_ROOM_SHARE = 0.05  # of the speed limit, for a joint that is as fast already
 # A joint beyond its limit is led back at no more than this share of the speed limit.
 _RETURN_SHARE = 0.05
+# An arm whose weight is more than a warm motor's reduced torque sinks at this share of it at most.
+_SINKING_SHARE = 0.1
 
 
 class JointBarrier:
@@ -82,10 +84,14 @@ class JointBarrier:
     lowest, highest
         Torque bounds for the coming cycle [Nm], unlimited in size: where they are beyond what
         the drive gives, the board saturates.
+    lets_down
+        Whether the joint's limits of position are given up, for its motor is too warm to hold it
+        there: it goes on beyond them slowly, until its stop or its weight ends that.
     """
 
     __slots__ = (
         '_acceleration',
+        '_allowed',
         '_approach',
         '_corner',
         '_cycle',
@@ -100,6 +106,7 @@ class JointBarrier:
         '_gap_time',
         '_is_known',
         '_kept',
+        '_kept_acceleration',
         '_kept_time',
         '_lag',
         '_last_speed',
@@ -116,6 +123,7 @@ class JointBarrier:
         'highest',
         'inertia',
         'is_overwhelmed',
+        'lets_down',
         'load',
         'lowest',
         'noise',
@@ -150,7 +158,9 @@ class JointBarrier:
         if self.far > self._corner:
             self.far = self._fastest**2 / (2.0 * deceleration) + 0.5 * self._corner
         self._kept, self._kept_time = 1.0, 0.0
-        self.is_overwhelmed = False
+        self._acceleration, self._kept_acceleration = 0.0, nan
+        self._allowed = self._unhindered
+        self.is_overwhelmed = self.lets_down = False
         self.q = self.dq = self.filtered = self.load = self.noise = self.lowest = self.highest = 0.0
         self.restart()
 
@@ -162,8 +172,8 @@ class JointBarrier:
 
     @property
     def is_slowed(self) -> bool:
-        """Whether the joint may not use its whole speed, for another one's sake."""
-        return self._fastest < self._unhindered
+        """Whether the joint may not use its whole speed, for another one's or its motor's sake."""
+        return self._fastest < self._unhindered or self._allowed < self._unhindered
 
     def give_way(self, interval: float) -> None:
         """Lower the speed of the joint, whose motion is too much for another, for a time [s]."""
@@ -172,11 +182,21 @@ class JointBarrier:
 
     def recover(self, interval: float) -> None:
         """Let the joint become as fast as it may be, over a time [s]."""
+        if self._fastest > self._allowed:
+            less = self._fastest - self._unhindered * interval / _GIVE_WAY_TIME
+            self._fastest = max(less, self._allowed)
+            return
         more = self._fastest + self._unhindered * interval / _RECOVERY_TIME
-        self._fastest = min(more, self._unhindered)
+        self._fastest = min(more, self._allowed)
+
+    def hold_back(self, sinks: bool) -> None:
+        """Allow the joint a small share of its speed while its load is more than its torque."""
+        self._allowed = (_SINKING_SHARE if sinks else 1.0) * self._unhindered
 
     def speed(self, distance: float) -> float:
         """Return the speed [rad/s] from which the joint stops within a distance [rad]."""
+        if self.lets_down:
+            return min(self._return, self._fastest)
         if distance >= self.far:
             return self._fastest
         if distance < self._corner:
@@ -193,6 +213,8 @@ class JointBarrier:
         inertia: float,
         age: float,
         interval: float,
+        kept: float = nan,
+        was_kept: bool = False,
     ) -> None:
         """Find the bounds for the coming cycle.
 
@@ -209,38 +231,79 @@ class JointBarrier:
         interval
             From the measurement before to this one [s]; 0 if there was none since the last call,
             inf if there was none before.
+        kept
+            Torque that has acted instead of `effort` if the last command did not reach the board,
+            which then goes on with an older one [Nm]; NaN while the board loses no commands.
+        was_kept
+            Whether such a torque acted between the two last measurements.
         """
         if interval > 0.0 or not self._is_known:
+            if was_kept:
+                self._acceleration = self._kept_acceleration
             self._take(dq, inertia, interval)
-        speed = self._speed
         self.inertia = inertia
         self.load = load = load + self._disturbance + self._turned
-        acceleration = (effort - load) / inertia
-        # After a pause nobody knows what torque the last reference made of the motion.
-        led = min(age, _APART) * acceleration
-        mean = speed + 0.5 * led
-        self.q = q + age * mean
-        self.dq = speed + led
-        self.filtered = mean + self._share_kept(age) * (dq - mean)
-        self._acceleration = acceleration
         gain = min(self._gain_max, _FASTEST * inertia)
         self.noise = _SPEED_NOISE * gain
-        self.highest = load + self._bound(self._position_max - self.q, self.dq, gain, inertia)
-        self.lowest = load - self._bound(self.q - self._position_min, -self.dq, gain, inertia)
+        self._acceleration = (effort - load) / inertia
+        self._kept_acceleration = (kept - load) / inertia
+        self._lead(self._acceleration, q, dq, age, gain)
+        if kept == kept:
+            likely = self.q, self.dq, self.filtered
+            highest, lowest = self.highest, self.lowest
+            self._lead(self._kept_acceleration, q, dq, age, gain)
+            self.highest, self.lowest = min(highest, self.highest), max(lowest, self.lowest)
+            if abs(likely[1]) > abs(self.dq):
+                self.q, self.dq, self.filtered = likely
         most = self._effort_max
         self.is_overwhelmed = self.lowest > most or self.highest < -most
 
-    def gap_damping(self, torque: float) -> float:
-        """Return the damping [Nms/rad] that a torque [Nm] needs for a host that may be held up.
+    def _lead(self, acceleration: float, q: float, dq: float, age: float, gain: float) -> None:
+        """Predict the joint from its last measurement, and find the bounds that follow."""
+        # After a pause nobody knows what torque the last reference made of the motion.
+        led = min(age, _APART) * acceleration
+        mean = self._speed + 0.5 * led
+        self.q = q + age * mean
+        self.dq = self._speed + led
+        self.filtered = mean + self._share_kept(age) * (dq - mean)
+        load, inertia = self.load, self.inertia
+        self.highest = load + self._bound(self._position_max - self.q, self.dq, gain, inertia)
+        self.lowest = load - self._bound(self.q - self._position_min, -self.dq, gain, inertia)
 
-        It is 0 where the joint would not become too fast without.
+    def gap_damping(
+        self, torque: float, law: float = 0.0, stiffness: float = 0.0, damping: float = 0.0
+    ) -> float:
+        """Return the damping [Nms/rad] that a torque needs if no later command reaches the board.
+
+        It is 0 where the joint would not become too fast without: in `board_timeout` under the
+        torque as it is, by the damping that ends it, or by the energy of the spring that makes it.
+
+        Parameters
+        ----------
+        torque
+            What the command makes now [Nm].
+        law, stiffness, damping
+            What the board's law would make if the drive were strong enough [Nm], and how it falls
+            as the joint moves [Nm/rad], [Nms/rad].
         """
-        excess = torque - self.load
-        speed = self.dq if excess > 0.0 else -self.dq
-        room = self._gap_speed - speed
-        if abs(excess) * self._gap_time <= room * self.inertia:
+        speed, excess, wanted = self.dq, torque - self.load, law - self.load
+        if excess < 0.0:
+            speed, excess, wanted = -speed, -excess, -wanted
+        margin = self._disturbance_max
+        if damping > 0.0 and abs(speed) > _TURNED_SPEED_SHARE * self._unhindered:
+            # A feeble law lets the braking of other joints throw a fast one.
+            if speed > 0.0:
+                excess, wanted = excess + margin, wanted + margin
+            elif excess < margin:
+                speed, excess, wanted = -speed, margin - excess, margin - wanted
+        room, inertia = self._gap_speed - speed, self.inertia
+        if excess * self._gap_time <= room * inertia:
             return 0.0
-        return min(abs(excess) / max(room, self._gap_room_min), _GAP_FASTEST * self.inertia)
+        if wanted < room * damping:
+            return 0.0
+        if wanted * wanted < (self._gap_speed + speed) * room * stiffness * inertia:
+            return 0.0
+        return min(excess / max(room, self._gap_room_min), _GAP_FASTEST * inertia)
 
     def mean_filtered(self, torque: float) -> float:
         """Return the mean of the board's filtered speed [rad/s] in a cycle under a torque [Nm]."""
@@ -252,7 +315,7 @@ class JointBarrier:
 
     def _take(self, dq: float, inertia: float, interval: float) -> None:
         """Take another measured speed [rad/s], an interval [s] after the last."""
-        if self._is_known and interval <= _APART:
+        if self._is_known and interval <= _APART and self._acceleration == self._acceleration:
             speed = self._without_lag(dq, interval)
             self._observe(speed, inertia, interval)
         else:
@@ -290,7 +353,7 @@ class JointBarrier:
     def _bound(self, distance: float, speed: float, gain: float, inertia: float) -> float:
         """Return the largest torque over the load towards a limit [Nm]."""
         allowed = self.speed(distance)
-        if allowed >= self._fastest or speed <= 0.0:
+        if allowed >= self._fastest or speed <= 0.0 or self.lets_down:
             braking = 0.0
         elif distance < self._corner:
             braking = self._approach * speed

@@ -35,6 +35,8 @@ class JointLimiter:
     ----------
     position, velocity, effort
         The limited references [rad], [rad/s], [Nm]; NaN where unused.
+    effort_limit
+        Largest effort [Nm]: that of the configuration, or less while the motor is warm.
     barrier
         Says from which speed the joint can be braked.
     limited
@@ -53,6 +55,7 @@ class JointLimiter:
         '_velocity_max',
         'barrier',
         'effort',
+        'effort_limit',
         'limited',
         'position',
         'velocity',
@@ -66,7 +69,7 @@ class JointLimiter:
         self._settings = settings
         self._position_min, self._position_max = joint.position_min, joint.position_max
         self._velocity_max = joint.velocity_max
-        self._effort_max = joint.effort_max
+        self._effort_max = self.effort_limit = joint.effort_max
         self._effort_rate_max = joint.effort_rate_max
         self.restart()
 
@@ -144,7 +147,7 @@ class JointLimiter:
         if effort != effort:
             self._last_effort = 0.0
             return effort
-        effort = self._held(effort, -self._effort_max, self._effort_max, 'effort')
+        effort = self._held(effort, -self.effort_limit, self.effort_limit, 'effort')
         step = self._effort_rate_max * dt
         last = self._last_effort
         self._last_effort = self._held(effort, last - step, last + step, 'effort_rate')

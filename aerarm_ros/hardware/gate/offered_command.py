@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Whoever sent a command; None for somebody who cannot be told from another.
-Source = int | str | None
+Source = bytes | str | None
 Values = Sequence[float] | NDArray[np.float64] | None
 
 

@@ -1,6 +1,7 @@
 """The last word on what the motors are asked to do."""
 
 from collections import Counter
+from collections.abc import Sequence
 from math import inf
 
 import numpy as np
@@ -73,7 +74,6 @@ class SafetyGate:
         self.loads: list[float] = []
         self.inertias: list[float] = []
         self._out = CommandBuffer(config.n)
-        self._is_slowed = False
 
     def trip(self, reason: str) -> None:
         """Latch a stop; the first reason stays."""
@@ -116,18 +116,30 @@ class SafetyGate:
         if falling:
             self.trip(f'{falling} while the motors align: support the arm, and enable again')
 
-    def watch(self, q: Array, dq: Array, effort: Array, age: Array, interval: Array) -> None:
+    def watch(
+        self,
+        q: Array,
+        dq: Array,
+        effort: Array,
+        age: Array,
+        interval: Array,
+        kept: Sequence[float],
+        unconfirmed: Sequence[int],
+    ) -> None:
         """Update `barriers`; once a cycle while the motors are driven.
 
-        Arguments as those of `JointBarrier.update`, (n,) each.
+        Arguments as those of `JointBarrier.update`, n each; `unconfirmed` as of
+        `ArmMeasurements`: above 1 the torque that was kept acted between the last measurements.
         """
         self.loads, self.inertias = self._loads.at(q, dq, effort)
         columns = (q.tolist(), dq.tolist(), effort.tolist(), self.loads, self.inertias)
-        rows = zip(self.barriers, *columns, age.tolist(), interval.tolist(), strict=True)
-        for barrier, *row in rows:
-            barrier.update(*row)
+        times = age.tolist(), interval.tolist()
+        rows = zip(self.barriers, unconfirmed, *columns, *times, kept, strict=True)
+        for barrier, number, *row in rows:
+            barrier.update(*row, number > 1)
         overwhelmed = sum(barrier.is_overwhelmed for barrier in self.barriers)
-        if overwhelmed or self._is_slowed:
+        slowed = any(barrier.is_slowed for barrier in self.barriers)
+        if overwhelmed or slowed:
             self._slow(overwhelmed, float(interval.max()))
 
     def _slow(self, overwhelmed: int, interval: float) -> None:
@@ -142,7 +154,10 @@ class SafetyGate:
                 barrier.give_way(interval)
             else:
                 barrier.recover(interval)
-        self._is_slowed = any(barrier.is_slowed for barrier in self.barriers)
+
+    def limit_effort(self, joint: int, effort: float) -> None:
+        """Set the largest effort [Nm] that a command may ask of a joint, by its number."""
+        self._joints[joint].effort_limit = effort
 
     def look_away(self) -> None:
         """Forget how the arm moved: its motors are off."""

@@ -14,6 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'bridge_services': ['ACTIONS', 'BridgeServices', 'EVERYWHERE', 'STOPS'],
         'bridge_streams': ['BridgeStreams'],
         'bridge_timing': ['BridgeTiming'],
+        'commissioning_topics': ['CommissioningTopics', 'RecordWatch'],
         'cycle_requests': ['Action', 'CycleRequests'],
         'hardware_bridge': ['HardwareBridge'],
         'invalid_transitions': ['answer_invalid_transitions'],

@@ -12,7 +12,9 @@ from rclpy.node import Node
 from aerarm_ros.hardware.boards.reported_resistance import resistance_by_boards
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
+from aerarm_ros.hardware.zero_file import ZeroFile
 from aerarm_ros.ros.bridge.bridge_timing import BridgeTiming
+from aerarm_ros.ros.bridge.commissioning_topics import RecordWatch
 from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
 from aerarm_ros.ros.graph.rival_watch import RivalWatch
@@ -40,7 +42,9 @@ class Watched:
     publishers: CommandPublishers
     watch: PublisherWatch
     rivals: RivalWatch
+    zero_file: ZeroFile
     emulated: bool = False
+    record: RecordWatch | None = None
 
 
 class BridgeDiagnostics:
@@ -122,13 +126,15 @@ class BridgeDiagnostics:
 
 def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     cycle, publishers = watched.cycle, watched.publishers
-    warnings = filter(None, [watched.rivals.problem, publishers.warning])
+    files = watched.zero_file.problem, watched.record.problem if watched.record else ''
+    warnings = filter(None, [watched.rivals.problem, publishers.warning, *files])
     texts = [*cycle.faults, *warnings, *watched.watch.problems]
     level = DiagnosticStatus.WARN if texts else DiagnosticStatus.OK
     if cycle.mode in ('fault', 'disconnected'):
         level = DiagnosticStatus.ERROR
     values = {
         'mode': cycle.mode,
+        'zeros': _zeros(cycle),
         'way out': cycle.way_out(watched.emulated),
         'publishers of joint_command': ', '.join(publishers.names) or 'none',
         **cycle.counters,
@@ -136,9 +142,34 @@ def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     return level, '; '.join(texts) or cycle.mode, values
 
 
+def _zeros(cycle: BridgeCycle) -> str:
+    unknown = cycle.zeros.unknown
+    return f'unknown: {", ".join(unknown)}' if unknown else 'known'
+
+
 def resistance_key(joint: str) -> str:
     """Return the key of the resistance that a joint's board reports."""
     return f'{joint} resistance [ohm]'
+
+
+def winding_key(joint: str) -> str:
+    """Return the key of the estimated temperature of a joint's motor."""
+    return f'{joint} winding [degC]'
+
+
+def _heat(watched: Watched) -> dict[str, object]:
+    """Return temperatures, what they leave of the torque, and the supplies' voltages."""
+    values: dict[str, object] = {}
+    heat = watched.cycle.heat
+    for name, limit in zip(watched.joint_names, heat.limits, strict=True):
+        values[winding_key(name)] = f'{limit.motor.winding:.1f}'
+        values[f'{name} housing [degC]'] = f'{limit.motor.housing:.1f}'
+        values[f'{name} torque limit [Nm]'] = f'{limit.effort_limit:.2f}'
+        is_finite = isfinite(limit.remaining)
+        values[f'{name} time to reduction [s]'] = f'{limit.remaining:.0f}' if is_finite else 'never'
+    for link, supply in zip(watched.cycle.links, heat.supplies, strict=False):
+        values[f'{link.monitor.name} supply [V]'] = f'{supply.voltage:.2f}'
+    return values
 
 
 def _motors(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
@@ -154,4 +185,8 @@ def _motors(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     for name, ohm in zip(watched.joint_names, reported, strict=True):
         if isfinite(ohm):
             values[resistance_key(name)] = f'{ohm:.5f}'
-    return DiagnosticStatus.OK, _POWER_SOURCES[power.source], values
+    values |= _heat(watched)
+    heat = watched.cycle.heat
+    warnings = [*heat.warnings(), *heat.unknown]
+    level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
+    return level, '; '.join([*warnings, _POWER_SOURCES[power.source]]), values

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,12 +14,15 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.frames.frame_field import ProfileError
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES
 from aerarm_ros.ros.parameters.drone_file import DRONE_FILE
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS
 
 _DEFAULTS = BridgeSettings()
+AUTO = 'auto'
+"""Value of `state_file` that leaves the place to the bridge."""
 
 # Name: (unit, description) of the settings that the bridge cycle takes as they are.
 _SETTINGS = {
@@ -28,6 +33,15 @@ _SETTINGS = {
         'time without a valid frame after which a board switches its motors off',
     ),
     'bad_frames_max': ('', 'consecutive bad frames of a board that are a fault'),
+    'lost_commands_max': (
+        '',
+        'consecutive commands that do not reach a board, while its answers arrive, that are a '
+        'fault',
+    ),
+    'lost_commands_warning': (
+        '',
+        'share of such commands, over the last second, that is a warning',
+    ),
     'state_age_max': ('s', "time for which a board's data may stay the same, frame after frame"),
     'exchange_time_max': ('s', 'duration of an exchange that counts as slow'),
     'slow_exchanges_max': ('', 'consecutive slow exchanges that are a fault'),
@@ -44,6 +58,11 @@ _SETTINGS = {
     'velocity_lag': ('s', "time constant of the boards' low-pass of the motors' speeds"),
     'current_lag': ('s', "time constant of the boards' current loop, for the mean torque"),
     'stall_time': ('s', 'standstill under a torque that must move the joint that is a fault'),
+    'ambient_temperature': ('degC', 'temperature of the air about the motors'),
+    'start_temperature': (
+        'degC',
+        'assumed temperature of the motors when the bridge starts; that of the air for cold motors',
+    ),
 }
 
 BRIDGE_PARAMETERS = (
@@ -52,6 +71,7 @@ BRIDGE_PARAMETERS = (
     Parameter(
         'period', _DEFAULTS.period, 'time between two cycles', 's', *BridgeSettings.BOUNDS['period']
     ),
+    COMMISSIONING_PARAMETER,
     Parameter('autostart', True, 'configure and activate by itself, without a lifecycle manager'),
     *REAL_TIME_PARAMETERS,
     Parameter(
@@ -74,6 +94,13 @@ BRIDGE_PARAMETERS = (
         [],
         'scales that differ from the profile, as QUANTITY=VALUE_OF_ONE_COUNT, such as '
         'bus_voltage=0.001',
+    ),
+    Parameter(
+        'state_file',
+        AUTO,
+        "file that keeps the encoders' zeros while the bridge is restarted beside boards that stay "
+        'on; auto: with real boards aerarm_ros/NODE.json in $XDG_STATE_HOME (~/.local/state), none '
+        'with emulated ones; none if empty',
     ),
     *(
         Parameter(
@@ -112,6 +139,16 @@ BRIDGE_PARAMETERS = (
 def bridge_settings(values: SimpleNamespace) -> BridgeSettings:
     """Return the cycle's settings out of a node's parameter values."""
     return BridgeSettings(**{name: getattr(values, name) for name in ('period', *_SETTINGS)})
+
+
+def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | None:
+    """Return the file that keeps the zeros of the bridge of a full name, None if there is none."""
+    if values.state_file != AUTO:
+        return Path(values.state_file) if values.state_file else None
+    if emulated:
+        return None
+    home = os.environ.get('XDG_STATE_HOME') or Path.home() / '.local' / 'state'
+    return Path(home) / 'aerarm_ros' / f'{node.strip("/").replace("/", ".")}.json'
 
 
 def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:

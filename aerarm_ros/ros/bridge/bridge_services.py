@@ -8,7 +8,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.gate.answer import Answer
-from aerarm_ros.ros.bridge.cycle_requests import Action
+from aerarm_ros.ros.bridge.cycle_requests import Action, NotActiveError
 
 ACTIONS: dict[str, Action] = {
     'enable': lambda cycle: cycle.enable(),
@@ -49,8 +49,14 @@ class BridgeServices:
         self, name: str, action: Action
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def handle(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            log = self._node.get_logger()
             try:
                 answer = self._ask(action, name in STOPS)
+            except NotActiveError as error:
+                # So are all asked that a controller sends while both end: nothing to warn of.
+                log.info(f'{name}: {error}')
+                response.success, response.message = False, str(error)
+                return response
             except (RuntimeError, ValueError) as error:
                 answer = Answer(False, str(error))
             except TimeoutError:
@@ -58,7 +64,6 @@ class BridgeServices:
                     False, 'the cycle did not answer: see the console of the bridge, or view'
                 )
             response.success, response.message = answer.accepted, answer.message
-            log = self._node.get_logger()
             # rclpy ties a severity to the line that logs.
             if answer.accepted:
                 log.info(f'{name}: {answer.message}')

@@ -16,8 +16,8 @@ from aerarm_msgs_py.codecs.joint_state_conversion import decode_as_sent
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
 
 Array = NDArray[np.float64]
-# Joint names, content and sequence number of a joint command.
-Command = tuple[Sequence[str], JointSample, int]
+# Joint names and content of a joint command, and the GID of its publisher, None where unknown.
+Command = tuple[Sequence[str], JointSample, bytes | None]
 
 # A command of other joints in another order is read by the cycle itself; what is longer than any
 # command would take it more time than it has.
@@ -45,7 +45,7 @@ class BridgeStreams:
             node.create_publisher(topic.type, topic.name, topic.offered)
             for topic in (topics.JOINT_STATES, topics.MOTOR_STATES, topics.MOTOR_POWER)
         )
-        self.commands = RawReader(node, topics.JOINT_COMMAND)
+        self.commands = RawReader(node, topics.JOINT_COMMAND, identify=True)
 
     def publish(
         self, stamp_ns: int, joints: Sequence[Array], motors: Sequence[Array], power: Array
@@ -72,22 +72,21 @@ class BridgeStreams:
         self._joint_states.publish(self._cdr.pack(stamp_ns, *joints))
 
     def newest_command(self) -> Command | None:
-        """Return names, content and sequence number of the newest joint command, if there is one.
+        """Return names, content and publisher of the newest joint command, if there is one.
 
-        The number is the publisher's own: see `CommandPublishers`. Raises ValueError if the
-        message cannot be read.
+        Raises ValueError if the message cannot be read.
         """
         message = self.commands.take_newest()
         if message is None:
             return None
         payload, info = message
-        number = info['publication_sequence_number']
+        publisher = info.get('publisher')
         sample = self._cdr.unpack(payload)
         if sample is not None:
-            return self._names, sample, number
+            return self._names, sample, publisher
         if len(payload) > _LONGEST + _LONGEST_PER_JOINT * len(self._names):
             raise ValueError(f'{len(payload)} bytes are no joint command of this arm')
-        return (*decode_as_sent(payload), number)
+        return (*decode_as_sent(payload), publisher)
 
     def destroy(self) -> None:
         """Destroy publishers and subscription."""

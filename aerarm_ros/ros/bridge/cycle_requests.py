@@ -16,6 +16,16 @@ if TYPE_CHECKING:  # who only asks loads no bridge
 Action = Callable[['BridgeCycle'], Answer]
 
 _ANSWER_TIMEOUT = 1.0  # [s]
+_NOT_ACTIVE = 'the bridge is not active: activate it first (ros2 lifecycle set)'
+
+
+class NotActiveError(RuntimeError):
+    """No cycle is running: the bridge was not activated, or is ending."""
+
+
+def says_not_active(text: str) -> bool:
+    """Tell whether the answer of a bridge's service says that no cycle is running."""
+    return text.endswith(_NOT_ACTIVE)
 
 
 class CycleRequests:
@@ -34,13 +44,13 @@ class CycleRequests:
 
         Raises
         ------
-        RuntimeError
+        NotActiveError
             If no cycle is running.
         TimeoutError
             If it does not come to it within a second.
         """
         if self._closed.is_set():
-            raise RuntimeError('the bridge is not active: activate it first (ros2 lifecycle set)')
+            raise NotActiveError(_NOT_ACTIVE)
         answer = self._put(action)
         try:
             return answer.result(_ANSWER_TIMEOUT)

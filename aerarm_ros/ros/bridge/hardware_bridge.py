@@ -23,6 +23,7 @@ from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport
 from aerarm_ros.hardware.transports.transport import Transport
+from aerarm_ros.hardware.zero_file import ZeroFile
 from aerarm_ros.realtime.cycle_slack import CycleSlack
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.realtime.steady_clock import SteadyClock
@@ -32,10 +33,12 @@ from aerarm_ros.ros.bridge.bridge_parameters import (
     board_gains,
     bridge_settings,
     frame_profile,
+    state_file,
 )
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, BridgeServices
 from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams, Command
 from aerarm_ros.ros.bridge.bridge_timing import BridgeTiming
+from aerarm_ros.ros.bridge.commissioning_topics import CommissioningTopics, RecordWatch
 from aerarm_ros.ros.bridge.cycle_requests import Action, CycleRequests
 from aerarm_ros.ros.bridge.invalid_transitions import answer_invalid_transitions
 from aerarm_ros.ros.bridge.mode_log import ModeLog
@@ -59,6 +62,8 @@ _LOOP_END_TIMEOUT = 2.0
 _UNKNOWN_MAX = 50
 # The arm's mode while no cycle runs; the others are `bridge_modes.MODES`.
 INACTIVE = 'inactive'
+# Modes in which nothing moves by the stamps of the states.
+_MOTORS_OFF = (INACTIVE, 'disconnected', 'idle', 'unhomed')
 PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS)
 _GAINS = {'board_kp', 'board_kd', 'board_ki'}
 
@@ -106,13 +111,16 @@ class HardwareBridge(LifecycleNode):
         self._mode = ''
         self._problem = ''
         self._stamp_ns = 0
-        self._sources = 0  # told apart when the publishers' names were last asked for
         self._stamps = SteadyClock()
         self._slack = CycleSlack()
 
     # What a derived bridge changes.
 
     emulated = False  # whether its boards are mended by commands
+
+    def load_arm(self) -> tuple[ArmConfig, Robot]:
+        """Return the arm's description; raises ValueError with what to check."""
+        return load_arm(self.values)
 
     def make_transport(self, config: ArmConfig, robot: Robot, profile: FrameProfile) -> Transport:
         """Return the way to the boards; raises ValueError or OSError with what to check."""
@@ -166,7 +174,7 @@ class HardwareBridge(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the configuration, open the buses and try the wires."""
         try:
-            config, robot = load_arm(self.values)
+            config, robot = self.load_arm()
             drone = load_drone(self.values, config, robot)
             urdf = robot.urdf_text
             if drone is not None:
@@ -176,12 +184,17 @@ class HardwareBridge(LifecycleNode):
             self._diagnostics.name_arm(config.name)
             self._transport = self.make_transport(config, robot, profile)
             self._transport.open()
+            kept_in = state_file(self.values, self.get_fully_qualified_name(), self.emulated)
+            self._zero_file = ZeroFile(kept_in, config)
+            self._record = RecordWatch(self, self.values, config, self.emulated)
             self._cycle = BridgeCycle(
                 config,
                 self._transport,
                 bridge_settings(self.values),
                 profile,
                 robot=robot,
+                kept=self._zero_file.read(time.monotonic()),
+                pulse_offset=self._record.pulse_offset,
             )
             self._cycle.check_gains(*self._gains())
         except (ValueError, OSError) as error:
@@ -189,7 +202,10 @@ class HardwareBridge(LifecycleNode):
             if not self._starting:
                 self.get_logger().error(self._problem)
             return FAILURE
+        for text in self._cycle.heat.unknown:
+            self.get_logger().warning(text)
         self._try_wires(profile)
+        self._commissioning = CommissioningTopics(self, self.requests.ask, self._record)
         self._command_publishers = CommandPublishers(self.values.allowed_publishers)
         self._streams = BridgeStreams(self, config.joint_names)
         self._watch = PublisherWatch(self, topics.JOINT_COMMAND, self._command_publishers.look)
@@ -211,7 +227,9 @@ class HardwareBridge(LifecycleNode):
                 self._command_publishers,
                 self._watch,
                 self._rivals,
+                self._zero_file,
                 self.emulated,
+                self._record,
             )
         )
         self.requests.open()
@@ -229,11 +247,13 @@ class HardwareBridge(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Close the buses."""
+        self._commissioning.destroy()
         self._watch.destroy()
         self._rivals.destroy()
         self._streams.destroy()
         self._description.destroy()
         self._transport.close()
+        self._zero_file.close()
         self._cycle = self._loop = None
         return SUCCESS
 
@@ -307,6 +327,7 @@ class HardwareBridge(LifecycleNode):
         finally:
             # Whatever ended the loop, an exception included, the motors go off.
             cycle.shutdown()
+            self._zero_file.close()
             self._publish_mode(INACTIVE)
             self.requests.close()
 
@@ -325,13 +346,14 @@ class HardwareBridge(LifecycleNode):
         self._stamp_ns = self.now_ns()
         self._streams.publish(
             self._stamp_ns,
-            (cycle.q, cycle.dq, cycle.tau),
+            (cycle.q_known, cycle.dq, cycle.tau),
             (cycle.motor_position, cycle.motor_velocity, cycle.motor_current),
             cycle.motor_power,
         )
         if cycle.mode != self._mode:
             self._publish_mode(cycle.mode)
         self._rejection_log.update(cycle.intake, cycle.mode, now)
+        self._zero_file.update(cycle, now)
         self.use_slack(now)
         self.report()
         self._slack.begin()
@@ -356,11 +378,11 @@ class HardwareBridge(LifecycleNode):
             return
         if command is None:
             return
-        names, sample, number = command
+        names, sample, publisher = command
         age_ns = self.now_ns() - sample.stamp_ns
-        source, allowed = self._command_publishers.judge(number, now)
-        if not allowed or self._command_publishers.sources != self._sources:
-            self._sources = self._command_publishers.sources
+        matched = self._streams.commands.publishers() if publisher is None else 1
+        source, allowed = self._command_publishers.judge(publisher, matched)
+        if not self._command_publishers.knows(publisher):
             self._watch.look_soon()
         numbers = (sample.position, sample.velocity, sample.effort)
         offered = OfferedCommand(names, *numbers, age_ns * 1e-9, source, allowed)
@@ -369,6 +391,7 @@ class HardwareBridge(LifecycleNode):
 
     def _publish_mode(self, mode: str) -> None:
         self._mode = mode
+        self._stamps.may_step = mode in _MOTORS_OFF
         self._mode_publisher.publish(String(data=mode))
         cycle = self._cycle
         reasons, way_out = (cycle.faults, cycle.way_out(self.emulated)) if cycle else ((), '')

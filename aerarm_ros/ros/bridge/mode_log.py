@@ -16,7 +16,7 @@ _PATIENCE = 1.0
 # Modes between which an arm can go to and fro, as under a controller that is nearly too slow.
 _TO_AND_FRO = ('running', 'damping')
 # Modes that say nothing without their reason. Why commands are rejected has a log of its own.
-_WITH_REASON = ('disconnected', 'damping', 'fault')
+_WITH_REASON = ('disconnected', 'unhomed', 'damping', 'fault')
 _SINKS = 'The arm sinks until a good command comes'
 
 

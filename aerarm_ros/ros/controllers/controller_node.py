@@ -22,7 +22,7 @@ from aerarm_ros.ros.controllers.state_node import StateNode, state_node_paramete
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.requests.arm_at_end import AT_END_PARAMETERS, ArmAtEnd
-from aerarm_ros.ros.states.arm_modes import COMMANDABLE
+from aerarm_ros.ros.states.arm_modes import COMMANDABLE, to_switch_on
 
 _DISTURBANCE_PERIOD = 10  # answered states
 
@@ -109,7 +109,7 @@ class ControllerNode(StateNode):
         if self._mode in COMMANDABLE:
             return ''
         mode = self._mode or 'unknown'
-        return f"{what}: the arm is '{mode}': enable it, or clear its fault, first"
+        return f"{what}: the arm is '{mode}': run {to_switch_on(mode)}, or clear its fault, first"
 
     def take_references(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
         """Listen to a topic that moves the arm; rejected while the arm can't be commanded."""
@@ -188,7 +188,7 @@ class ControllerNode(StateNode):
     def warning(self) -> str:
         """Return what diagnostics should warn of."""
         if self._mode not in COMMANDABLE:
-            return f"the arm is '{self._mode}': enable it, or clear its fault"
+            return f"the arm is '{self._mode}': run {to_switch_on(self._mode)}, or clear its fault"
         problem = '' if self._payload is None else self._payload.problem
         return ('' if self.loop.base is None else super().warning()) or problem
 

@@ -107,20 +107,44 @@ ENERGY_PARAMETERS = tuple(
     if parameter.name not in ('friction_fraction', 'friction_width')
 )
 
-OBSERVER_PARAMETERS = grouped(
-    'Disturbances',
-    Parameter('observer_gain', 30.0, 'disturbance observer; 0 for none', '1/s', 0.0, 1000.0),
-    Parameter('compensation', 0.0, 'largest compensated disturbance over effort_max; 0 only '
-              'observes', '', 0.0, 1.0),
-)  # fmt: skip
+
+def observer_parameters(compensation: float) -> tuple[Parameter, ...]:
+    """Return the parameters of the disturbance observer, with a default of `compensation`."""
+    return grouped(
+        'Disturbances',
+        Parameter('observer_gain', 30.0, 'disturbance observer; 0 for none', '1/s', 0.0, 1000.0),
+        Parameter('compensation', compensation, 'largest compensated disturbance over effort_max; '
+                  '0 only observes', '', 0.0, 1.0),
+    )  # fmt: skip
+
+
+# Friction, what the model gets wrong and a rated payload, for a controller that is to reach
+# postures: benchmarks/goals.py compares this with integral action.
+REACHING_COMPENSATION = 0.2
 
 FOLLOWER_PARAMETERS = grouped(
     'How trajectories are followed',
     Parameter('interpolation', 'quintic', 'between points', choices=('cubic', 'quintic')),
     Parameter('start_tolerance', 0.1, 'distance of a start from the reference', 'rad', 0.0, 3.0),
-    Parameter('path_tolerance', 0.3, 'error at which a motion is aborted', 'rad', 1e-3, 10.0),
-    Parameter('goal_tolerance', 0.01, 'error at which a goal is reached', 'rad', 1e-5, 1.0),
-    Parameter('goal_time', 1.0, 'time to reach the goal after the end', 's', 0.0, 60.0),
+    Parameter(
+        'path_tolerance',
+        0.3,
+        'error at which a motion is aborted; 0 for no check',
+        'rad',
+        0.0,
+        10.0,
+    ),
+    Parameter(
+        'goal_tolerance', 0.01, 'error at which a goal is reached; 0 for no check', 'rad', 0.0, 1.0
+    ),
+    Parameter(
+        'goal_time', 1.0, 'time to reach the goal after the end; 0 for any time', 's', 0.0, 60.0
+    ),
+    Parameter(
+        'allow_partial_joints_goal',
+        True,
+        'trajectories may name some of the joints: the others stay where they are',
+    ),
     Parameter('stream_timeout', 0.1, 'silence after which a stream brakes', 's', 0.005, 10.0),
 )
 
@@ -278,9 +302,9 @@ class ControlledArm:
         tolerances = FollowerTolerances.uniform(
             self.config.n,
             values.start_tolerance,
-            values.path_tolerance,
-            values.goal_tolerance,
-            max(values.goal_time, 1e-3),
+            values.path_tolerance or np.inf,
+            values.goal_tolerance or np.inf,
+            values.goal_time or np.inf,
             values.stream_timeout,
         )
         return TrajectoryFollower(self.limits, tolerances, values.interpolation)

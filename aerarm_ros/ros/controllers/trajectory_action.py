@@ -17,6 +17,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
 from aerarm_ros.control.references.goal_tolerances import resolve_tolerances
+from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.control.references.trajectory_goals import (
     ABORTED,
@@ -117,14 +118,17 @@ class TrajectoryAction:
             problem = self._controller.commandable_problem(NAME) or self._problem()
             if problem:
                 raise RejectedInputError(problem)
-            trajectory, start = read_trajectory(
-                self._follower.limits, handle.request.trajectory, now
-            )
+            trajectory, start = self._read(handle.request, now)
             ended = self._goals.start(_id(handle), trajectory, now, start, self._tolerances(handle))
         except RejectedInputError as error:
             self._end([(_id(handle), GoalResult(ABORTED, ResultCode.INVALID_GOAL, str(error)))])
             raise
         self._end(ended)
+
+    def _read(self, request: Any, now: float) -> tuple[JointTrajectory, float | None]:
+        partial = self._controller.values.allow_partial_joints_goal
+        staying = self._follower.reference.q if partial else None
+        return read_trajectory(self._follower.limits, request.trajectory, now, staying)
 
     def _tolerances(self, handle: Any) -> FollowerTolerances:
         request, time = handle.request, handle.request.goal_time_tolerance
@@ -158,7 +162,9 @@ class TrajectoryAction:
             if request.multi_dof_trajectory.points:
                 raise RejectedInputError(f'{NAME}: the arm has no joints of several degrees')
             now = self._controller.stamp_ns / _BILLION
-            read_trajectory(self._follower.limits, request.trajectory, now)
+            # As it stands now; what changes until the loop begins the goal aborts it.
+            trajectory, start = self._read(request, now)
+            self._follower.check_goal(trajectory, now, start)
         except RejectedInputError as error:
             self._controller.reject(str(error))
             return GoalResponse.REJECT

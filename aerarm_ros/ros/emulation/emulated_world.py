@@ -15,7 +15,7 @@ from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
 from aerarm_ros.ros.emulation.recording_watch import RecordingWatch
 from aerarm_ros.ros.emulation.world_clock import WorldClock
 from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.states.arm_modes import COMMANDABLE
+from aerarm_ros.ros.states.arm_modes import COMMANDABLE, OFF
 
 KEEP_UP, LOCKSTEP, REAL_TIME = PACES = ('keep_up', 'lockstep', 'real_time')
 PACE_PARAMETERS = (
@@ -43,7 +43,7 @@ LAG = {KEEP_UP: 3, LOCKSTEP: 0, REAL_TIME: 0}
 
 # A world in lockstep stands still in these as soon as the arm does, until somebody does something;
 # and hurries in those in which nobody is needed.
-_STANDING = ('idle', 'ready')
+_STANDING = (*OFF, 'ready')
 _ALONE = ('aligning', 'homing', 'ready')
 _SLICE = 0.005  # [s] until requests are looked for again
 _EAGER = 0.001  # [s]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.board_config import ENCODERS
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS
 from aerarm_ros.hardware.emulation.fault_request import FORM
@@ -67,11 +68,25 @@ EMULATION_PARAMETERS = (
         'published on imu',
         choices=tuple(BASE_PROFILES),
     ),
+    Parameter(
+        'encoders',
+        '',
+        "kind of the boards' encoders: incremental ones count from where the arm stands at the "
+        "start, so it has to be homed, absolute ones need not; the configuration's if empty",
+        choices=('', *ENCODERS),
+    ),
     Parameter('truth_file', '', "YAML file to write the arm's true parameters to"),
     Parameter(
         'fault',
         '',
         f'fault to inject, at once when it is set: {FORM}, NAME one of {", ".join(FAULTS)}',
+        live=True,
+    ),
+    Parameter(
+        'hand',
+        '',
+        'JOINT:ANGLE: with the motors off, a hand carries the arm and turns that joint to that '
+        'angle [rad], once when it is set',
         live=True,
     ),
 )

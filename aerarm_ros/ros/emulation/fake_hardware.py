@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.description.whole_file import write_whole
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulated_base import mount_on_base, mount_on_drone
+from aerarm_ros.hardware.emulation.emulated_hand import parse_turn
 from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS
@@ -27,6 +29,7 @@ from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.bridge.bridge_diagnostics import Status
 from aerarm_ros.ros.bridge.bridge_parameters import BRIDGE_PARAMETERS
 from aerarm_ros.ros.bridge.bridge_streams import Command
+from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
 from aerarm_ros.ros.bridge.cycle_requests import Action
 from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
 from aerarm_ros.ros.emulation import drone_parameters
@@ -42,12 +45,17 @@ from aerarm_ros.ros.emulation.emulation_parameters import EMULATION_PARAMETERS, 
 from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
 from aerarm_ros.ros.parameters.drone_file import load_drone
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.states.arm_modes import OFF
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
 from aerarm_ros.simulation.flying_plant import FlyingPlant
 from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 PARAMETERS = ParameterTable(
-    *BRIDGE_PARAMETERS, *PACE_PARAMETERS, *EMULATION_PARAMETERS, *DRONE_PARAMETERS
+    # An emulated arm needs no commissioning.
+    *(replace(p, default='') if p is COMMISSIONING_PARAMETER else p for p in BRIDGE_PARAMETERS),
+    *PACE_PARAMETERS,
+    *EMULATION_PARAMETERS,
+    *DRONE_PARAMETERS,
 )
 
 # What is looked after once a cycle, looked after as often as that while the world stands still.
@@ -75,6 +83,13 @@ class FakeHardware(HardwareBridge):
         self._now = 0.0
         self._awake_until = 0.0
         super().__init__('fake_hardware', PARAMETERS)
+
+    def load_arm(self) -> tuple[ArmConfig, Robot]:
+        """Return the arm's description, with encoders of the kind that the parameter names."""
+        config, robot = super().load_arm()
+        if self.values.encoders:
+            config = config.with_encoders(self.values.encoders)
+        return config, robot
 
     def make_transport(
         self, config: ArmConfig, robot: Robot, profile: FrameProfile
@@ -212,6 +227,11 @@ class FakeHardware(HardwareBridge):
                 FaultRequest.parse(changes['fault'], len(self._boards.boards))
             except ValueError as error:
                 return f'parameter fault: {error}'
+        if self._boards is not None and changes.get('hand'):
+            try:
+                parse_turn(changes['hand'], self._config.joint_names)
+            except ValueError as error:
+                return f'parameter hand: {error}'
         if self._made is not None and 'payload' in changes:
             try:
                 self._made(changes['payload'])
@@ -226,6 +246,8 @@ class FakeHardware(HardwareBridge):
         super().on_parameter(name, value)
         if name == 'fault' and value:
             self.requests.post(self._inject_fault)
+        elif name == 'hand' and value:
+            self.requests.post(self._turn)
         elif name == 'payload':
             self.requests.post(self._grasp)
         elif name in CONTACT:
@@ -240,12 +262,12 @@ class FakeHardware(HardwareBridge):
         if self._flying is not None and self._flying.is_flying:
             return False
         # An arm that is let go rests at first, and falls.
-        return mode != 'idle' or boards.is_carried or since > _FALL_TIME
+        return mode not in OFF or boards.is_carried or since > _FALL_TIME
 
     def _tell_again(self) -> None:
         cycle = self._cycle
         if cycle is not None:
-            self._streams.publish_joints(self._stamp_ns, (cycle.q, cycle.dq, cycle.tau))
+            self._streams.publish_joints(self._stamp_ns, (cycle.q_known, cycle.dq, cycle.tau))
 
     def _wait_idly(self) -> None:
         for _ in range(_CYCLES_OF_A_WAIT):
@@ -265,7 +287,7 @@ class FakeHardware(HardwareBridge):
         boards = self._boards
         if self._world is not None and self._world.is_waiting:
             cycle.intake.forget()  # its publisher is silent: the arm may be held
-        if boards is None or cycle.mode != 'idle' or cycle.zeros.are_lost:
+        if boards is None or cycle.mode != 'idle':
             return cycle.enable()
         if cycle.gate.is_inside(cycle.q):
             boards.carry()
@@ -283,6 +305,18 @@ class FakeHardware(HardwareBridge):
             return Answer(False, 'the bridge is not configured')
         self._boards.plant.grasp(self._made(self.values.payload))
         self._awake_until = self._now + _FAULT_TIME
+        return Answer(True, '')
+
+    def _turn(self, cycle: BridgeCycle) -> Answer:
+        """Let a hand turn the joint that the parameter names."""
+        if self._boards is None:
+            return Answer(False, 'the bridge is not configured')
+        try:
+            duration = self._boards.turn(*parse_turn(self.values.hand, self._config.joint_names))
+        except ValueError as error:
+            self.get_logger().warning(f'hand: {error}')
+            return Answer(False, str(error))
+        self._awake_until = self._now + duration
         return Answer(True, '')
 
     def _contact_problem(self, changes: Mapping[str, Any]) -> str:
@@ -307,7 +341,7 @@ class FakeHardware(HardwareBridge):
 
     def _home(self, cycle: BridgeCycle) -> Answer:
         boards = self._boards
-        if boards is None or cycle.mode != 'idle':
+        if boards is None or cycle.mode not in OFF:
             return cycle.home()
         boards.put_at_rest()
         cycle.update(self._now)  # see where it is now, and that it rests

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 
 from rclpy.node import Node
 
@@ -30,7 +30,7 @@ class PublisherWatch:
     topic
         The topic.
     report
-        Takes the names of those that reach a subscription.
+        Takes the names of those that reach a subscription, by their GIDs.
     cycles
         Calls of `poll` between two polls for a reason to look.
     known
@@ -46,7 +46,7 @@ class PublisherWatch:
         self,
         node: Node,
         topic: Topic,
-        report: Callable[[Sequence[str]], None],
+        report: Callable[[Mapping[bytes, str]], None],
         cycles: int = _CYCLES,
         known: int = 0,
     ) -> None:
@@ -82,13 +82,14 @@ class PublisherWatch:
     def _look(self) -> None:
         endpoints = self._node.get_publishers_info_by_topic(self._name)
         self._wanted = not all(map(endpoint_name, endpoints))
-        names, problems = [], []
+        names: dict[bytes, str] = {}
+        problems = []
         for endpoint in endpoints:
             name = endpoint_name(endpoint) or UNNAMED
             problem = endpoint_problem(endpoint, self._topic)
             if problem:
                 problems.append(f'{self._name} of {name} is not heard: {problem}')
             else:
-                names.append(name)
+                names[bytes(endpoint.endpoint_gid)] = name
         self.problems = tuple(problems)
         self._report(names)

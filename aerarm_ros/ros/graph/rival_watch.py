@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 from rclpy.node import Node
 
@@ -46,7 +46,8 @@ class RivalWatch:
         """Watch no longer."""
         self._watch.destroy()
 
-    def _judge(self, names: Sequence[str]) -> None:
+    def _judge(self, publishers: Mapping[bytes, str]) -> None:
+        names = list(publishers.values())
         if UNNAMED in names:
             return  # the watch looks again
         problem = several_publishers(self._topic, names, self._advice)

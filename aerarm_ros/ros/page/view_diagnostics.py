@@ -13,6 +13,14 @@ _WAY_OUT = 'way out'
 _COLORS = ('#2b8a3e', '#b06000', '#c92a2a', '#868e96')
 _STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
 _TIMING_KEY = re.compile(rf'(.+) ({"|".join(map(re.escape, _STATISTICS))}) \[us\]')
+# Column of the motors' table: what its keys on /diagnostics end with.
+_MOTOR_COLUMNS = {
+    'winding': 'winding [degC]',
+    'housing': 'housing [degC]',
+    'torque limit': 'torque limit [Nm]',
+    'reduced in': 'time to reduction [s]',
+    'power': 'power [W]',
+}
 _CELL = 'style="padding:1px 6px;text-align:right"'
 
 
@@ -83,6 +91,15 @@ class ViewDiagnostics:
         ]
         return ''.join(tables)
 
+    def motors_html(self, now: float) -> str:
+        """Return a table of temperatures and torque limits, '' if no status has any."""
+        tables = [
+            f'<b>{escape(name)}</b> {_badge(self._level(status, now))}{_motor_table(rows)}'
+            for name, status in self._present(now)
+            if (rows := motor_rows(status.values))
+        ]
+        return ''.join(tables)
+
     def status_html(self, now: float) -> str:
         """Return one line for every status."""
         lines = [
@@ -113,13 +130,29 @@ def timing_rows(values: Mapping[str, str]) -> dict[str, dict[str, str]]:
     return rows
 
 
+def motor_rows(values: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return joint -> a text a column, out of keys like 'joint2 winding [degC]'."""
+    ends = list(_MOTOR_COLUMNS.values())
+    joints = [key.removesuffix(f' {ends[0]}') for key in values if key.endswith(f' {ends[0]}')]
+    return {joint: [values.get(f'{joint} {end}', '') for end in ends] for joint in joints}
+
+
+def _motor_table(rows: Mapping[str, Sequence[str]]) -> str:
+    heads = [f'{name} {end[end.index("[") :]}' for name, end in _MOTOR_COLUMNS.items()]
+    return _table(_row('th', '', heads) + ''.join(_row('td', *row) for row in rows.items()))
+
+
 def _timing_table(rows: Mapping[str, Mapping[str, str]]) -> str:
     head = _row('th', 'us', _STATISTICS)
     body = ''.join(
         _row('td', name, [row.get(statistic, '') for statistic in _STATISTICS])
         for name, row in rows.items()
     )
-    table = f'<table style="border-collapse:collapse;font-size:0.85em">{head}{body}</table>'
+    return _table(head + body)
+
+
+def _table(rows: str) -> str:
+    table = f'<table style="border-collapse:collapse;font-size:0.85em">{rows}</table>'
     return f'<div style="overflow-x:auto">{table}</div>'  # a panel may be narrow
 
 

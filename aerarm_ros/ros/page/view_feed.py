@@ -90,6 +90,11 @@ class ViewFeed:
             return (
                 f'joint_states lacks {", ".join(missing)}: another arm? (config, urdf, tf_prefix)'
             )
+        if self._states.unknown:
+            names = ', '.join(self._states.unknown)
+            return (
+                f'the angle of {names} is unknown until the arm is homed: the picture is not true'
+            )
         silent = now - self._heard[0]
         if not np.isfinite(silent):
             return 'no joint_states in this ROS domain: start a bridge, check ROS_DOMAIN_ID'

@@ -14,24 +14,26 @@ Ask = Callable[[str], tuple[bool, str]]
 _ARM_WIDTH = 400  # [pixels]
 _MODE_COLORS = {
     'aligning': '#b06000',
+    'commissioning': '#b06000',
     'damping': '#b06000',
     'disconnected': '#c92a2a',
     'fault': '#c92a2a',
     'homing': '#b06000',
     'ready': '#2b8a3e',
     'running': '#2b8a3e',
+    'unhomed': '#b06000',
 }
 # Label of each button, and the modes in which it does something.
 _BUTTONS = {
     'enable': ('Enable: the motors align, the arm moves', ('idle',)),
     'hold': ('Hold the arm', ('damping',)),
-    'home': ('Home, from the rest posture', ('idle', 'ready', 'running', 'damping')),
+    'home': ('Home, from the rest posture', ('unhomed', 'idle', 'ready', 'running', 'damping')),
     'clear_fault': ('Clear fault', ('fault',)),
     'disable': (
         'Disable: the arm sinks',
-        ('aligning', 'ready', 'homing', 'running', 'damping', 'fault'),
+        ('aligning', 'ready', 'homing', 'commissioning', 'running', 'damping', 'fault'),
     ),
-    'put_back': ('Put back (emulated)', ('idle',)),
+    'put_back': ('Put back (emulated)', ('idle', 'unhomed')),
 }
 _STEP = re.compile(r"'arm ([a-z_]+(?: [a-z0-9_:.]+)?)'")
 
@@ -78,7 +80,9 @@ class ViewPanel:
         return lambda _: self.answer(action)
 
     def add_reports(self, server: viser.ViserServer) -> None:
-        """Show timing and diagnostics below what is there so far."""
+        """Show motors, timing and diagnostics below what is there so far."""
+        with server.gui.add_folder('Motors'):
+            self._motors = server.gui.add_html('')
         with server.gui.add_folder('Timing', expand_by_default=False):
             self._timing = server.gui.add_html('')
         with server.gui.add_folder('Diagnostics'):
@@ -114,8 +118,9 @@ class ViewPanel:
         for action, button in self._buttons.items():
             button.visible = mode in _BUTTONS[action][1] and (emulated or action != 'put_back')
 
-    def show_diagnostics(self, timing: str, statuses: str) -> None:
-        """Show two pieces of HTML, already escaped."""
+    def show_diagnostics(self, motors: str, timing: str, statuses: str) -> None:
+        """Show three pieces of HTML, already escaped."""
+        self._motors.content = indented(motors or '<i>no temperatures on /diagnostics yet</i>')
         timing = timing or '<i>no timing statistics on /diagnostics yet</i>'
         self._timing.content = indented(timing)
         self._diagnostics.content = indented(statuses)

@@ -13,8 +13,8 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.ros.parameters.parameter import Parameter
 
 DRONE_FILE = Parameter(
-    'drone_file', '', 'YAML file of the drone that carries the arm, as config/drone.yaml; none if '
-    'empty', group='Which arm'
+    'drone_file', '', 'YAML file of the drone that carries the arm, or a packaged one by its name '
+    'from any folder, as config/drone.yaml; none if empty', group='Which arm'
 )  # fmt: skip
 
 

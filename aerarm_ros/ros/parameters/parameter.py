@@ -58,6 +58,11 @@ class Parameter:
             return RosParameter.Type.from_parameter_value([self.element()])
         return RosParameter.Type.from_parameter_value(self.default)
 
+    @property
+    def is_list(self) -> bool:
+        """Whether its value is a list."""
+        return bool(self.type.name.endswith('_ARRAY'))
+
     def descriptor(self) -> ParameterDescriptor:
         """Return what `ros2 param describe` shows."""
         unit = f' [{self.unit}]' if self.unit else ''
@@ -111,7 +116,7 @@ class Parameter:
     def has_type(self, value: Any) -> bool:
         """Tell whether a value has the parameter's type."""
         if isinstance(value, (list, tuple)) and not value:
-            return bool(self.type.name.endswith('_ARRAY'))
+            return self.is_list
         try:
             return bool(RosParameter.Type.from_parameter_value(value) is self.type)
         except TypeError:

@@ -109,7 +109,9 @@ class ParameterTable:
         # Declared with an open type first, to see what the user gave and say what is wrong.
         open_type = ParameterDescriptor(dynamic_typing=True)
         given = node.declare_parameter(parameter.name, _plain(parameter.default), open_type)
-        value = parameter.adapt(_plain(given.value))
+        # rcl reads the empty list of a parameter file as a parameter that is not set.
+        is_empty_list = given.value is None and parameter.is_list
+        value = [] if is_empty_list else parameter.adapt(_plain(given.value))
         problem = parameter.problem(value)
         if problem:
             raise ParameterError(problem)

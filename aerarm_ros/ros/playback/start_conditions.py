@@ -15,6 +15,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.ros.graph.sole_publisher import SolePublisher
+from aerarm_ros.ros.states.arm_modes import to_switch_on
 
 # Nobody commands the arm then, and the bridge holds it where it is.
 MOVABLE = 'ready'
@@ -24,6 +25,8 @@ _ADVICE = {
     'disconnected': 'the boards do not answer: see the log of the bridge',
     'aligning': 'the motors will be aligned in a few seconds',
     'homing': 'the joints will be at their index in a few seconds',
+    'unhomed': f'run {to_switch_on("unhomed")} (the arm moves)',
+    'commissioning': "the arm is being commissioned: wait, then 'arm home'",
     'running': 'another node commands the arm: stop it',
     'damping': "run 'arm hold', which holds the arm where it is",
 }

@@ -149,4 +149,4 @@ def _as_yaml(value: object) -> str:
         return 'true' if value else 'false'
     if isinstance(value, (list, tuple)):
         return '[' + ', '.join(_as_yaml(item) for item in value) + ']'
-    return str(value)
+    return str(value) or "''"

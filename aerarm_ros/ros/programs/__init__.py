@@ -9,6 +9,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        'commissioning_run': ['CommissioningRun'],
         'demo_account': ['DemoAccount'],
         'demo_run': ['DemoError', 'DemoRun'],
         'design_options': ['excitation_setup', 'torque_noise', 'whole_periods'],

@@ -22,6 +22,7 @@ from aerarm_ros.ros.process.log_directory import find_log_directory
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.programs.demo_account import DemoAccount
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
+from aerarm_ros.ros.states.arm_modes import OFF
 
 # [s] A slow or busy machine takes long to load its libraries, and for the arm's time to pass.
 _START_TIME = 120
@@ -94,7 +95,8 @@ class DemoRun:
             client = _arm_client()
             print('Arm       emulated boards are starting', flush=True)
             _wait_for_bridge(hardware, client)
-            client.call('enable')
+            print('Arm       homing: the joints turn to their index pulses', flush=True)
+            client.call('home')
             client.wait_for_mode(['ready'], _PATIENCE)
             for motion in self._motions:
                 self._run_motion(motion)
@@ -163,7 +165,7 @@ class DemoRun:
 def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
     for _ in range(_START_TIME):
         try:
-            return client.wait_for_mode(['idle'], timeout=1.0)
+            return client.wait_for_mode(OFF, timeout=1.0)
         except ArmClientError:
             if hardware.returncode is not None:
                 raise DemoError(

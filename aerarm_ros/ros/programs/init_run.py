@@ -67,7 +67,7 @@ class InitRun:
             )
         print(f"""On emulated boards it runs now, each line in a terminal of its own:
   fake_hardware --ros-args {self._parameters()}
-  arm enable --wait-before idle --wait ready
+  arm home --wait-before unhomed --wait ready
   excitation --ros-args {self._parameters()} -p excitation_config:={self._excitation_file}""")
 
     def _parameters(self) -> str:

@@ -13,6 +13,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'arm_client': ['ArmClient', 'ArmClientError', 'BRIDGES'],
         'bridge_finder': ['BridgeFinder'],
         'bridge_service': ['BridgeService'],
+        'commissioning_client': ['CommissioningClient', 'EmulatedPerson'],
         'parameter_request': ['set_parameter'],
         'rejection_watch': ['RejectionWatch'],
         'set_point_request': ['SetPointRequest'],

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from rclpy.node import Node
 
+from aerarm_ros.ros.bridge.cycle_requests import says_not_active
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.requests.arm_client import BRIDGES
 from aerarm_ros.ros.requests.bridge_service import BridgeService
@@ -54,5 +55,6 @@ class ArmAtEnd:
         # rclpy ties a severity to the line that logs.
         if done:
             log.info(f'at the end {text}')
-        elif self._hold.is_found:  # a bridge that ends as well holds nothing any more
+        # A bridge that ends as well holds nothing any more.
+        elif self._hold.is_found and not says_not_active(text):
             log.warning(f'the arm is not held at the end: {text}')

@@ -16,7 +16,7 @@ from aerarm_ros.ros.executors.spinning import spin_until, this_domain
 from aerarm_ros.ros.graph.endpoint_name import endpoint_name
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 from aerarm_ros.ros.requests.rejection_watch import RejectionWatch
-from aerarm_ros.ros.states.arm_modes import HELD
+from aerarm_ros.ros.states.arm_modes import HELD, to_switch_on
 
 _LISTENER = 'recorder'  # hears everything, and moves nothing
 _SEARCH = 10.0  # [s] that a busy machine may take to bring processes together
@@ -111,7 +111,7 @@ class SetPointRequest:
                 f'{this_domain()}?'
             )
         if self._mode not in HELD:
-            raise ArmClientError(f'arm_mode is {self._mode}: arm enable first')
+            raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
         assert self._state is not None
         return list(self._state.name)
 

@@ -13,7 +13,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.ros.executors.spinning import spin_until, this_domain
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 from aerarm_ros.ros.requests.rejection_watch import RejectionWatch
-from aerarm_ros.ros.states.arm_modes import HELD
+from aerarm_ros.ros.states.arm_modes import HELD, to_switch_on
 
 
 class ToolRequest:
@@ -103,7 +103,7 @@ class ToolRequest:
             if not spin_until(self._node, is_there, timeout):
                 raise ArmClientError(f'no controller tells of the tool: run a bridge, and {what}')
         if self._mode not in HELD:
-            raise ArmClientError(f'arm_mode is {self._mode}: arm enable first')
+            raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
 
     def _on_pose(self, message: PoseStamped) -> None:
         self._pose = message

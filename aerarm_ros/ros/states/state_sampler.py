@@ -34,6 +34,8 @@ class StateSampler:
     ----------
     missing
         Wanted joints that no message has had so far.
+    unknown
+        Wanted joints without a position in the newest message: those that are not homed.
     stamp_ns
         Stamp of the newest message [ns].
     """
@@ -42,6 +44,7 @@ class StateSampler:
         self, node: Node, names: Sequence[str], topic: Topic = topics.JOINT_STATES
     ) -> None:
         self.missing: list[str] = []
+        self.unknown: list[str] = []
         self.stamp_ns = 0
         self._names = list(names)
         self._may_be_partial = topic is not topics.JOINT_STATES
@@ -65,8 +68,11 @@ class StateSampler:
         if self.missing:
             return None
         state = values[0][:, [known.index(name) for name in self._names]]
-        complete = self._may_be_partial or np.all(np.isfinite(state[0]))
-        return state if complete else None
+        finite = np.isfinite(state[0]).tolist()
+        self.unknown = [
+            name for name, is_known in zip(self._names, finite, strict=True) if not is_known
+        ]
+        return state if self._may_be_partial or not self.unknown else None
 
     def frequency(self, now: float) -> float:
         """Return the publisher's rate [Hz] over the last second, from its own numbering.

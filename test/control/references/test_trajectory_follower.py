@@ -21,24 +21,24 @@ def follower(limits) -> TrajectoryFollower:
     return follower
 
 
-def play(follower, seconds, start=0.0, events=None, lag=0.0):
+def play(follower, seconds, start=0.0, events=None, lag=0.0, cycle_time=CYCLE):
     """Return references (M, 3, n) of a run in which the arm follows with an error `lag`."""
     rows = []
-    for cycle in range(round(seconds / CYCLE)):
-        now = start + cycle * CYCLE
+    for cycle in range(round(seconds / cycle_time)):
+        now = start + cycle * cycle_time
         if events and cycle in events:
             events[cycle](now)
-        rows.append(follower.update(follower.reference.q + lag, now, CYCLE))
+        rows.append(follower.update(follower.reference.q + lag, now, cycle_time))
     return np.array(rows)
 
 
-def assert_continuous(rows, limits) -> None:
+def assert_continuous(rows, limits, cycle_time=CYCLE) -> None:
     q, dq, ddq = rows[:, 0], rows[:, 1], rows[:, 2]
-    assert np.all(np.abs(np.diff(q, axis=0)) <= 1.5 * CYCLE * limits.velocity_max)
-    assert np.all(np.abs(np.diff(dq, axis=0)) <= 1.5 * CYCLE * limits.acceleration_max)
+    assert np.all(np.abs(np.diff(q, axis=0)) <= 1.5 * cycle_time * limits.velocity_max)
+    assert np.all(np.abs(np.diff(dq, axis=0)) <= 1.5 * cycle_time * limits.acceleration_max)
     # Velocity and acceleration belong to the positions.
-    np.testing.assert_allclose(np.gradient(q, CYCLE, axis=0)[1:-1], dq[1:-1], atol=5e-3)
-    np.testing.assert_allclose(np.gradient(dq, CYCLE, axis=0)[1:-1], ddq[1:-1], atol=0.5)
+    np.testing.assert_allclose(np.gradient(q, cycle_time, axis=0)[1:-1], dq[1:-1], atol=5e-3)
+    np.testing.assert_allclose(np.gradient(dq, cycle_time, axis=0)[1:-1], ddq[1:-1], atol=0.5)
 
 
 def test_holds_after_taking_over(follower) -> None:
@@ -116,8 +116,9 @@ def test_a_streamed_sine_is_followed(follower, limits) -> None:
 def test_a_silent_stream_brakes(follower, limits) -> None:
     point = JointTrajectory(limits, NAMES, [0.0], [HOME], [[0.5, 0.0, 0.0, -0.5]])
     follower.follow(point, 0.0)
-    rows = play(follower, 1.5)
-    assert_continuous(rows, limits)
+    fine = CYCLE / 20.0  # the braking takes 14 ms
+    rows = play(follower, 0.2, cycle_time=fine)
+    assert_continuous(rows, limits, fine)
     assert not rows[-1, 1:].any()
     assert 'no streamed point' in follower.outcome
 
@@ -171,3 +172,25 @@ def test_what_it_says_of_the_next_moments_is_what_it_does(follower) -> None:
         np.testing.assert_array_equal(told.q[0], rows[-1, 0])
         done = play(follower, 0.101, start=now)[::20]
         np.testing.assert_allclose(np.stack(told, axis=1), done, atol=1e-9)
+
+
+def test_a_goal_is_checked_as_it_would_begin_and_changes_nothing(follower) -> None:
+    before = follower.motion, follower.status
+    follower.check_goal(JointTrajectory(follower.limits, NAMES, [2.0], [AWAY]), 1.0)
+    with pytest.raises(
+        RejectedInputError, match=r'joint1 needs 14\.9 rad/s, 9\.92 more than its limit of 5:'
+    ):
+        follower.check_goal(JointTrajectory(follower.limits, NAMES, [0.1], [AWAY]), 1.0)
+    moving = [[0.0, 0.0, 0.0, 0.5]]
+    with pytest.raises(RejectedInputError, match=r'a velocity, joint4 0\.5 rad/s \(limit 0\.005\)'):
+        follower.check_goal(JointTrajectory(follower.limits, NAMES, [2.0], [AWAY], moving), 1.0)
+    assert (follower.motion, follower.status) == before
+
+
+def test_infinite_tolerances_check_nothing(limits) -> None:
+    unchecked = FollowerTolerances.uniform(4, path=np.inf, goal=np.inf, goal_time=np.inf)
+    follower = TrajectoryFollower(limits, unchecked)
+    follower.take_over(HOME)
+    follower.go_to(AWAY, 0.0)
+    play(follower, 3.0, lag=2.0)
+    assert follower.outcome.startswith('reached')

@@ -226,7 +226,7 @@ def test_lost_commands_are_counted_by_the_echo():
     for index, echo in ((1, 0), (2, 1), (3, 2), (4, 2), (5, 4), (6, 4)):
         wire.good(index=echo)
         wire.monitor.sent(index)
-    assert wire.monitor.lost_commands == 2
+    assert wire.monitor.echo.lost == 2
 
 
 def test_slow_exchanges_are_counted_and_many_in_a_row_are_a_fault():

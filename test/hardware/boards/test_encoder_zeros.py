@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,40 @@ def zeros(config):
     return EncoderZeros(config)
 
 
-def test_zeros_are_assumed_until_one_is_lost(zeros):
+def test_incremental_zeros_are_unknown_until_they_are_found(zeros):
+    assert zeros.unknown == ['joint1', 'joint2', 'joint3', 'joint4']
+    assert zeros.problem == (
+        'the zero of joint1, joint2, joint3, joint4 is unknown (not homed since the bridge '
+        'started): bring the arm to its rest posture, joint1 0, joint2 1.571, joint3 0, joint4 0 '
+        "rad, and home it ('arm home')"
+    )
+    q = np.array([1.0, 2.0, 3.0, 4.0])
+    assert np.isnan(zeros.known_only(q)).all()
+    assert q.tolist() == [1.0, 2.0, 3.0, 4.0]
+    zeros.found()
+    assert zeros.known_only(q) is q
+    zeros.restarted([1], 'board0 was switched off and on')
+    assert zeros.unknown == ['joint2']
+    assert zeros.known_only(q).tolist() == pytest.approx([1.0, np.nan, 3.0, 4.0], nan_ok=True)
+
+
+def test_an_absolute_encoder_knows_its_angle_whenever_its_board_is_switched_on(config):
+    boards = (replace(config.boards[0], encoders='absolute'), config.boards[1])
+    zeros = EncoderZeros(replace(config, boards=boards))
+    assert zeros.unknown == ['joint3', 'joint4']
+    assert zeros.expected(np.full(4, 9.0)).tolist() == [9.0, 9.0, *zeros.rest[2:]]
+    zeros.found()
+    zeros.restarted(range(4), 'a power cycle')
+    assert zeros.unknown == ['joint3', 'joint4']
+    zeros.lose([0], 'a jump')
+    assert zeros.unknown == ['joint1', 'joint3', 'joint4']
+    zeros.restarted([0], 'a power cycle')
+    assert zeros.unknown == ['joint3', 'joint4']
+    assert not EncoderZeros(config, 'absolute').are_lost
+
+
+def test_zeros_that_are_lost_are_named_with_their_reasons(zeros):
+    zeros.found()
     assert not zeros.are_lost
     assert zeros.problem == ''
     zeros.lose([], 'nobody')
@@ -19,7 +54,7 @@ def test_zeros_are_assumed_until_one_is_lost(zeros):
     assert zeros.are_lost
     assert zeros.problem == (
         'the zero of joint2, joint4 is unknown (a jump): bring the arm to its rest posture, '
-        'joint1 0, joint2 1.571, joint3 0, joint4 0 rad, and home it'
+        "joint1 0, joint2 1.571, joint3 0, joint4 0 rad, and home it ('arm home')"
     )
     zeros.lose([0], 'another')
     assert 'joint1, joint2, joint4 is unknown (a jump, another)' in zeros.problem

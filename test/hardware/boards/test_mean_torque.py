@@ -14,7 +14,7 @@ PERIOD = 1e-3
 
 @pytest.mark.parametrize('speed', [0.4, -0.4])
 def test_measured_torque_is_what_the_motors_give_on_average(speed: float) -> None:
-    config = load_arm_config()
+    config = load_arm_config().with_encoders('absolute')
     transport = make_emulated_transport(config, load_robot(), None)
     plant, given = transport.plant, []
     apply = plant.apply_effort
@@ -40,7 +40,7 @@ def test_measured_torque_is_what_the_motors_give_on_average(speed: float) -> Non
 
 def test_torque_of_an_accelerating_joint_is_the_commanded_one() -> None:
     """Under torque control the boards have no gains, whatever a joint's speed does."""
-    config = load_arm_config()
+    config = load_arm_config().with_encoders('absolute')
     cycle = BridgeCycle(config, make_emulated_transport(config, load_robot(), None))
     effort, now, measured = np.array([1.0, 0.0, 0.5, 0.0]), 0.0, []
     while len(measured) < 40:

@@ -29,6 +29,12 @@ def test_a_clock_that_began_anew_is_that_of_a_board_that_was_off() -> None:
     assert not watch(30.0).saw(BoardState(timestamp=30.001), -5.0)
 
 
+def test_a_silence_as_long_as_the_clocks_period_is_a_restart() -> None:
+    now = BoardState(timestamp=31.0)
+    assert not watch(30.0).saw(now, 1.0 + 0.9 * TIMESTAMP_PERIOD)
+    assert watch(30.0).saw(now, 1.0 + TIMESTAMP_PERIOD)
+
+
 def test_a_pulse_that_was_met_is_forgotten_by_a_restart_only() -> None:
     for detected in ([True, False], [False, True]):
         assert watch(64.0, index_detected=detected).saw(BoardState(timestamp=65.0), 5.0)

@@ -11,6 +11,7 @@ LEANING = [0.0, 0.9, 0.0, 0.0]
 
 def held_posture(config, robot, profile: str) -> np.ndarray:
     """Return where the boards hold the arm, after a second without a command."""
+    config = config.with_encoders('absolute')
     transport = make_emulated_transport(config, robot, None, position=LEANING)
     plant = mount_on_base(transport, robot, BASE_PROFILES[profile])
     assert plant is transport.plant

@@ -117,7 +117,7 @@ def test_reported_voltage_gives_joule_loss_plus_mechanical_power(motor):
     power = 1.5 * motor.quadrature_voltage * current  # (4.1)
     joule, mechanical = 1.5 * 0.15 * current**2, MOTOR.torque_constant * current * speed
     assert power == pytest.approx(joule + mechanical)
-    assert motor.bus_voltage < 24.0
+    assert motor.power == pytest.approx(power)
 
 
 @pytest.mark.parametrize('name', ['forward', 'reverse', 'hold', 'current'])

@@ -51,15 +51,19 @@ def test_time_that_goes_back_does_nothing(boards):
     assert boards.plant.time == pytest.approx(0.001)
 
 
-def test_boards_count_the_motors_angles_of_the_joints_that_they_drive(config, robot):
+@pytest.mark.parametrize('encoders', ['absolute', ''])
+def test_boards_count_the_motors_angles_of_the_joints_that_they_drive(config, robot, encoders):
     q = np.array([0.3, 1.2, -0.4, 0.5])
+    # Those of the profile count from where they were switched on.
+    at_zero = q if encoders == '' else np.array([joint.offset for joint in config.joints])
+    config = config.with_encoders(encoders)
     boards = make_emulated_transport(config, robot, seed=None, position=q)
     boards.advance(0.0)
     boards.advance(SUBSTEP)
     codec = FrameCodec(load_profile())
-    for joint, angle in zip(config.joints, q, strict=True):
+    for joint, angle, zero in zip(config.joints, q, at_zero, strict=True):
         state = codec.decode(boards.exchange(joint.board, codec.encode(BoardCommand())))
-        motor_angle = joint.sign * (angle - joint.offset) / joint.gear.ratio
+        motor_angle = joint.sign * (angle - zero) / joint.gear.ratio
         count = 2 * np.pi / 4096
         assert state.position[joint.channel] == pytest.approx(motor_angle, abs=count)
 

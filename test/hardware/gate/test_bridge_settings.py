@@ -39,6 +39,6 @@ def test_every_setting_may_be_anything_within_its_bounds(name):
     low, high = BridgeSettings.BOUNDS[name]
     for allowed in (low, high):
         assert getattr(BridgeSettings(**{name: allowed}), name) == allowed
-    for beyond in (low * 0.999, high * 1.001):
+    for beyond in (low - 0.001 * abs(low), high * 1.001):
         with pytest.raises(ValueError, match=f'{name} is .*, must lie in {low:g} to {high:g}'):
             BridgeSettings(**{name: beyond})

@@ -328,3 +328,44 @@ def test_the_mean_of_the_boards_speed_is_that_of_its_low_pass(period):
         speed += (torque - 0.5) / INERTIA * step
         total += filtered / 1000.0
     assert barrier.mean_filtered(torque) == pytest.approx(total, abs=2e-3)
+
+
+def test_while_commands_are_lost_the_bounds_are_good_for_the_one_that_is_kept_too():
+    barrier = seen(dq=4.8)
+    highest = barrier.highest
+    # The board may go on with more torque than it was told last.
+    barrier.update(0.0, 4.8, 0.0, 0.0, INERTIA, DT, DT, kept=3.0)
+    assert barrier.highest < highest - 0.5
+    assert barrier.dq == pytest.approx(4.8 + 3.0 / INERTIA * DT, abs=0.02)
+    # With less, what it was told last counts.
+    barrier = seen(dq=4.8)
+    barrier.update(0.0, 4.8, 0.0, 0.0, INERTIA, DT, DT, kept=-3.0)
+    assert barrier.highest == pytest.approx(highest)
+    assert barrier.dq == pytest.approx(4.8, abs=0.02)
+
+
+def test_loads_are_learned_from_the_torque_that_acted():
+    def learned(was_kept):
+        barrier = seen()
+        for cycle in range(20):
+            # The joint is led by the torque that was kept; the last command never arrives.
+            speed = 2.0 / INERTIA * DT * (cycle + 1)
+            barrier.update(0.0, speed, 0.0, 0.0, INERTIA, DT, DT, 2.0, was_kept and cycle > 0)
+        return barrier.load
+
+    assert abs(learned(was_kept=True)) < 0.5 < abs(learned(was_kept=False))
+
+
+def test_a_stiff_law_that_ends_by_itself_needs_no_damping():
+    barrier = seen()
+    assert barrier.gap_damping(5.0) > 0.0
+    assert barrier.gap_damping(5.0, 5.0, 0.0, 1.0) == 0.0  # at 5 rad/s, by its damping
+    assert barrier.gap_damping(5.0, 5.0, 100.0, 0.0) == 0.0  # 5 rad/s, by the energy of its spring
+    # A drive that is too weak for its law goes on with all it has.
+    assert barrier.gap_damping(5.0, 50.0, 100.0, 1.0) > 0.0
+
+
+def test_a_fast_joint_under_a_feeble_law_is_damped_for_what_others_pull_at_it():
+    assert seen(dq=4.8).gap_damping(0.0, 0.0, 0.0, 0.2) > 0.0
+    assert seen(dq=4.8).gap_damping(0.0, 0.0, 0.0, 20.0) == 0.0
+    assert seen(dq=1.0).gap_damping(0.0, 0.0, 0.0, 0.2) == 0.0

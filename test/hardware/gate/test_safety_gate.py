@@ -9,6 +9,7 @@ from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 Q = np.array([0.0, 1.5, 0.0, 0.0])
 DQ = np.zeros(4)
 CYCLE = np.full(4, 1e-3)  # [s]
+LOSSLESS = [np.nan] * 4, [0] * 4  # no board goes on with an older command
 
 
 @pytest.fixture
@@ -91,10 +92,10 @@ def test_standstill_is_zero_speed_and_nothing_else():
 
 def test_barriers_know_where_the_arm_is_and_what_it_carries(gate):
     stretched, top = np.array([0.0, 0.0, 0.0, 0.0]), np.array([0.0, 1.5, 0.0, 2.094])
-    gate.watch(stretched, DQ, np.array([0.0, 5.4, 0.0, 0.0]), CYCLE, CYCLE)
+    gate.watch(stretched, DQ, np.array([0.0, 5.4, 0.0, 0.0]), CYCLE, CYCLE, *LOSSLESS)
     assert gate.barriers[1].load == pytest.approx(5.3, abs=0.2)
     assert gate.barriers[1].highest > 9.39
-    gate.watch(top, DQ, DQ, CYCLE, CYCLE)
+    gate.watch(top, DQ, DQ, CYCLE, CYCLE, *LOSSLESS)
     assert abs(gate.barriers[3].highest) < 0.5
     assert gate.barriers[3].lowest < -9.39
 
@@ -104,16 +105,16 @@ def test_others_are_slowed_while_a_joint_cannot_be_braked(gate):
     q, fast = np.array([0.0, -0.3, 0.0, 0.0]), np.array([5.0, -4.0, 5.0, 5.0])
     free = [barrier.speed(2.0) for barrier in gate.barriers]
     for _ in range(20):
-        gate.watch(q, fast, DQ, CYCLE, CYCLE)
+        gate.watch(q, fast, DQ, CYCLE, CYCLE, *LOSSLESS)
     slowed = [barrier.speed(2.0) for barrier in gate.barriers]
     assert gate.barriers[1].is_overwhelmed
     assert slowed[1] == free[1]
     assert (np.array(slowed)[[0, 2, 3]] < 0.96 * np.array(free)[[0, 2, 3]]).all()
     assert gate.limit(command(dq=5.0), Q, 1e-3, now=0.0).dq[0] < 4.9
-    gate.watch(q, fast, DQ, CYCLE, np.full(4, 6e-3))  # after a pause nobody knows
+    gate.watch(q, fast, DQ, CYCLE, np.full(4, 6e-3), *LOSSLESS)  # after a pause nobody knows
     assert [barrier.speed(2.0) for barrier in gate.barriers] == slowed
     for _ in range(100):
-        gate.watch(Q, DQ, DQ, CYCLE, CYCLE)
+        gate.watch(Q, DQ, DQ, CYCLE, CYCLE, *LOSSLESS)
     assert [barrier.speed(2.0) for barrier in gate.barriers] == free
     assert not any(barrier.is_slowed for barrier in gate.barriers)
 

@@ -14,6 +14,7 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
+from aerarm_ros.hardware.zero_file import ZeroFile
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, Watched
 from aerarm_ros.ros.bridge.bridge_timing import BridgeTiming
@@ -34,14 +35,20 @@ class Listener:
         node.create_subscription(topic.type, topic.name, self.messages.append, topic.qos)
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
-        config = load_arm_config()
+        config = load_arm_config().with_encoders('absolute')
         self.cycle = BridgeCycle(config, make_emulated_transport(config, load_robot()))
         publishers = CommandPublishers()
         self.watch = PublisherWatch(node, topics.JOINT_COMMAND, publishers.look)
         timing = BridgeTiming(PeriodicLoop(PERIOD))
         self.rivals = RivalWatch(node, topics.JOINT_STATES)
         self.watched = Watched(
-            config.joint_names, self.cycle, timing, publishers, self.watch, self.rivals
+            config.joint_names,
+            self.cycle,
+            timing,
+            publishers,
+            self.watch,
+            self.rivals,
+            ZeroFile(None, config),
         )
 
     def wait_for(self, condition: Callable[[], bool]) -> None:

@@ -85,7 +85,8 @@ class StoppedEarly(FakeHardware):
 def start(ros_domain: dict[str, str]) -> Iterator[Callable[[type[FakeHardware]], FakeHardware]]:
     """Return a function that makes a bridge in this process."""
     interval = sys.getswitchinterval()
-    rclpy.init(args=['--ros-args', '-p', 'freeze_gc:=false'])
+    given = ('freeze_gc:=false', 'encoders:=absolute')
+    rclpy.init(args=['--ros-args', *(part for one in given for part in ('-p', one))])
     with ExitStack() as stack:
 
         def make(bridge: type[FakeHardware]) -> FakeHardware:

@@ -58,7 +58,8 @@ def test_a_pause_of_the_host_is_none_of_the_arms_motion(
     drone: PausedArm, tmp_path: Path, clock: str
 ) -> None:
     names = ('--ros-args', '-r', f'/clock:={clock}', '--')
-    with NodeProcess('fake_hardware', names, {'seed': 3}, log=tmp_path / 'arm.log') as bridge:
+    arm = {'seed': 3, 'encoders': 'absolute'}
+    with NodeProcess('fake_hardware', names, arm, log=tmp_path / 'arm.log') as bridge:
         drone.let_it_move()
         for _ in range(3):
             os.kill(bridge.pid, signal.SIGSTOP)

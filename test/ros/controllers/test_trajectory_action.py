@@ -57,8 +57,9 @@ class ActionBench:
 
 
 @pytest.fixture
-def arm(tmp_path: Path, ros_node: Node) -> Iterator[ActionBench]:
-    bench = ControllerBench(tmp_path, ros_node)
+def arm(request: pytest.FixtureRequest, tmp_path: Path, ros_node: Node) -> Iterator[ActionBench]:
+    # An arm that differs from its drawing, as that of the launch files; the controller's defaults.
+    bench = ControllerBench(tmp_path, ros_node, seed=getattr(request, 'param', 0))
     with bench.hardware:
         bench.start()
         with bench.controller('computed_torque') as process:
@@ -99,6 +100,13 @@ def test_goals_of_an_action_client(arm: ActionBench) -> None:
     # What cannot be done is not accepted.
     assert not arm.send(arm.goal([0.0, 9.0, 0.0, 0.0], 1.0)).accepted
     assert not arm.send(arm.goal(GOAL, 1.0, [*NAMES[:3], 'elbow'])).accepted
+    assert not arm.send(arm.goal(AWAY, 0.1)).accepted  # too fast
+    ending = arm.goal(GOAL, 2.0)
+    ending.trajectory.points[0].velocities = [0.0, 0.0, 0.0, 0.5]
+    assert not arm.send(ending).accepted
+    # The other joints stay.
+    assert arm.result(arm.send(arm.goal([-0.5], 1.0, NAMES[2:3])))[0] == GoalStatus.STATUS_SUCCEEDED
+    assert np.abs(arm.bench.q - [*GOAL[:2], -0.5, GOAL[3]]).max() < 0.02
     # A topic takes the arm, and an arm that is stopped takes no goal.
     handle = arm.send(arm.goal(AWAY, 20.0))
     arm.bench.publisher(topics.JOINT_TRAJECTORY).publish(trajectory(AWAY, 20.0))
@@ -108,6 +116,15 @@ def test_goals_of_an_action_client(arm: ActionBench) -> None:
     assert arm.result(handle)[:2] == (GoalStatus.STATUS_ABORTED, codes.INVALID_GOAL)
     arm.bench.wait(lambda: arm.bench.mode == 'fault', 'the stop')
     assert not arm.send(arm.goal(GOAL, 1.0)).accepted
+
+
+@needs_action
+@pytest.mark.parametrize('arm', [1, 2, 3], indirect=True)
+def test_goals_on_the_defaults_succeed_whatever_the_arm(arm: ActionBench) -> None:
+    for goal, seconds in ((GOAL, 1.0), (AWAY, 1.5), ([0.5, 1.2, 0.0, 0.4], 2.0)):
+        status, _, text = arm.result(arm.send(arm.goal(goal, seconds)))
+        assert status == GoalStatus.STATUS_SUCCEEDED, text
+        assert np.abs(arm.bench.q - goal).max() < 0.005
 
 
 @pytest.mark.skipif(HAS_ACTION, reason='control_msgs is installed')

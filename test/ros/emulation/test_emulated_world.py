@@ -181,7 +181,7 @@ def lockstep_run(folder: Path, ros_node: Node) -> list[np.ndarray]:
     arm be held is another in every run.
     """
     folder.mkdir()
-    arm = {'pace': 'lockstep', 'seed': 3}
+    arm = {'pace': 'lockstep', 'encoders': 'absolute', 'seed': 3}
     motion = quick(folder, amplitude=0.1, return_to_start=False, wait_for_recorder=True)
     with NodeProcess('fake_hardware', (), arm, log=folder / 'arm.log'):
         BridgeClient(ros_node).make_ready()
@@ -302,7 +302,7 @@ def test_a_world_with_a_drone_does_not_spin_while_it_waits_for_its_recorder(
 def moving_base_run(folder: Path, ros_node: Node) -> dict[int, bytes]:
     """Hold the arm on a moving base in lockstep; return the recorded states by their stamps."""
     folder.mkdir()
-    arm = {'pace': 'lockstep', 'seed': 3, 'base_motion_profile': 'moving'}
+    arm = {'pace': 'lockstep', 'encoders': 'absolute', 'seed': 3, 'base_motion_profile': 'moving'}
     bag, log = folder / 'bag', folder / 'recorder.log'
     with (
         NodeProcess('fake_hardware', (), arm, log=folder / 'arm.log'),

@@ -1,5 +1,5 @@
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 
 import pytest
@@ -36,8 +36,8 @@ class WatchedTopic:
             self.watch.poll()
             time.sleep(1e-4)
 
-    def _on_names(self, names: list[str]) -> None:
-        self.names = sorted(names)
+    def _on_names(self, names: Mapping[bytes, str]) -> None:
+        self.names = sorted(names.values())
         self.looks += 1
 
 

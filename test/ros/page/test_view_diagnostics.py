@@ -74,3 +74,19 @@ def test_the_way_out_is_that_of_a_bridge_that_is_there() -> None:
     diagnostics.add('arm', ViewStatus(2, 'fault', values, received=10.0))
     assert diagnostics.way_out(11.0) == "'arm clear_fault'"
     assert diagnostics.way_out(20.0) == ''
+
+
+def test_temperatures_and_the_time_that_is_left_make_a_table():
+    diagnostics = ViewDiagnostics()
+    values = {
+        'joint2 winding [degC]': '85.1',
+        'joint2 housing [degC]': '44.0',
+        'joint2 torque limit [Nm]': '9.39',
+        'joint2 time to reduction [s]': '17',
+    }
+    diagnostics.add('bridge: motors', ViewStatus(1, 'warm', values, received=10.0))
+    diagnostics.add('other', ViewStatus(0, 'ok', {}, received=10.0))
+    html = diagnostics.motors_html(10.0)
+    for text in ('joint2', '85.1', '44.0', '9.39', '17', 'reduced in', 'WARN'):
+        assert text in html
+    assert 'other' not in html

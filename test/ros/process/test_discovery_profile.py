@@ -184,7 +184,9 @@ def running_node(
     ros_domain: dict[str, str], tmp_path: Path, request: pytest.FixtureRequest
 ) -> Iterator[NodeProcess]:
     environment = {RANGE: request.param, PROFILES_FILE: ''}
-    node = NodeProcess('fake_hardware', (), {}, environment, tmp_path / 'node.log')
+    node = NodeProcess(
+        'fake_hardware', (), {'encoders': 'absolute'}, environment, tmp_path / 'node.log'
+    )
     with node:
         deadline = time.monotonic() + 120.0
         while ': idle' not in node.tail():

@@ -45,7 +45,7 @@ def test_a_killed_parent_leaves_no_child(
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
         try:
             child = int(parent.stdout.readline())
-            assert not is_up or wait_for(lambda: ': idle' in log.read_text())
+            assert not is_up or wait_for(lambda: ': unhomed' in log.read_text())
             assert is_running(child)
         finally:
             parent.kill()

@@ -1,0 +1,189 @@
+"""What the measurements of one joint say about its motor, encoder, gear and driver."""
+
+from __future__ import annotations
+
+from math import pi
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.boards.commissioning_probe import REACH, SPEED
+from aerarm_ros.hardware.boards.probe_messages import ProbeReport
+
+RATIO_TOLERANCE = 0.05
+_NOT_TURNED = 0.2  # share of the turn that an encoder has to count at least
+_ALSO_TURNED = 0.25  # share of the turn by which another joint may be carried along
+_PULSES_OFF = 2
+_RETURN_TOLERANCE = 0.05  # [rad] at the joint, of a hand that places it twice
+_NOT_DRIVEN = 0.5  # share of the way that a drive has to reach
+_DELIVERED = (0.8, 1.2)
+# Friction of a made gear beside the configuration's: 30 % of spread, and what a gear of a printed
+# part runs in by; the allowance is for joints with hardly any.
+_FRICTION = (0.3, 2.0)
+_FRICTION_ALLOWANCE = 0.05  # [Nm]
+_TURN = 2.0 * pi
+
+Findings = list[str]
+Measured = dict[str, float]
+
+
+def turn_findings(
+    config: ArmConfig, joint: int, turn: float, report: ProbeReport
+) -> tuple[Findings, Measured]:
+    """Judge a joint that a hand turned while the motors were off.
+
+    Parameters
+    ----------
+    config
+        The arm.
+    joint
+        Its number.
+    turn
+        Angle by which it was turned [rad], positive in the joint's direction.
+    report
+        Of the bridge, since before the turn.
+
+    Returns
+    -------
+    findings
+        What is wrong, and what to check; empty for a joint as configured.
+    measured
+        `reduction`: motor turns per joint turn.
+    """
+    this, names = config.joints[joint], config.joint_names
+    gears = config.column('gear.ratio').tolist()
+    turned = [gear * abs(span) / abs(turn) for gear, span in zip(gears, report.span, strict=True)]
+    most = max(range(config.n), key=turned.__getitem__)
+    if turned[most] < _NOT_TURNED:
+        return [
+            f'{this.name}: no encoder counted the turn: check that the right joint was turned, '
+            f'the encoder cable, and the magnet of {this.motor.name}'
+        ], {}
+    if most != joint:
+        other = config.joints[most]
+        return [
+            f'{this.name}: its turn was counted by the encoder of {other.name}: swap the cables, '
+            f'or board and channel of {this.name} ({this.board}, {this.channel}) and {other.name} '
+            f'({other.board}, {other.channel})'
+        ], {}
+    findings = []
+    carried = [name for i, name in enumerate(names) if i != joint and turned[i] > _ALSO_TURNED]
+    if carried:
+        findings.append(f'{this.name}: {", ".join(carried)} turned as well: hold it, and repeat')
+    travel = report.travel[joint]
+    if travel * turn * this.sign < 0.0:
+        findings.append(
+            f'{this.name}: its encoder counts against the configuration: set sign: {-this.sign}'
+        )
+    reduction, expected = abs(travel / turn), 1.0 / this.gear.ratio
+    off = reduction / expected - 1.0
+    if abs(off) > RATIO_TOLERANCE:
+        findings.append(
+            f'{this.name}: the motor makes {reduction:.2f} turns per turn of the joint, the '
+            f'configuration has {expected:.4g} ({100.0 * off:+.0f} %): correct the gear, or turn '
+            'the joint by the angle that is asked for'
+        )
+    pulses = report.span[joint] / _TURN
+    if abs(report.pulses[joint] - pulses) > _PULSES_OFF:
+        findings.append(
+            f'{this.name}: {report.pulses[joint]} index pulses in {pulses:.1f} motor turns: check '
+            "the encoder's index line"
+        )
+    return findings, {'reduction': reduction}
+
+
+def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findings:
+    """Judge a joint that was turned back to where its turn began; arguments as `turn_findings`."""
+    this = config.joints[joint]
+    off = this.gear.ratio * report.travel[joint]
+    if abs(off) <= _RETURN_TOLERANCE:
+        return []
+    return [
+        f'{this.name}: back at its mark the encoder is {off:+.3f} rad off: place it exactly, or '
+        'check the encoder for lost counts and the gear for slip'
+    ]
+
+
+def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[Findings, Measured]:
+    """Judge a joint whose motor was driven forth and back; arguments as `turn_findings`.
+
+    Returns
+    -------
+    findings
+        What is wrong, and what to check.
+    measured
+        `delivered`: measured per requested current. `friction` and `load`: half the difference and
+        half the sum of the torques in both directions [Nm].
+    """
+    this = config.joints[joint]
+    if report.phase != 'done' or len(report.strokes) != 2:
+        return [f'{this.name}: it was not driven: {report.reason or report.phase}'], {}
+    gears = config.column('gear.ratio').tolist()
+    way = [gear * span / (2.0 * REACH) for gear, span in zip(gears, report.span, strict=True)]
+    others = [
+        name for i, name in enumerate(config.joint_names) if i != joint and way[i] > _NOT_DRIVEN
+    ]
+    up, down = report.strokes
+    effort = this.torque_per_ampere
+    if way[joint] < _NOT_DRIVEN:
+        moved = (
+            f'{", ".join(others)} moved instead: check the channels'
+            if others
+            else f'it was blocked at {effort * report.current_max:.2f} Nm: its friction is too '
+            'high, a motor phase is open, or the joint is held'
+        )
+        return [f'{this.name}: its motor did not move it; {moved}'], {}
+    findings = []
+    if others:
+        findings.append(f'{this.name}: {", ".join(others)} moved as well: check the motor phases')
+    if min(up.speed, -down.speed) < 0.5 * SPEED:
+        findings.append(
+            f'{this.name}: it ran at {up.speed:+.2f} and {down.speed:+.2f} rad/s instead of '
+            f'{SPEED:+g} and {-SPEED:+g}: check the direction of its motor'
+        )
+    measured = {
+        'friction': 0.5 * effort * (up.measured - down.measured),
+        'load': 0.5 * effort * (up.measured + down.measured),
+    }
+    requested = up.requested - down.requested
+    if requested > 0.0:
+        measured['delivered'] = (up.measured - down.measured) / requested
+    findings += _driver_findings(this.name, measured)
+    expected = this.coulomb + this.viscous * SPEED
+    findings += _friction_findings(this.name, measured['friction'], expected)
+    return findings, measured
+
+
+def _driver_findings(name: str, measured: Measured) -> Findings:
+    share = measured.get('delivered', 0.0)
+    low, high = _DELIVERED
+    if low <= share <= high:
+        return []
+    return [
+        f'{name}: the driver delivers {100.0 * share:.0f} % of the requested current: check the '
+        "supply voltage, the motor phases, and the board's current measurement"
+    ]
+
+
+def _friction_findings(name: str, friction: float, expected: float) -> Findings:
+    low, high = (factor * expected for factor in _FRICTION)
+    if low - _FRICTION_ALLOWANCE <= friction <= high + _FRICTION_ALLOWANCE:
+        return []
+    what = 'look for what rubs' if friction > expected else 'is the gear coupled to the motor?'
+    return [
+        f'{name}: its friction is {friction:.3f} Nm, the configuration has {expected:.3f} Nm: '
+        f'{what}, check torque constant and gear'
+    ]
+
+
+def pulse_offset(
+    config: ArmConfig, joint: int, home_angle: float, report: ProbeReport
+) -> float | None:
+    """Return the motor angle of the index pulses modulo a turn [rad], None without a pulse.
+
+    Parameters
+    ----------
+    home_angle
+        Motor angle of the joint's place when the report began [rad], zero at the configuration's
+        offset.
+    """
+    angle = report.pulse_angle[joint]
+    return None if angle is None else (home_angle + angle) % _TURN

@@ -1,0 +1,356 @@
+"""Watches motors that are turned by hand, and drives one motor of an arm that nobody knows yet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import atan2, cos, inf, isfinite, pi, sin
+
+import numpy as np
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
+from aerarm_ros.hardware.boards.board_link import BoardLink
+from aerarm_ros.hardware.boards.board_mode import BoardMode
+from aerarm_ros.hardware.boards.motor_references import MotorReferences
+from aerarm_ros.hardware.boards.probe_messages import (
+    DRIVE,
+    OFF,
+    WATCH,
+    ProbeReport,
+    ProbeRequest,
+    Stroke,
+)
+from aerarm_ros.hardware.gate.joint_loads import JointLoads
+
+SPEED = 0.15  # [rad/s] of a driven joint, as of homing
+REACH = 0.12  # [rad] to either side of where it begins
+_SILENCE = 1.0  # [s] without a request that ends a drive
+_WATCH_SILENCE = 10.0  # [s] that ends a watch: motors are off, a busy host may be late
+# Torque that a drive may use: friction several times the configuration's, and the weight of an arm
+# that is tilted by the reach and more. The frame holds no less than half an ampere.
+_FRICTION_FACTOR = 3.0
+_LOAD_SHARE = 0.15
+_CURRENT_MIN = 0.5  # [A]
+# What ends a drive at once: a motor whose torque has the wrong sign speeds up.
+_SPEED_FACTOR = 4.0
+_TRAVEL_FACTOR = 2.0
+_CURRENT_FACTOR = 2.0
+_ON = ('aligning', 'ready', 'homing', 'running', 'damping')  # modes in which motors are driven
+_AT_REST = 0.05  # [rad/s] of a joint before its motor is switched on
+_BLURRED = 3e-3  # [s] between two frames, after which the place of a pulse is not known
+_SETTLING = 0.3  # [s] of a stroke before its means begin
+# Direction and duration [s] of each part of a drive; a stroke of 1 goes to the reach.
+_STROKE = REACH / SPEED
+_PARTS = (
+    (0, _SETTLING),
+    (1, _STROKE),
+    (0, 0.2),
+    (-1, 2.0 * _STROKE),
+    (0, 0.2),
+    (1, _STROKE),
+    (0, 0.1),
+)
+
+
+class CommissioningProbe:
+    """Lets a client learn how motors, encoders and joints are connected, at low torque and speed.
+
+    Neither needs an encoder's zero. While it watches, all motors are off, and it counts how far
+    each is turned, and where its index pulses are. While it drives, one motor is on, all others are
+    off: it aligns, and turns its joint by 0.12 rad to either side at 0.15 rad/s.
+
+    A drive ends with its motor off, also where it fails: a motor that turns against its encoder is
+    driven, not braked, by a board's damping. It fails for a client that is silent for 1 s, a
+    fault of a board, an emergency stop, and where current, speed or travel exceed what was asked
+    for.
+
+    Parameters
+    ----------
+    config
+        The arm.
+    links, state, references
+        The boards, what they report, and what they are asked for.
+    loads
+        Largest torques of gravity.
+    problem
+        Returns why no motor may be switched on, '' if one may; see `FaultWatch.refusal`.
+    """
+
+    def __init__(
+        self,
+        config: ArmConfig,
+        links: Sequence[BoardLink],
+        state: ArmMeasurements,
+        references: MotorReferences,
+        loads: JointLoads,
+        problem: Callable[[bool], str],
+    ) -> None:
+        self._config = config
+        self._links = tuple(links)
+        self._state = state
+        self._references = references
+        self._problem = problem
+        self._now = -inf
+        self._joint = 0
+        self._id = ''
+        self._phase, self._reason = 'off', ''
+        self._contact = -inf
+        effort = _FRICTION_FACTOR * config.column('coulomb') + _LOAD_SHARE * loads.load_max
+        effort = np.minimum(effort, config.column('effort_max'))
+        current = np.maximum(effort / config.column('torque_per_ampere'), _CURRENT_MIN)
+        self._current_max: list[float] = current.tolist()
+        self._reduction: list[float] = (1.0 / config.column('gear.ratio')).tolist()
+        self._count = _TravelCount(state)
+        self._drive = _Drive(0.0)
+        # Reference that the board had when it measured what it answers now [rad], [rad/s].
+        self._sent = self._next = (0.0, 0.0)
+
+    @property
+    def is_driving(self) -> bool:
+        """Whether a motor is on, or aligns."""
+        return self._phase in ('aligning', 'driving')
+
+    @property
+    def refusal(self) -> str:
+        """Why nothing else may switch motors on, or ''."""
+        name = self._config.joint_names[self._joint]
+        return f'{name} is being commissioned: end that first' if self.is_driving else ''
+
+    def ask(self, request: ProbeRequest, mode: str) -> ProbeReport:
+        """Take a request and answer it; between two cycles.
+
+        Parameters
+        ----------
+        request
+            The same as before goes on with what it began.
+        mode
+            The arm's.
+        """
+        if self.is_driving and request.client != self._id.partition(':')[0]:
+            return self._report(request.id, 'failed', f'{self.refusal}: by another client', mode)
+        self._contact = self._now
+        if request.id != self._id:
+            self.end('')
+            self._id, self._reason = request.id, ''
+            is_on = mode in _ON
+            problem = f'the arm is {mode}: disable first' if is_on else self._problem(False)
+            self._begin(request, problem)
+        return self._report(self._id, self._phase, self._reason, mode)
+
+    def end(self, reason: str) -> None:
+        """Switch the driven motor off, if one is, and watch no more."""
+        if self.is_driving:
+            self._links[self._config.joints[self._joint].board].drive_only(None)
+            self._phase, self._reason = 'failed', reason
+        elif self._phase == 'watching':
+            self._phase = 'off'
+
+    def drive(self, now: float, stop: str) -> BoardLink | None:
+        """Set the reference of the driven motor; return its board's link, None if all are off.
+
+        Parameters
+        ----------
+        now
+            Time [s].
+        stop
+            Reason of a latched stop, '' if there is none.
+        """
+        if not self.is_driving:
+            return None
+        if stop or now - self._contact > _SILENCE:
+            self.end(stop or f'no request for {_SILENCE:g} s: the client is gone')
+            return None
+        motor = self._references.motors[self._joint]
+        joint = self._config.joints[self._joint]
+        motor.current_max = self._current_max[self._joint]
+        motor.kp, motor.kd = joint.board_kp, joint.board_kd
+        # Where it is, until it is aligned.
+        motor.position = float(self._state.reported_position[self._joint])
+        if self._phase == 'driving':
+            slope = joint.sign * self._reduction[self._joint]
+            offset, speed = self._drive.reference(now)
+            reach = motor.current_max / motor.kp if motor.kp else 0.0
+            wanted = self._drive.start + slope * offset
+            motor.position = min(max(wanted, motor.position - reach), motor.position + reach)
+            motor.velocity = slope * speed
+        self._sent, self._next = self._next, (motor.position, motor.velocity)
+        return self._links[joint.board]
+
+    def look(self, now: float) -> None:
+        """Take the boards' answers at `now` [s]; once a cycle."""
+        self._now = now
+        if self._phase == 'watching':
+            self._count.look()
+            if now - self._contact > _WATCH_SILENCE:
+                self._phase = 'off'
+        elif self.is_driving:
+            self._count.look()
+            self._look_at_drive(now)
+
+    def _begin(self, request: ProbeRequest, problem: str) -> None:
+        self._phase = {WATCH: 'watching', DRIVE: 'aligning', OFF: 'off'}[request.kind]
+        self._drive = _Drive(0.0)
+        self._count = _TravelCount(self._state)
+        if request.kind != DRIVE:
+            return
+        names = self._config.joint_names
+        if not problem and request.joint not in names:
+            problem = f'there is no joint {request.joint}: the arm has {", ".join(names)}'
+        moving = np.abs(self._state.dq) > _AT_REST
+        if not problem and moving.any():
+            name = names[int(np.argmax(moving))]
+            problem = f'{name} moves: hold the arm, wait until it rests'
+        if problem:
+            self._phase, self._reason = 'failed', problem
+            return
+        self._joint = names.index(request.joint)
+        joint = self._config.joints[self._joint]
+        self._links[joint.board].drive_only(joint.channel)
+
+    def _look_at_drive(self, now: float) -> None:
+        state, i = self._state, self._joint
+        joint = self._config.joints[i]
+        position, velocity = float(state.reported_position[i]), float(state.motor_velocity[i])
+        if self._phase == 'aligning':
+            if self._links[joint.board].is_aligned:
+                self._phase, self._drive = 'driving', _Drive(position, now)
+            return
+        current = float(state.motor_current[i])
+        speed = velocity / self._reduction[i]
+        travel = (position - self._drive.start) / self._reduction[i]
+        if abs(speed) > _SPEED_FACTOR * SPEED:
+            self.end(
+                f'{joint.name} ran at {abs(speed):.2f} rad/s instead of {SPEED:g}: its motor turns '
+                'against its encoder, check the motor phases and the channel'
+            )
+        elif abs(travel) > _TRAVEL_FACTOR * REACH:
+            self.end(f'{joint.name} was turned by {abs(travel):.2f} rad instead of {REACH:g}')
+        elif abs(current) > _CURRENT_FACTOR * self._current_max[i]:
+            self.end(
+                f'the motor of {joint.name} had {abs(current):.1f} A, allowed were '
+                f'{self._current_max[i]:.1f}: check the current measurement of the board'
+            )
+        elif self._drive.is_over(now):
+            self._links[joint.board].drive_only(None)
+            self._phase = 'done'
+        else:
+            motor = self._references.motors[i]
+            sent_position, sent_velocity = self._sent
+            asked = motor.kp * (sent_position - position) + motor.kd * (sent_velocity - velocity)
+            most = self._current_max[i]
+            asked = min(max(asked, -most), most)
+            self._drive.add(now, joint.sign * asked, joint.sign * current, joint.sign * speed)
+
+    def _report(self, id_: str, phase: str, reason: str, mode: str) -> ProbeReport:
+        names, count = self._config.joint_names, self._count
+        by_board = [_board_problem(link) for link in self._links]
+        return ProbeReport(
+            id=id_,
+            phase=phase,
+            reason=reason,
+            mode=mode,
+            joints=names,
+            boards=tuple(by_board[joint.board] for joint in self._config.joints),
+            travel=tuple(count.travel),
+            span=tuple(high - low for low, high in zip(count.lowest, count.highest, strict=True)),
+            pulses=tuple(count.pulses),
+            pulse_angle=tuple(count.pulse_angle(i) for i in range(len(names))),
+            strokes=self._drive.strokes() if phase == 'done' else (),
+            current_max=self._current_max[self._joint],
+        )
+
+
+def _board_problem(link: BoardLink) -> str:
+    monitor = link.monitor
+    if monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
+        return f'{monitor.name} does not answer: {monitor.problem}'
+    return monitor.fault
+
+
+class _TravelCount:
+    """How far each motor was turned since it was made, and where its index pulses were."""
+
+    def __init__(self, state: ArmMeasurements) -> None:
+        self._state = state
+        self._start: list[float] = state.reported_position.tolist()
+        self._last: list[float] = list(self._start)
+        self._toggles: list[bool] = state.index_toggle.tolist()
+        n = len(self._start)
+        self.travel, self.lowest, self.highest = [0.0] * n, [0.0] * n, [0.0] * n
+        self.pulses = [0] * n
+        self._sines, self._cosines = [0.0] * n, [0.0] * n
+
+    def look(self) -> None:
+        state = self._state
+        rows = zip(
+            state.reported_position.tolist(),
+            state.index_toggle.tolist(),
+            state.interval.tolist(),
+            strict=True,
+        )
+        for i, (position, toggle, interval) in enumerate(rows):
+            if not isfinite(self._start[i]):
+                self._start[i] = self._last[i] = position
+                self._toggles[i] = toggle
+            if not isfinite(position):
+                continue
+            travel = position - self._start[i]
+            self.travel[i] = travel
+            self.lowest[i] = min(self.lowest[i], travel)
+            self.highest[i] = max(self.highest[i], travel)
+            if toggle != self._toggles[i]:
+                self._toggles[i] = toggle
+                self.pulses[i] += 1
+                if interval < _BLURRED:
+                    angle = 0.5 * (position + self._last[i]) - self._start[i]
+                    self._sines[i] += sin(angle)
+                    self._cosines[i] += cos(angle)
+            self._last[i] = position
+
+    def pulse_angle(self, joint: int) -> float | None:
+        """Return the mean angle of a motor's pulses modulo a turn [rad], None without one."""
+        if not (self._sines[joint] or self._cosines[joint]):
+            return None
+        return atan2(self._sines[joint], self._cosines[joint]) % (2.0 * pi)
+
+
+class _Drive:
+    """References of a motor that is driven forth and back, and the means of what it does."""
+
+    def __init__(self, start: float, begin: float = inf) -> None:
+        self.start = start
+        self._begin = begin
+        self._sums = {1: [0.0] * 4, -1: [0.0] * 4}
+
+    def reference(self, now: float) -> tuple[float, float]:
+        """Return the joint's way from where it began [rad] and its speed [rad/s]."""
+        direction, since, offset = self._part(now)
+        return offset + direction * SPEED * since, direction * SPEED
+
+    def is_over(self, now: float) -> bool:
+        return now - self._begin > sum(duration for _, duration in _PARTS)
+
+    def add(self, now: float, *values: float) -> None:
+        """Count requested and measured current [A] and speed [rad/s], by the joint's sign."""
+        direction, since, _ = self._part(now)
+        if direction and since > _SETTLING:
+            sums = self._sums[direction]
+            for i, value in enumerate((1.0, *values)):
+                sums[i] += value
+
+    def strokes(self) -> tuple[Stroke, ...]:
+        """Return the means in the positive and the negative direction."""
+        return tuple(
+            Stroke(*(value / max(count, 1.0) for value in values))
+            for count, *values in (self._sums[1], self._sums[-1])
+        )
+
+    def _part(self, now: float) -> tuple[int, float, float]:
+        """Return direction, time in the part [s], and the way where it began [rad]."""
+        left, offset = now - self._begin, 0.0
+        for direction, duration in _PARTS:
+            if left <= duration:
+                return direction, max(left, 0.0), offset
+            left -= duration
+            offset += direction * SPEED * duration
+        return 0, 0.0, offset

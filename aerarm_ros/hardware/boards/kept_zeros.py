@@ -1,0 +1,321 @@
+"""Zeros that outlive the bridge, and the evidence that they still hold."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite, pi
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.boards.board_link import BoardLink
+from aerarm_ros.hardware.boards.encoder_zeros import EncoderZeros
+from aerarm_ros.hardware.frames.board_state import TIMESTAMP_PERIOD
+from aerarm_ros.hardware.gate.command_buffer import Array
+
+# Longest time without an answer after which a board's clock, which repeats every 65.5 s, still
+# shows that it went on [s].
+AWAY_MAX = 60.0
+# What a board's clock may be off the host's: a tick, a frame's age, a host that is held up [s],
+_TICKS = 0.01
+_DRIFT = 5e-4  # ... and of the time away; crystals are five times better
+# A joint whose motor is off and that falls is not faster than this multiple of its speed limit, ...
+_FALL_FACTOR = 2.5
+_TURNED = 0.02  # [rad] ... and turns so little at once
+# A joint's stops are not further beyond its limits than this [rad].
+_STOPS = 0.35
+# Next to an index pulse the count does not tell on which side of it the encoder was [rad, motor].
+_PULSE = 0.05
+_SAME_PULSE = 1e-6  # [rad]
+_TURN = 2.0 * pi
+_SUSPENDED = 0.05  # [s] by which the reading of two clocks differs from one time to the next
+_LONGEST = 65536  # characters of a file that is read
+
+
+class KeptZerosError(ValueError):
+    """Zeros that cannot be used, with the reason."""
+
+
+@dataclass(frozen=True)
+class KeptJoint:
+    """A joint whose zero was known: motor angles [rad] and index bits.
+
+    Attributes
+    ----------
+    zero, position
+        Reported angle where the motor's angle is zero, and the last that was reported.
+    pulse_offset
+        Motor angle of an index pulse by which the zero was found, see `Homing`.
+    """
+
+    name: str
+    zero: float
+    position: float
+    pulse_offset: float
+    index_detected: bool
+    index_toggle: bool
+
+
+@dataclass(frozen=True)
+class KeptBoard:
+    """A board's last answer: host's monotonic time [s], the board's own time [s], its error."""
+
+    name: str
+    time: float
+    timestamp: float
+    error: int
+    joints: tuple[KeptJoint, ...]
+
+
+@dataclass(frozen=True)
+class HostClock:
+    """Whose monotonic clock it is.
+
+    Attributes
+    ----------
+    boot
+        Identity of the host's last start, before which its clock was another one.
+    suspended
+        How long the host has slept since [s]; its clock stood still then, the boards' did not.
+    """
+
+    boot: str
+    suspended: float
+
+
+@dataclass(frozen=True)
+class KeptZeros:
+    """What a bridge knew of its encoders: of which arm, by which clock, board by board."""
+
+    arm: str
+    host: HostClock
+    boards: tuple[KeptBoard, ...]
+
+    def text(self) -> str:
+        """Return the zeros as a file holds them."""
+        return json.dumps(self, default=vars)
+
+    @staticmethod
+    def parse(text: str) -> KeptZeros:
+        """Return what a file holds; raises KeptZerosError if it is not whole."""
+        try:
+            if len(text) > _LONGEST:
+                raise ValueError
+            document = json.loads(text)
+            boards = tuple(
+                KeptBoard(
+                    str(board['name']),
+                    _number(board['time']),
+                    _number(board['timestamp']),
+                    int(board['error']),
+                    tuple(
+                        KeptJoint(
+                            str(joint['name']),
+                            _number(joint['zero']),
+                            _number(joint['position']),
+                            _number(joint['pulse_offset']),
+                            bool(joint['index_detected']),
+                            bool(joint['index_toggle']),
+                        )
+                        for joint in board['joints']
+                    ),
+                )
+                for board in document['boards']
+            )
+            host = HostClock(str(document['host']['boot']), _number(document['host']['suspended']))
+            return KeptZeros(str(document['arm']), host, boards)
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+            raise KeptZerosError('is not whole, or not of this bridge') from None
+
+    def check(self, arm: str, host: HostClock, now: float) -> KeptZeros:
+        """Return itself; raises KeptZerosError if it is of another arm, host start or time.
+
+        Parameters
+        ----------
+        arm
+            `arm_identity` of the arm.
+        host
+            The clock of `now`.
+        now
+            Time [s, monotonic].
+        """
+        if self.arm != arm:
+            raise KeptZerosError('is of another arm, or of another configuration of its drives')
+        if self.host.boot != host.boot:
+            raise KeptZerosError('is from before the host was started')
+        if abs(self.host.suspended - host.suspended) > _SUSPENDED:
+            raise KeptZerosError('is from before the host was suspended')
+        if any(board.time > now for board in self.boards):
+            raise KeptZerosError('is newer than now')
+        return self
+
+
+def arm_identity(config: ArmConfig) -> str:
+    """Return what tells an arm from others as far as its encoders' zeros go."""
+    boards = [(board.name, board.device, board.encoders) for board in config.boards]
+    joints = [
+        (joint.name, joint.board, joint.channel, joint.sign, joint.offset, joint.gear.ratio)
+        for joint in config.joints
+    ]
+    parts = [config.name, config.profile, boards, joints, list(config.rest_position)]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+
+class ZeroRecall:
+    """Takes a board's kept zeros as soon as it answers, if its clock and counts went on.
+
+    `index detected` alone is no evidence: it is still set. All of this has to fit: the time by the
+    board's clock and by the host's; an error that lasts until a power cycle, and index pulses that
+    were met, are still there; each count is where its joint can have moved to unpowered, within its
+    stops, and the index bit flipped as often as pulses lie between.
+
+    Parameters
+    ----------
+    config
+        The arm.
+    zeros
+        What is known of the zeros; reasons against the kept ones go there.
+    links
+        Its boards.
+    zero
+        (n,) angles [rad] that the boards report where the motors' angles are zero; kept ones go
+        there.
+    kept
+        What was kept, or why nothing can be used; None if there is nothing.
+    pulse_offset
+        (n,) or one for all: motor angles of the index pulses modulo one turn [rad].
+    """
+
+    def __init__(
+        self,
+        config: ArmConfig,
+        zeros: EncoderZeros,
+        links: Sequence[BoardLink],
+        zero: Array,
+        kept: KeptZeros | str | None = None,
+        pulse_offset: ArrayLike = 0.0,
+    ) -> None:
+        self._config = config
+        self._zeros = zeros
+        self._links = tuple(links)
+        self._zero = zero
+        self._pulses = np.broadcast_to(np.asarray(pulse_offset, dtype=float), config.n).tolist()
+        self._waiting: dict[str, KeptBoard] = {}
+        if isinstance(kept, KeptZeros):
+            self._waiting = {board.name: board for board in kept.boards}
+        elif kept:
+            zeros.explain(range(config.n), kept)
+
+    @property
+    def is_on(self) -> bool:
+        """Whether a board has not answered yet whose zeros were kept."""
+        return bool(self._waiting)
+
+    def look(self) -> bool:
+        """Judge the boards that are connected; return whether a zero has changed."""
+        changed = False
+        for link in self._links:
+            board = self._waiting.get(link.monitor.name)
+            if board is None or not link.fresh or not link.is_connected:
+                continue
+            del self._waiting[board.name]
+            joints = [number for number, _ in link.joints if not self._zeros.absolute[number]]
+            problem = self._problem(board, link)
+            if problem:
+                self._zeros.explain(joints, f'{board.name} {problem}')
+                continue
+            kept = {joint.name: joint.zero for joint in board.joints}
+            again = [number for number in joints if self._zeros.names[number] in kept]
+            for number in again:
+                self._zero[number] = kept[self._zeros.names[number]]
+            self._zeros.found(again)
+            changed = True
+        return changed
+
+    def keep(self, arm: str, host: HostClock) -> KeptZeros | None:
+        """Return what to keep of the zeros; None while kept ones wait to be judged."""
+        if self._waiting:
+            return None
+        zero = self._zero.tolist()
+        boards = (_to_keep(link, self._zeros, zero, self._pulses) for link in self._links)
+        return KeptZeros(arm, host, tuple(board for board in boards if board is not None))
+
+    def _problem(self, board: KeptBoard, link: BoardLink) -> str:
+        """Return why a board's kept zeros cannot be used, or ''."""
+        state, away = link.state, link.answered_at - board.time
+        if away < 0.0:
+            return 'answered before its zero was kept'
+        if away > AWAY_MAX:
+            return f'was not observed for {away:.0f} s, and its clock tells at most {AWAY_MAX:g} s'
+        ahead = state.timestamp - board.timestamp - away
+        off = (ahead + 0.5 * TIMESTAMP_PERIOD) % TIMESTAMP_PERIOD - 0.5 * TIMESTAMP_PERIOD
+        lost_error = link.keeps_errors and board.error and not state.error
+        if abs(off) > _TICKS + _DRIFT * away or lost_error:
+            return 'was switched off and on while the bridge was away'
+        kept = {joint.name: joint for joint in board.joints}
+        for number, channel in link.joints:
+            joint = kept.get(self._config.joint_names[number])
+            if joint is None:
+                continue
+            if joint.index_detected and not state.index_detected[channel]:
+                return 'was switched off and on while the bridge was away'
+            if abs(joint.pulse_offset - self._pulses[number]) > _SAME_PULSE:
+                return 'was homed by another index pulse of ' + joint.name
+            toggled = state.index_toggle[channel] != joint.index_toggle
+            if not self._went_on(number, joint, state.position[channel], toggled, away):
+                return f'does not go on with the count of {joint.name}'
+        return ''
+
+    def _went_on(
+        self, number: int, kept: KeptJoint, position: float, toggled: bool, away: float
+    ) -> bool:
+        """Return whether a joint can have moved from where it was to a reported angle [rad]."""
+        joint = self._config.joints[number]
+        before, after = kept.position - kept.zero, position - kept.zero
+        q = joint.sign * joint.gear.ratio * after + joint.offset
+        turned = joint.gear.ratio * abs(after - before)
+        if turned > _TURNED + _FALL_FACTOR * joint.velocity_max * away:
+            return False
+        if not joint.position_min - _STOPS < q < joint.position_max + _STOPS:
+            return False
+        before, after = before - kept.pulse_offset, after - kept.pulse_offset
+        if min(_from_pulse(before), _from_pulse(after)) < _PULSE:
+            return True
+        return toggled == bool((before // _TURN - after // _TURN) % 2)
+
+
+def _from_pulse(angle: float) -> float:
+    """Return how far a motor angle is from the next index pulse [rad]."""
+    return abs((angle + pi) % _TURN - pi)
+
+
+def _to_keep(
+    link: BoardLink, zeros: EncoderZeros, zero: Sequence[float], pulses: Sequence[float]
+) -> KeptBoard | None:
+    """Return what to keep of a board's known zeros, as it last answered."""
+    state, known = link.state, zeros.known
+    joints = tuple(
+        KeptJoint(
+            zeros.names[number],
+            zero[number],
+            state.position[channel],
+            pulses[number],
+            bool(state.index_detected[channel]),
+            bool(state.index_toggle[channel]),
+        )
+        for number, channel in link.joints
+        if known[number] and not zeros.absolute[number]
+    )
+    if not joints or not isfinite(link.answered_at):
+        return None
+    return KeptBoard(link.monitor.name, link.answered_at, state.timestamp, state.error, joints)
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise ValueError
+    return float(value)

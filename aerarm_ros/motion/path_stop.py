@@ -1,0 +1,117 @@
+"""A stop along a path, as fast as the limits allow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.path_clock import PathTime
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+
+# Shares of the time that the limits need from the speed at the beginning: the braking rises
+# within the first and fades within the second. A stop on a line takes 1.33 times the least
+# distance with these, and 1.2 times the least time.
+RISE, FADE = 0.3, 0.8
+# Shorter stops [s] are not distinguished: a joint that hardly moves stops within a few cycles.
+SHORTEST = 0.01
+_STEPS = 40  # in the time that the limits need
+# Of the limits, what a stop uses at its knots: a little is left for what happens between them.
+_SHARE = 0.98
+
+Row = tuple[float, float, float, float]
+"""Coefficients (along, across, still) and limit of one quantity that a stop has to limit.
+
+Where the path is passed at the rate r [-], with the rate's derivative r' [1/s], the quantity is
+`along * r' + across * r^2 + still`, and its size stays within the limit."""
+Rows = Callable[[JointReference], Iterable[Row]]
+
+
+class PathStop(NamedTuple):
+    """A stop along a path: times (K,) [s] from its beginning, and the path times then."""
+
+    times: list[float]
+    path_times: list[PathTime]
+
+    def clock(self) -> PolynomialPath:
+        """Return the path time as a path of one coordinate."""
+        value, rate, change = np.array(self.path_times).T[..., np.newaxis]
+        return PolynomialPath.quintic(self.times, value, rate, change)
+
+    def path(self, motion: Callable[[float], JointReference]) -> PolynomialPath:
+        """Return the stop along `motion` as a motion of the joints."""
+        rows = [motion(at.value).paced(at.rate, at.rate_change) for at in self.path_times]
+        return PolynomialPath.quintic(self.times, *map(np.array, zip(*rows, strict=True)))
+
+
+def acceleration_rows(acceleration_max: FloatArray) -> Rows:
+    """Return what keeps each joint's acceleration within `acceleration_max` (n,) [rad/s^2]."""
+    limits = acceleration_max.tolist()
+
+    def rows(point: JointReference) -> Iterable[Row]:
+        still = [0.0] * len(limits)
+        return zip(point.dq.tolist(), point.ddq.tolist(), still, limits, strict=True)
+
+    return rows
+
+
+def stop_along(motion: Callable[[float], JointReference], begin: float, rows: Rows) -> PathStop:
+    """Return the stop along a path that brakes as hard as `rows` allow.
+
+    The path is followed as it is, more and more slowly. The rate's derivative is continuous, so
+    that the joints' acceleration is, and the rate never rises: no joint is faster than on the path.
+    A path that is within its limits at its own rate is so at any lower one, so the hardest braking
+    at each point is always possible, and none stops sooner (the lower bound of the rate's
+    derivative in the phase plane: Bobrow, Dubowsky and Gibson, 1985).
+
+    Parameters
+    ----------
+    motion : callable
+        Returns the reference (n,) at a path time [s].
+    begin : float
+        Path time [s] at which the stop begins.
+    rows : callable
+        Returns what is to be limited at a point of the path.
+    """
+    point = rows(motion(begin))
+    first = [(along, across, still, limit) for along, across, still, limit in point]
+    needed = max(max(abs(along) / limit for along, _, _, limit in first), SHORTEST)
+    strongest = min(max(-_lowest(first, 1.0), 1.0 / needed), 3.0 / SHORTEST)
+    rise, fade = strongest**2 / RISE, 1.0 / (FADE * needed**2)
+    step = needed / _STEPS
+    time, at = 0.0, PathTime(begin, 1.0, 0.0)
+    times, path_times = [time], [at]
+    while at.rate > 0.0:
+        value, rate, change = at
+        last = -2.0 * rate / change if change < 0.0 else np.inf
+        if last <= 3.0 * step:  # the braking ends at zero speed
+            last = max(last, 0.2 * step)
+            time, at = time + last, PathTime(value + rate * last / 3.0, 0.0, 0.0)
+        else:
+            ahead = value + step * (rate + 0.5 * step * change)
+            slower = rate + step * change
+            lowest = _lowest(rows(motion(ahead)), slower)
+            wanted = max(lowest, change - step * rise, -sqrt(2.0 * fade * slower))
+            new = min(0.0, wanted)
+            value += step * (rate + step * (change / 3.0 + new / 6.0))
+            at = PathTime(value, rate + 0.5 * step * (change + new), new)
+            time += step
+        times.append(time)
+        path_times.append(at)
+    return PathStop(times, path_times)
+
+
+def _lowest(rows: Iterable[Row], rate: float) -> float:
+    """Return the lowest derivative of the rate that `rows` allow at a rate."""
+    lowest = -10.0 / SHORTEST
+    for along, across, still, limit in rows:
+        size = abs(along)
+        if size > 1e-9:
+            beyond = across * rate * rate + still
+            left = _SHARE * limit + (beyond if along > 0.0 else -beyond)
+            lowest = max(lowest, -left / size)
+    return lowest

@@ -1,0 +1,148 @@
+"""Commissioning at the bridge: requests and reports on topics, and the record's warning."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_ros.commissioning.commissioning_record import (
+    CommissioningRecord,
+    load_record,
+    record_path,
+)
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.description.resources import resource
+from aerarm_ros.hardware.boards.probe_messages import OFF, ProbeReport, ProbeRequest
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.gate.answer import Answer
+from aerarm_ros.ros.bridge.cycle_requests import Action
+from aerarm_ros.ros.parameters.parameter import Parameter
+
+AUTO = 'auto'
+COMMISSIONING_PARAMETER = Parameter(
+    'commissioning_record',
+    AUTO,
+    "record of 'arm commission'; auto: CONFIG.commissioning.yaml beside the configuration; none, "
+    'and no warning without one, if empty',
+)
+
+
+class RecordWatch:
+    """What the record of an arm says, and what is wrong with it.
+
+    Parameters
+    ----------
+    node
+        Logs the problem, once.
+    values
+        The node's parameters.
+    config
+        The arm, by the names of its topics.
+    emulated
+        Whether the boards are emulated.
+
+    Attributes
+    ----------
+    emulated
+        As given.
+    problem
+        Why the arm counts as not commissioned, '' if it does or nobody wants to know.
+    """
+
+    def __init__(
+        self, node: Node, values: SimpleNamespace, config: ArmConfig, emulated: bool
+    ) -> None:
+        self.problem, self.emulated = '', emulated
+        self._node, self._config, self._prefix = node, config, values.tf_prefix
+        self._record = CommissioningRecord(config.name)
+        source = Path(values.config) if values.config else resource('config', 'aerarm.yaml')
+        given = values.commissioning_record
+        path = record_path(source, emulated) if given == AUTO else Path(given)
+        self._path = path if given else None
+        self.look()
+
+    @property
+    def pulse_offset(self) -> NDArray[np.float64]:
+        """Motor angles of the index pulses (n,) [rad], zeros where they are not recorded."""
+        known = self._record.pulse_offset(self._config)
+        return np.zeros(self._config.n) if known is None else known
+
+    def look(self) -> None:
+        """Read the record, and log a problem that is new."""
+        if self._path is None:
+            return
+        before, self.problem = self.problem, self._read(self._path)
+        if self.problem and self.problem != before:
+            self._node.get_logger().warning(self.problem)
+
+    def _read(self, path: Path) -> str:
+        self._record = CommissioningRecord(self._config.name)
+        if not path.exists():
+            return f"the arm was never commissioned, {path} is missing: run 'arm commission'"
+        try:
+            record = load_record(path).with_prefix(self._prefix)
+        except ConfigError as error:
+            return str(error)
+        problem = record.problem(self._config, self.emulated)
+        if record.arm == self._config.name and record.emulated == self.emulated:
+            self._record = record
+        return problem
+
+
+class CommissioningTopics:
+    """Answers commissioning requests, which the cycle's thread carries out.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and subscription.
+    ask
+        Runs an action in the cycle's thread, as `CycleRequests.ask`.
+    record
+        Is read again when a client has ended.
+    """
+
+    def __init__(self, node: Node, ask: Callable[[Action], Answer], record: RecordWatch) -> None:
+        self._node = node
+        self._ask = ask
+        self._record = record
+        asked, told = topics.COMMISSIONING_REQUEST, topics.COMMISSIONING_REPORT
+        self._publisher = node.create_publisher(told.type, told.name, told.offered)
+        self._subscription = node.create_subscription(
+            asked.type, asked.name, self._answer, asked.qos
+        )
+
+    def destroy(self) -> None:
+        """Destroy publisher and subscription."""
+        self._node.destroy_publisher(self._publisher)
+        self._node.destroy_subscription(self._subscription)
+
+    def _answer(self, message: String) -> None:
+        reports: list[ProbeReport] = []
+        try:
+            request = ProbeRequest.parse(message.data)
+
+            def action(cycle: BridgeCycle) -> Answer:
+                reports.append(cycle.probe.ask(request, cycle.mode))
+                return Answer(True, '')
+
+            self._ask(action)
+        except ValueError as error:
+            self._node.get_logger().warning(str(error), throttle_duration_sec=10.0)
+        except (RuntimeError, TimeoutError):
+            return  # no cycle runs: the client says that it has no answer
+        if not reports:
+            return
+        if request.kind == OFF:
+            self._record.look()
+        report = replace(reports[0], emulated=self._record.emulated)
+        self._publisher.publish(String(data=report.text()))

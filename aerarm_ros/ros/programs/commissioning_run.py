@@ -1,0 +1,133 @@
+"""`arm commission`: the guided procedure in a terminal."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import select
+import sys
+
+import rclpy
+from rclpy.node import Node
+
+from aerarm_ros.ros.executors.spinning import spin_until, this_domain
+from aerarm_ros.ros.process.exit_status import print_notice
+from aerarm_ros.ros.requests.arm_client import ArmClientError
+from aerarm_ros.ros.requests.commissioning_client import CommissioningClient, EmulatedPerson
+
+_SPIN = 0.02  # [s]
+_ANSWERS = '[y: done, n: leave this step out, Ctrl-C: stop, motors off]'
+
+
+class CommissioningRun:
+    """Prompts a person, and prints what is found.
+
+    Parameters
+    ----------
+    node
+        That no executor holds.
+    options
+        Of the command line of `arm commission`.
+    """
+
+    def __init__(self, node: Node, options: argparse.Namespace) -> None:
+        self._node, self._options = node, options
+        self._client = CommissioningClient(node, options.config, options.urdf, options.record)
+        self._person = EmulatedPerson(node, self._client, options.bridge) if options.yes else None
+        self._typed = ''
+        self._asked: object = None
+        self._printed = 0
+
+    def run(self) -> None:
+        """Lead through the procedure; the motors are off afterwards, whatever ended it.
+
+        Raises
+        ------
+        ArmClientError
+            If there is no bridge, it stops answering, or a joint does not pass.
+        """
+        client, options = self._client, self._options
+        try:
+            self._find_bridge()
+            client.begin(options.joint, options.resume)
+            self._lead()
+        except ValueError as error:
+            raise ArmClientError(str(error)) from None
+        finally:
+            client.end()
+        guided = client.guided
+        assert guided is not None
+        failed = [name for name, entry in guided.record.joints.items() if not entry.passed]
+        if failed:
+            raise ArmClientError(
+                f'{", ".join(failed)} did not pass, see {client.path}: correct what was found, '
+                "then 'arm commission --resume'"
+            )
+        print(f'passed: {", ".join(guided.record.joints)}; record: {client.path}', flush=True)
+
+    def _find_bridge(self) -> None:
+        client = self._client
+
+        def has_reported() -> bool:
+            client.poll()
+            return client.report is not None
+
+        if not spin_until(self._node, has_reported, self._options.timeout):
+            raise ArmClientError(
+                f'no bridge answers commissioning_request: is one active in {this_domain()}?'
+            )
+        if self._person is not None and not (client.report and client.report.emulated):
+            raise ArmClientError(
+                '--yes is for emulated boards: on a real arm a person has to turn the joints, and '
+                'to see that the arm is clear'
+            )
+
+    def _lead(self) -> None:
+        client = self._client
+        while client.is_on:
+            rclpy.spin_once(self._node, timeout_sec=_SPIN)
+            client.poll()
+            self._print_news()
+            if client.problem:
+                raise ArmClientError(f'{client.problem}: see its console')
+            self._ask()
+            if self._person is not None:
+                self._person.poll()
+            else:
+                self._read_answer()
+        client.poll()  # an answer may have ended the last joint
+        self._print_news()
+
+    def _print_news(self) -> None:
+        guided = self._client.guided
+        news = guided.news if guided is not None else []
+        for line in news[self._printed :]:
+            print(line, flush=True)
+        self._printed = len(news)
+
+    def _ask(self) -> None:
+        prompt = self._client.prompt
+        if prompt is not None and prompt is not self._asked:
+            self._asked = prompt
+            print(f'  {prompt.text} {_ANSWERS}', flush=True)
+
+    def _read_answer(self) -> None:
+        """Take a line that was typed; the end of the input is an end."""
+        guided = self._client.guided
+        if guided is None or self._client.prompt is None:
+            return
+        if '\n' not in self._typed and select.select([sys.stdin], [], [], 0.0)[0]:
+            read = os.read(sys.stdin.fileno(), 256).decode(errors='replace')
+            if not read:
+                raise ArmClientError('the terminal is closed: nothing more was driven')
+            self._typed += read
+        line, newline, rest = self._typed.partition('\n')
+        if not newline:
+            return
+        # A line per prompt: what was typed ahead answers the next one.
+        self._typed = rest
+        answer = line.strip().lower()
+        if answer in ('y', 'yes', 'n', 'no'):
+            guided.answer(answer.startswith('y'))
+        else:
+            print_notice('arm', f'{answer!r} is neither y nor n')

@@ -1,0 +1,247 @@
+"""A client that commissions an arm: between the guided procedure and the bridge."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_ros.commissioning.commissioning import Commissioning
+from aerarm_ros.commissioning.commissioning_record import (
+    CommissioningRecord,
+    load_record,
+    record_path,
+)
+from aerarm_ros.commissioning.commissioning_step import Prompt
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.hardware.boards.probe_messages import OFF, WATCH, ProbeReport, ProbeRequest
+
+_PERIOD = 0.05  # [s] between two requests
+_SILENCE = 10.0  # [s] without a report after which the bridge counts as gone; it stops by itself
+_LAST = 4  # requests that end it: one alone may be lost
+_STILL = 0.01  # [rad] motor side, between two reports of motors that rest
+_STILL_REPORTS = 10
+
+
+class CommissioningClient:
+    """Runs a `Commissioning` on a bridge; `poll` has to be called ten times a second or more.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and subscription.
+    config, urdf
+        Files of the arm, '' for the packaged ones.
+    record
+        File of the record, '' for the one beside the configuration.
+
+    Attributes
+    ----------
+    guided
+        The procedure, None before `begin`.
+    report
+        Newest report of the bridge, None before the first.
+    """
+
+    def __init__(self, node: Node, config: str = '', urdf: str = '', record: str = '') -> None:
+        self.guided: Commissioning | None = None
+        self.report: ProbeReport | None = None
+        self._node = node
+        self._source = Path(config) if config else resource('config', 'aerarm.yaml')
+        self._config = load_arm_config(config or None)
+        self._urdf = urdf
+        self._given = record
+        self._name = secrets.token_hex(4)
+        self._sent = self._heard = -_PERIOD
+        self._prefix = ''
+        self._saved: CommissioningRecord | None = None
+        asked, told = topics.COMMISSIONING_REQUEST, topics.COMMISSIONING_REPORT
+        self._publisher = node.create_publisher(asked.type, asked.name, asked.offered)
+        self._subscription = node.create_subscription(
+            told.type, told.name, self._on_report, told.qos
+        )
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the procedure is under way."""
+        return self.guided is not None and not self.guided.is_done
+
+    @property
+    def prompt(self) -> Prompt | None:
+        """What a person has to confirm now, None if nothing."""
+        return None if self.guided is None else self.guided.prompt
+
+    @property
+    def path(self) -> Path:
+        """File of the record."""
+        emulated = self.report is not None and self.report.emulated
+        return Path(self._given) if self._given else record_path(self._source, emulated)
+
+    @property
+    def problem(self) -> str:
+        """Why it cannot go on, ''."""
+        silent = time.monotonic() - self._heard > _SILENCE
+        return 'the bridge does not answer any more' if silent and self.is_on else ''
+
+    def begin(self, joints: Sequence[str] = (), resume: bool = False) -> None:
+        """Begin with a bridge that has reported; all joints if none is named.
+
+        With `resume` those that have passed with the present configuration are left out.
+
+        Raises
+        ------
+        ValueError
+            If the bridge has another arm, a joint or the record is wrong, or nothing is left.
+        """
+        if self.report is None:
+            raise ValueError('no bridge has reported yet')
+        own = self._config.joint_names
+        self._prefix = self.report.joints[0].removesuffix(own[0])
+        config = self._config.with_prefix(self._prefix)
+        if config.joint_names != self.report.joints:
+            raise ValueError(
+                f'the bridge has joints {", ".join(self.report.joints)}, {self._source} has '
+                f'{", ".join(own)}: give the configuration of the bridge'
+            )
+        robot = load_robot(
+            self._urdf or None,
+            gravity_in_base=config.gravity_in_base,
+            joint_names=own,
+            prefix=self._prefix,
+        )
+        record = self._known_record()
+        unknown = [name for name in joints if name not in own]
+        if unknown:
+            raise ValueError(f'no joint {", ".join(unknown)}: there are {", ".join(own)}')
+        chosen = [i for i, name in enumerate(own) if not joints or name in joints]
+        if resume:
+            chosen = [i for i in chosen if i in record.open_joints(self._config)]
+        if not chosen:
+            raise ValueError(f'every joint has passed, see {self.path}')
+        self._saved = record.with_prefix(self._prefix)
+        self._heard = time.monotonic()
+        self.guided = Commissioning(config, robot, self._saved, chosen, self._name)
+
+    def poll(self) -> None:
+        """Send the request, take the newest report, and write the record of a joint that is done.
+
+        Raises OSError if it cannot be written.
+        """
+        now = time.monotonic()
+        if now - self._sent >= _PERIOD:
+            self._sent = now
+            self._send(self.guided.request if self.guided else self._watch())
+        guided, report = self.guided, self.report
+        if guided is None or report is None:
+            return
+        guided.update(datetime.now().astimezone(), report)
+        if guided.record is not self._saved:
+            self._saved = guided.record
+            self._saved.without_prefix(self._prefix).save(self.path)
+
+    def end(self) -> None:
+        """Switch the motors off; what has passed stays in the record."""
+        if self.guided is not None:
+            self.guided.end()
+        for _ in range(_LAST):
+            self._send(ProbeRequest(f'{self._name}:end', OFF))
+            time.sleep(_PERIOD)
+
+    def destroy(self) -> None:
+        """Destroy publisher and subscription."""
+        self._node.destroy_publisher(self._publisher)
+        self._node.destroy_subscription(self._subscription)
+
+    def _known_record(self) -> CommissioningRecord:
+        assert self.report is not None
+        fresh = CommissioningRecord(self._config.name, self.report.emulated)
+        if not self.path.exists():
+            return fresh
+        record = load_record(self.path)
+        if (record.arm, record.emulated) != (fresh.arm, fresh.emulated):
+            kind = 'an emulated' if record.emulated else 'the real'
+            raise ValueError(f'{self.path} is of {kind} {record.arm}: give another file, --record')
+        return record
+
+    def _watch(self) -> ProbeRequest:
+        return ProbeRequest(f'{self._name}:begin', WATCH)
+
+    def _send(self, request: ProbeRequest) -> None:
+        self._publisher.publish(String(data=request.text()))
+
+    def _on_report(self, message: String) -> None:
+        try:
+            report = ProbeReport.parse(message.data)
+        except ValueError:
+            return
+        if report.id.partition(':')[0] == self._name:
+            self._heard = time.monotonic()
+            self.report = report
+
+
+class EmulatedPerson:
+    """Does what prompts ask for on emulated boards: turns joints, and says yes.
+
+    Parameters
+    ----------
+    node
+        Owner of the client.
+    client
+        Whose prompts are answered.
+    bridge
+        Node of the emulated boards, with the parameter `hand`.
+    """
+
+    def __init__(self, node: Node, client: CommissioningClient, bridge: str) -> None:
+        self._client = client
+        self._parameters = AsyncParameterClient(node, bridge)
+        self._prompt: Prompt | None = None
+        self._future: Future | None = None
+        self._last: ProbeReport | None = None
+        self._still = 0
+
+    def poll(self) -> None:
+        """Do the next thing; once after each `poll` of the client.
+
+        Raises ValueError if the hand refuses.
+        """
+        prompt, report = self._client.prompt, self._client.report
+        if prompt is None or self._client.guided is None:
+            return
+        if prompt is not self._prompt:
+            self._prompt, self._still = prompt, 0
+            self._future = None if prompt.hand is None else self._turn(*prompt.hand)
+        if self._future is not None:
+            if not self._future.done():
+                return
+            result = self._future.result().results[0]
+            if not result.successful:
+                raise ValueError(result.reason)
+            if not self._rests(report):
+                return
+        self._client.guided.answer(True)
+
+    def _turn(self, name: str, angle: float) -> Future:
+        hand = Parameter('hand', value=f'{name}:{angle:.6f}')
+        return self._parameters.set_parameters([hand])
+
+    def _rests(self, report: ProbeReport | None) -> bool:
+        """Whether the motors have rested for some reports, each of which takes a cycle or more."""
+        if report is None or report is self._last:
+            return False
+        last, self._last = self._last, report
+        ways = zip(report.travel, last.travel if last else (), strict=False)
+        moves = last is None or any(abs(new - old) > _STILL for new, old in ways)
+        self._still = 0 if moves else self._still + 1
+        return self._still >= _STILL_REPORTS

@@ -1,0 +1,279 @@
+"""A shipped controller on the emulated bridge in virtual time, sent goals of FollowJointTrajectory.
+
+Everything between the law and the physics engine is what runs on the real arm: the bridge's cycle,
+the boards' frames, their quantised encoders and filtered speeds. The loop is made as the node makes
+it, from its parameter table, so a default that changes there changes here.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from aerarm_ros.control.references.joint_trajectory import JointTrajectory
+from aerarm_ros.control.references.trajectory_goals import GoalResult, TrajectoryGoals
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
+from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.smooth_step import rest_to_rest_duration
+from aerarm_ros.nodes import computed_torque, gravity_compensation
+from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
+from aerarm_ros.ros.emulation.emulation_parameters import PAYLOAD_RADIUS
+from aerarm_ros.simulation.backlash_plant import BacklashPlant
+from aerarm_ros.simulation.plant_parameters import PlantParameters
+
+CYCLE = 1e-3
+SETTLED = 5e-3  # [rad] from the goal
+STOPPED = 0.01  # [rad/s] joint_trajectory_controller's stopped_velocity_tolerance
+REVERSAL = 2e-4  # [rad] that a joint must turn back by to count: some four encoder counts
+# Names here of what serves the action, with the parameters that are not defaults.
+CONTROLLERS: Mapping[str, tuple[Any, Any, Mapping[str, Any]]] = {
+    'computed_torque': (computed_torque, computed_torque.ComputedTorqueNode, {}),
+    'computed_torque, boards': (
+        computed_torque,
+        computed_torque.ComputedTorqueNode,
+        {'feedback': 'boards'},
+    ),
+    'gravity_compensation': (
+        gravity_compensation,
+        gravity_compensation.GravityCompensationNode,
+        {},
+    ),
+}
+_QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
+
+
+def arm_truth(seed: int) -> PlantParameters:
+    """Return what the arm of a seed is made of, as `fake_hardware` draws it."""
+    return PlantParameters.nominal(load_arm_config(), load_robot()).perturbed(seed)
+
+
+@dataclass(frozen=True)
+class ReachedGoal:
+    """What came of a goal.
+
+    Attributes
+    ----------
+    result : GoalResult
+    settling : float
+        From the trajectory's end until every true joint is within `SETTLED` and below `STOPPED`
+        for good [s]; infinite if that never came.
+    tracking : float
+        RMS error of the true joints on the way [rad].
+    peak : float
+        Largest error on the way [rad].
+    """
+
+    result: GoalResult
+    settling: float
+    tracking: float
+    peak: float
+
+
+@dataclass(frozen=True)
+class Rest:
+    """How an arm rests at a goal.
+
+    Attributes
+    ----------
+    error : float
+        Largest error of a joint at the end [rad].
+    travel : float
+        Largest peak to peak of a true joint in the second half [rad].
+    reversals : int
+        How often the worst true joint turned back by more than `REVERSAL`, in the whole rest.
+    ripple : float
+        Largest standard deviation of a joint's torque about its mean of 0.1 s, second half [Nm].
+    """
+
+    error: float
+    travel: float
+    reversals: int
+    ripple: float
+
+
+class GoalBench:
+    """An arm that differs from its drawing, a controller that knows its files, and goals.
+
+    Parameters
+    ----------
+    controller
+        A name of `CONTROLLERS`.
+    seed
+        Of the arm's deviations from its drawing, of the boards' noise and of the goals.
+    delay
+        Cycles between a state and the cycle in which its answer acts; 1 over topics.
+    payload
+        What the last link carries at tool0 [kg]; nobody says so to the controller.
+    backlash
+        Of every gear [rad].
+    stiction
+        By how much friction at rest exceeds that in motion, as a share of the Coulomb friction
+        (Stribeck), which the emulated arm does not have by itself.
+    parameters
+        Of the controller, in place of its defaults.
+    """
+
+    def __init__(
+        self,
+        controller: str,
+        seed: int,
+        *,
+        delay: int = 1,
+        payload: float = 0.0,
+        backlash: float = 0.0,
+        stiction: float = 0.0,
+        **parameters: Any,
+    ) -> None:
+        module, node, fixed = CONTROLLERS[controller]
+        values = SimpleNamespace(**{p.name: p.default for p in module.PARAMETERS})
+        vars(values).update({**fixed, **parameters})
+        arm = ControlledArm.from_parameters(values)
+        self._made = SimpleNamespace(values=values, arm=arm, base=arm.base(values))
+        self.loop = node.make_loop(self._made)
+        self.follower = self._made.follower
+        self.goals = TrajectoryGoals(self.follower)
+        self.names = arm.config.joint_names
+        self._random = np.random.default_rng(seed)
+        config, robot = load_arm_config().with_encoders('absolute'), load_robot()
+        truth = arm_truth(seed).carrying(payload, config.rated_payload[1:], PAYLOAD_RADIUS)
+        if backlash:
+            truth = replace(truth, backlash=np.full(config.n, backlash))
+        self.transport: EmulatedTransport = make_emulated_transport(
+            config, robot, seed, parameters=truth, alignment=_QUICK
+        )
+        self.bridge = BridgeCycle(config, self.transport, robot=robot)
+        self._stiction = stiction
+        self._answers: deque[Any] = deque([None] * (delay - 1))
+        self.now = 0.0
+        self._bring_up()
+
+    @property
+    def joints(self) -> np.ndarray:
+        """True joint angles (n,) [rad]: those of the links where the gears have backlash."""
+        plant = self.transport.plant
+        return plant.link_position if isinstance(plant, BacklashPlant) else plant.position
+
+    def draw_goal(self, largest: float) -> np.ndarray:
+        """Return a posture within the limits whose farthest joint is `largest` [rad] away."""
+        limits, here = self.follower.limits, self.follower.reference.q
+        for _ in range(10_000):
+            step = self._random.uniform(-1.0, 1.0, limits.n)
+            goal = here + step * largest / np.abs(step).max()
+            if (goal > limits.position_min + 0.05).all() and (
+                goal < limits.position_max - 0.05
+            ).all():
+                return goal
+        raise ValueError(f'no posture {largest:g} rad away from {here.round(2)}')
+
+    def go(self, goal: np.ndarray, effort: float = 0.5, rest: float = 0.6) -> ReachedGoal:
+        """Send a goal as one point from rest to rest; return what came of it.
+
+        Parameters
+        ----------
+        goal
+            (n,) [rad]
+        effort
+            Peak speed and acceleration as shares of the limits, at most.
+        rest
+            Time [s] after the trajectory's end for which the arm is watched at least.
+        """
+        limits, way = self.follower.limits, goal - self.follower.reference.q
+        duration = rest_to_rest_duration(
+            way, effort * limits.velocity_max, effort * limits.acceleration_max, 0.1
+        )
+        trajectory = JointTrajectory(limits, self.names, [duration], [goal])
+        self.goals.start('goal', trajectory, self.now)
+        begin, errors, away = self.now, [], []
+        ended: list[Any] = []
+        while not ended or self.now < begin + duration + rest:
+            self.cycle()
+            errors.append(self.follower.reference.q - self.joints)
+            speed = np.abs(self.transport.plant.velocity).max()
+            away.append(np.abs(self.joints - goal).max() > SETTLED or speed > STOPPED)
+            ended = ended or self.goals.update()
+        count = round(duration / CYCLE)
+        moving = np.array(errors[:count])
+        outside = np.flatnonzero(away)
+        last = outside[-1] + 1 if outside.size else 0
+        settling = np.inf if last >= len(away) else max(0.0, (last - count) * CYCLE)
+        tracking, peak = float(np.sqrt((moving**2).mean())), float(np.abs(moving).max())
+        return ReachedGoal(ended[0][1], settling, tracking, peak)
+
+    def rest(self, seconds: float) -> Rest:
+        """Hold the last goal and watch the arm for a time [s]."""
+        joints, torques = [], []
+        for _ in range(round(seconds / CYCLE)):
+            self.cycle()
+            joints.append(self.joints)
+            torques.append(self.bridge.tau.copy())
+        q, tau = np.array(joints), np.array(torques)
+        half = len(q) // 2
+        smooth = np.apply_along_axis(lambda x: np.convolve(x, np.full(100, 0.01), 'valid'), 0, tau)
+        about = tau[50 : 50 + len(smooth)] - smooth
+        return Rest(
+            error=float(np.abs(self.follower.reference.q - q[-1]).max()),
+            travel=float(np.ptp(q[half:], axis=0).max()),
+            reversals=max(_reversals(column) for column in q.T),
+            ripple=float(about[half:].std(axis=0).max()),
+        )
+
+    def cycle(self) -> None:
+        """Run one cycle: the controller answers the state, the bridge acts on the answer."""
+        bridge = self.bridge
+        state = ArmState(bridge.q.copy(), bridge.dq.copy(), bridge.tau.copy())
+        command = self.loop.update(state, self.now)
+        self.loop.observe()
+        self.now += CYCLE
+        self._answers.append(command)
+        due = self._answers.popleft()
+        if due is not None:
+            age = CYCLE * (1 + len(self._answers))
+            bridge.command(OfferedCommand(self.names, *due, age, 'bench'), self.now)
+        self._set_stiction()
+        bridge.update(self.now)
+        if bridge.mode not in ('ready', 'running'):
+            raise RuntimeError(f'the arm was stopped: {bridge.mode}, {"; ".join(bridge.faults)}')
+
+    def _set_stiction(self) -> None:
+        if self._stiction:
+            plant = self.transport.plant
+            coulomb = plant.parameters.coulomb
+            share = self._stiction * np.exp(-np.square(plant.velocity / 0.02))
+            plant._friction_limit += share * coulomb
+
+    def _bring_up(self) -> None:
+        self.transport.open()
+        while self.bridge.mode != 'ready' or self.transport.plant.support > 0.0:
+            self.bridge.update(self.now)
+            if self.bridge.mode == 'idle':
+                self.bridge.enable()
+            self.now += CYCLE
+            if self.now > 10.0:
+                raise RuntimeError(
+                    f'the arm is {self.bridge.mode}: {"; ".join(self.bridge.faults)}'
+                )
+        for _ in range(200):
+            self.cycle()
+
+
+def _reversals(q: np.ndarray) -> int:
+    """Return how often a signal turns back by more than `REVERSAL`."""
+    count, direction, extreme = 0, 0, q[0]
+    for value in q.tolist():
+        if direction * (value - extreme) > 0.0:
+            extreme = value
+        elif abs(value - extreme) > REVERSAL:
+            count += direction != 0
+            direction, extreme = (1 if value > extreme else -1), value
+    return count

@@ -1,0 +1,89 @@
+"""The URDF that the identifier makes of an emulated arm's excitation, in virtual time."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.player.velocity_law import VelocityLaw
+from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
+from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
+from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.ros.library.identified_arm import IdentifiedArm
+from aerarm_ros.simulation.plant_parameters import PlantParameters
+
+CYCLE = 1e-3
+QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
+
+
+@dataclass
+class _States:
+    """Joint states as a bag reader returns them."""
+
+    names: tuple[str, ...]
+    stamp: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+
+
+def identified_urdf_file(truth: PlantParameters, seed: int, folder: Path) -> Path:
+    """Excite an arm made of `truth`, identify it and return the path of its identified.urdf.
+
+    Parameters
+    ----------
+    truth
+        What the arm is made of.
+    seed
+        Of the excitation and of the boards' noise.
+    folder
+        Where the identifier's files are written.
+    """
+    config = load_arm_config()
+    robot = load_robot(joint_names=config.joint_names)
+    recording = recording_from_states(
+        'excitation', _excite(truth, seed), config.joint_names, JointMapping({})
+    )
+    result = identify(robot, config, [recording], [], IdentificationOptions(), Stopwatch())
+    return IdentifiedArm(result, {}).save(folder) / 'identified.urdf'
+
+
+def _excite(truth: PlantParameters, seed: int) -> _States:
+    config = load_arm_config().with_encoders('absolute')
+    robot = load_robot(joint_names=config.joint_names)
+    setup = ExcitationSetup.of_arm(robot, config, load_excitation_config())
+    trajectory, _ = setup.random_trajectory(0.35, 0.1, 5).draw_feasible(
+        seed, setup.checker, setup.config.ramp_time
+    )
+    transport = make_emulated_transport(config, robot, seed, parameters=truth, alignment=QUICK)
+    bridge = BridgeCycle(config, transport, BridgeSettings(stall_time=60.0), robot=robot)
+    transport.open()
+    now = 0.0
+    while bridge.mode != 'ready':
+        bridge.update(now)
+        if bridge.mode == 'idle':
+            bridge.enable()
+        now += CYCLE
+    motion = setup.planner.plan(trajectory, 1, bridge.q.copy(), go_back=False)
+    player = ExcitationPlayer(motion, VelocityLaw(1.0), config.joint_names)
+    rows = []
+    while not player.done:
+        rows.append((now, bridge.q.copy(), bridge.dq.copy(), bridge.tau.copy()))
+        command = player.update(round(now * 1e9), rows[-1][1])
+        now += CYCLE
+        bridge.command(OfferedCommand(config.joint_names, *command, CYCLE, 'excitation'), now)
+        bridge.update(now)
+        if bridge.mode != 'running':
+            raise RuntimeError(f'excitation: the arm is {bridge.mode}: {bridge.faults}')
+    stamp, q, dq, tau = map(np.array, zip(*rows, strict=True))
+    return _States(config.joint_names, stamp, q, dq, tau)

@@ -1,0 +1,140 @@
+"""Commissions emulated arms, healthy ones and such with an error of assembly, in virtual time.
+
+Usage: make commissioning, or python test/commissioning/commissioning_campaign.py --seeds 10
+
+Each arm is led through the whole procedure by `Commissioning` on `BridgeCycle`; an emulated hand
+does what a person is asked for. Prints the findings of each, and ends with 1 if a healthy arm has
+one or an error has none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from datetime import UTC, datetime
+
+from aerarm_ros.commissioning.commissioning import Commissioning
+from aerarm_ros.commissioning.commissioning_record import CommissioningRecord
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.hardware.boards.probe_messages import ProbeReport, ProbeRequest
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.emulation.fault_request import FaultRequest
+
+_ASK_EVERY = 100  # cycles between two requests of the client
+_LONGEST = 200.0  # [s] of virtual time
+# An error of assembly, and what a finding must say of it.
+ERRORS = {
+    'swapped_channels:0': 'encoder of joint',
+    'swapped_channels:1': 'encoder of joint',
+    'wrong_sign:0:0': 'counts against',
+    'wrong_sign:0:1': 'counts against',
+    'wrong_sign:1:1': 'counts against',
+    'wrong_ratio:0:0:27': 'motor makes 2',
+    'wrong_ratio:0:1:31': 'motor makes 3',
+    'wrong_ratio:1:0:28': 'motor makes 2',
+    'weak_driver:0:0:0.5': 'delivers 5',
+    'weak_driver:0:1:0.5': 'delivers 5',
+    'weak_driver:1:0:0.5': 'delivers 5',
+    'weak_driver:1:1:0.5': 'delivers 5',
+    'high_friction:0:0:4': 'friction is',
+    'high_friction:1:1:5': 'friction',
+    'dead_board:1': 'does not answer',
+    'stuck_encoder:0:1': 'no encoder counted',
+}
+
+
+class CommissionedArm:
+    """An emulated arm, its bridge, and the person who commissions it, in virtual time.
+
+    Parameters
+    ----------
+    seed
+        Of the arm's deviations from its drawing; None for an arm as drawn.
+    fault
+        As `arm fault` takes it; '' for none.
+    """
+
+    def __init__(self, seed: int | None, fault: str = '') -> None:
+        self.config, self.robot = load_arm_config(), load_robot()
+        self.boards = make_emulated_transport(self.config, self.robot, seed)
+        self.bridge = BridgeCycle(self.config, self.boards, robot=self.robot)
+        self.now = 0.0
+        self.prompts: list[str] = []
+        self.pass_time(0.05)
+        if fault:
+            self.inject(fault)
+            self.pass_time(0.05)
+
+    def inject(self, fault: str) -> None:
+        """Make something go wrong."""
+        FaultRequest.parse(fault, len(self.boards.boards)).apply(self.boards)
+
+    def ask(self, request: ProbeRequest) -> ProbeReport:
+        """Return the bridge's answer to a request."""
+        return self.bridge.probe.ask(request, self.bridge.mode)
+
+    def pass_time(self, duration: float, guided: Commissioning | None = None) -> None:
+        """Run the bridge for a time [s], asked by the procedure ten times a second."""
+        for cycle in range(round(1e3 * duration)):
+            self.now += 1e-3
+            self.bridge.update(self.now)
+            if guided is not None and cycle % _ASK_EVERY == 0:
+                guided.update(datetime.now(UTC), self.ask(guided.request))
+
+    def commission(self, joints: Sequence[int] | None = None) -> CommissioningRecord:
+        """Lead joints, all if not given, through the procedure; return what was found."""
+        config = self.config
+        record = CommissioningRecord(config.name, emulated=True)
+        chosen = range(config.n) if joints is None else joints
+        guided = Commissioning(config, self.robot, record, chosen, 'bench')
+        while not guided.is_done and self.now < _LONGEST:
+            self.pass_time(0.1, guided)
+            prompt = guided.prompt
+            if prompt is None:
+                continue
+            self.prompts.append(prompt.text)
+            if prompt.hand is not None:
+                name, angle = prompt.hand
+                duration = self.boards.turn(config.joint_names.index(name), angle)
+                self.pass_time(duration, guided)
+            guided.answer(True)
+        return guided.record
+
+
+def _run(case: tuple[int, str]) -> tuple[int, str, list[str]]:
+    seed, fault = case
+    joints = None
+    if fault:  # the joints of its board, of a channel alone that one
+        places = [int(place) for place in fault.split(':')[1:3]]
+        joints = [2 * places[0] + places[1]] if len(places) > 1 else [2 * places[0]]
+    record = CommissionedArm(seed, fault).commission(joints)
+    return seed, fault, [text for joint in record.joints.values() for text in joint.findings]
+
+
+def main() -> int:
+    """Run all cases."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--seeds', type=int, default=10, help='healthy arms (default: 10)')
+    parser.add_argument('--processes', type=int, default=2, help='at a time (default: 2)')
+    options = parser.parse_args()
+    cases = [(seed, '') for seed in range(options.seeds)]
+    cases += [(seed % 10, fault) for seed, fault in enumerate(ERRORS)]
+    wrong = 0
+    with ProcessPoolExecutor(options.processes) as pool:
+        for seed, fault, findings in pool.map(_run, cases):
+            said = '; '.join(findings)
+            good = ERRORS[fault] in said if fault else not findings
+            wrong += not good
+            print(
+                f'{"ok " if good else "BAD"} seed {seed} {fault or "healthy"}: {said}', flush=True
+            )
+    print(f'{len(cases)} arms, {wrong} misjudged')
+    return 1 if wrong else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,126 @@
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import pytest
+
+from aerarm_ros.commissioning.commissioning_record import (
+    CommissioningRecord,
+    JointRecord,
+    load_record,
+    record_path,
+)
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.config_error import ConfigError
+
+CONFIG = load_arm_config()
+NOW = datetime(2026, 3, 1, 12, 30, tzinfo=UTC)
+
+
+def commissioned(findings=(), **measured) -> CommissioningRecord:
+    numbers = {'pulse_offset': 1.25, 'reduction': 31.01, **measured}
+    joints = {joint.name: JointRecord.of(joint, NOW, findings, numbers) for joint in CONFIG.joints}
+    return CommissioningRecord(CONFIG.name, False, NOW, joints)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / 'arm.commissioning.yaml'
+
+
+def changed(joint=1, **fields):
+    joints = list(CONFIG.joints)
+    joints[joint] = replace(joints[joint], **fields)
+    return replace(CONFIG, joints=tuple(joints))
+
+
+def test_a_record_is_read_as_it_was_written(path):
+    record = commissioned(['joint1: a finding'])
+    record.save(path)
+    assert load_record(path) == replace(record, joints=load_record(path).joints)
+    for name, entry in load_record(path).joints.items():
+        assert entry.findings == record.joints[name].findings
+        assert entry.measured == pytest.approx(record.joints[name].measured)
+        assert entry.configuration == pytest.approx(record.joints[name].configuration, abs=1e-6)
+    assert load_record(path).joints['joint1'].date == NOW
+
+
+def test_a_commissioned_arm_has_no_problem_and_pulse_offsets(path):
+    commissioned().save(path)
+    record = load_record(path)
+    assert record.problem(CONFIG) == ''
+    assert record.open_joints(CONFIG) == []
+    assert record.pulse_offset(CONFIG) == pytest.approx([1.25] * 4)
+
+
+@pytest.mark.parametrize(
+    ('record', 'problem'),
+    [
+        (CommissioningRecord('aerarm'), 'joint1, joint2, joint3, joint4 not commissioned'),
+        (replace(commissioned(), arm='other'), 'is of other, not of aerarm'),
+        (replace(commissioned(), emulated=True), 'of an emulated arm'),
+        (commissioned(['joint1: rubs']), r'joint1, .* did not pass .*\(joint1: rubs\)'),
+    ],
+)
+def test_an_arm_that_is_not_commissioned_says_why(record, problem):
+    assert re.search(problem, record.problem(CONFIG))
+    assert "'arm commission'" in record.problem(CONFIG)
+
+
+@pytest.mark.parametrize(('fields', 'key'), [({'sign': -1}, 'sign'), ({'offset': 0.1}, 'offset')])
+def test_a_configuration_that_changed_needs_the_joint_again(fields, key):
+    record, config = commissioned(), changed(**fields)
+    assert record.problem(config).startswith(f'{key} of joint2 has changed')
+    assert record.open_joints(config) == [1]
+    assert record.pulse_offset(config) is None
+
+
+def test_an_emulated_record_serves_an_emulated_arm():
+    assert replace(commissioned(), emulated=True).problem(CONFIG, emulated=True) == ''
+
+
+def test_a_joint_without_a_pulse_gives_no_offsets():
+    record = commissioned()
+    entry = record.joints['joint3']
+    bare = replace(entry, measured={'reduction': 31.0})
+    assert replace(record, joints={**record.joints, 'joint3': bare}).pulse_offset(CONFIG) is None
+
+
+def test_the_names_of_topics_have_the_prefix():
+    config = CONFIG.with_prefix('left_')
+    assert commissioned().with_prefix('left_').problem(config) == ''
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'error'),
+    [
+        ('format: 1', 'format: 2', 'format = 2, must be 1'),
+        ('pulse_offset: 1.25', 'pulse_offset: 7.0', 'not from 0 to 2 pi'),
+        ('pulse_offset: 1.25', 'pulse_offset: .nan', 'pulse_offset = nan is not a number'),
+        ('passed: true', 'passed: false', 'passed contradicts findings'),
+        ('joints:', 'others:', 'joints = None is not a mapping'),
+        ("date: '2026-03-01T12:30:00+00:00'", 'date: yesterday', "'yesterday' is not a date"),
+    ],
+)
+def test_a_wrong_record_is_one_clear_error(path, old, new, error):
+    commissioned().save(path)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(ConfigError, match=error) as raised:
+        load_record(path)
+    assert str(path) in str(raised.value)
+    assert "'arm commission' again" in str(raised.value)
+
+
+def test_a_truncated_record_is_an_error(path):
+    commissioned().save(path)
+    path.write_text(path.read_text()[:300])
+    with pytest.raises(ConfigError):
+        load_record(path)
+
+
+def test_the_record_is_beside_its_configuration(tmp_path):
+    config = tmp_path / 'my_arm.yaml'
+    assert record_path(config) == tmp_path / 'my_arm.commissioning.yaml'
+    assert record_path(config, emulated=True) == tmp_path / 'my_arm.emulated.commissioning.yaml'

@@ -1,0 +1,307 @@
+"""Stops and random preemptions of a trajectory follower: distances, and the limits kept.
+
+    python test/control/stopping_campaign.py [--preemptions 10000] [--seed 1]
+
+prints the tables of docs/explanation/safety.md, section Stopping. Nothing in it is random but the
+preemptions, whose seed is printed. Times are injected; no clock is read.
+"""
+
+import argparse
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.references.joint_trajectory import JointTrajectory
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.smooth_step import smooth_step
+
+Array = npt.NDArray[np.float64]
+
+CYCLE = 1e-3
+SHARES = (0.3, 0.6, 0.95)  # of a joint's velocity limit, at which stops are measured
+PLAYED = 0.5  # largest time between two preemptions [s]
+
+
+def make_follower(limits: JointLimits, q: Array, interpolation: str) -> TrajectoryFollower:
+    """Return a follower that holds at `q` and whose arm may be anywhere."""
+    tolerances = FollowerTolerances.uniform(limits.n, start=0.1, path=10.0)
+    follower = TrajectoryFollower(limits, tolerances, interpolation)
+    follower.take_over(q)
+    return follower
+
+
+# Distances.
+
+
+def cruise(limits: JointLimits, joint: int, speed: float) -> JointTrajectory:
+    """Return a trajectory that passes the middle of a joint's range at `speed` [rad/s].
+
+    It begins there, too: a follower that is asked to start in its middle is at that speed at once.
+    """
+    middle = 0.5 * (limits.position_min + limits.position_max)
+    ramp = 2.5 * speed / limits.acceleration_max[joint]
+    room = 0.48 * (limits.position_max[joint] - limits.position_min[joint]) - 0.5 * ramp * speed
+    even = min(0.3, room / speed)
+    times = np.array([0.0, ramp, ramp + 2.0 * even, 2.0 * (ramp + even)])
+    travel = np.array([0.0, 0.5 * ramp, 0.5 * ramp + 2.0 * even, ramp + 2.0 * even]) * speed
+    q, dq, ddq = np.tile(middle, (4, 1)), np.zeros((4, limits.n)), np.zeros((4, limits.n))
+    q[:, joint] += travel - travel.mean()
+    dq[1:3, joint] = speed
+    rows = [row.tolist() for row in (q, dq, ddq)]
+    return JointTrajectory(limits, limits.names, times.tolist(), *rows)
+
+
+def settle(follower: TrajectoryFollower, now: float) -> Array:
+    """Return where the reference comes to rest."""
+    for cycle in range(1, 4000):
+        follower.update(follower.reference.q, now + cycle * CYCLE, CYCLE)
+        if not (follower.reference.dq.any() or follower.reference.ddq.any()):
+            break
+    return follower.reference.q
+
+
+def canceled_travel(limits: JointLimits, joint: int, speed: float) -> float:
+    """Return how far a joint travels [rad] after a trajectory is canceled at `speed` [rad/s]."""
+    trajectory = cruise(limits, joint, speed)
+    follower = make_follower(limits, trajectory.q[0], 'quintic')
+    follower.follow(trajectory, 0.0)
+    now = float(trajectory.times[1:3].mean())
+    before = follower.update(follower.reference.q, now, CYCLE)
+    assert abs(before.dq[joint] - speed) < 1e-6 * speed
+    follower.stop(now, 'canceled')
+    return abs(float(settle(follower, now)[joint] - before.q[joint]))
+
+
+def silent_travel(limits: JointLimits, joint: int, speed: float) -> float:
+    """Return how far a joint travels [rad] once a stream has timed out at `speed` [rad/s]."""
+    start = 0.5 * (limits.position_min + limits.position_max)
+    start[joint] = limits.position_min[joint] + 0.1
+    follower = make_follower(limits, start, 'quintic')
+    acceleration = 0.5 * limits.acceleration_max[joint]
+    length = speed / acceleration
+    now = 0.0
+    while now < length + 0.15:
+        at = min(now, length)
+        q, dq, ddq = start.copy(), np.zeros(limits.n), np.zeros(limits.n)
+        q[joint] += 0.5 * acceleration * at**2 + speed * (now - at)
+        dq[joint] = acceleration * at
+        ddq[joint] = acceleration * (now < length)
+        rows = [[row.tolist()] for row in (q, dq, ddq)]
+        follower.follow(JointTrajectory(limits, limits.names, [0.0], *rows), now)
+        follower.update(follower.reference.q, now, CYCLE)
+        now += 0.01
+    timeout = follower.tolerances.stream_timeout
+    last = follower.ahead(np.array([now - 0.01 + timeout]))
+    assert abs(last.dq[0, joint] - speed) < 0.01 * speed, last
+    return abs(float(settle(follower, now)[joint] - last.q[0, joint]))
+
+
+def print_distances(limits: JointLimits) -> None:
+    """Print what stops travel, beside the least distance and what the blends of old travelled."""
+    print(
+        'joint  speed [rad/s]  least [rad]  before [rad]  cancel [rad]  stream [rad]  worst/least'
+    )
+    for joint in range(limits.n):
+        for share in SHARES:
+            speed = share * limits.velocity_max[joint]
+            least = speed**2 / (2.0 * limits.acceleration_max[joint])
+            cancel, silent = (
+                travel(limits, joint, speed) for travel in (canceled_travel, silent_travel)
+            )
+            # Before, each joint was blended to where it could stop with a quarter of its
+            # acceleration on average.
+            print(
+                f'{joint + 1:5d}  {speed:13.2f}  {least:11.3f}  {4.0 * least:12.3f}  '
+                f'{cancel:12.3f}  {silent:12.3f}  {max(cancel, silent) / least:11.2f}'
+            )
+
+
+# Preemptions.
+
+
+@dataclass
+class Tally:
+    """What a run of preemptions has shown."""
+
+    tried: int = 0
+    rejected: dict[str, int] = field(default_factory=dict)
+    beyond: float = -np.inf  # largest distance beyond a position limit [rad]
+    velocity: float = 0.0  # largest share of a velocity limit
+    acceleration: float = 0.0
+
+    def take(self, rows: JointReference, limits: JointLimits) -> None:
+        """Look at references (M, n)."""
+        beyond = np.maximum(limits.position_min - rows.q, rows.q - limits.position_max)
+        self.beyond = max(self.beyond, float(beyond.max()))
+        self.velocity = max(self.velocity, float((np.abs(rows.dq) / limits.velocity_max).max()))
+        share = np.abs(rows.ddq) / limits.acceleration_max
+        self.acceleration = max(self.acceleration, float(share.max()))
+
+
+class Preemptions:
+    """A follower that gets new motions at random, wherever it is."""
+
+    def __init__(self, limits: JointLimits, seed: int) -> None:
+        self._limits = limits
+        self._random = np.random.default_rng(seed)
+        interpolation = 'quintic' if self._random.random() < 0.8 else 'cubic'
+        self.follower = make_follower(limits, self._posture(), interpolation)
+        self.now = 0.0
+        self.tally = Tally()
+
+    def run(self, preemptions: int) -> Tally:
+        """Preempt so many times; return what was seen."""
+        events = (self._trajectory, self._replanned, self._fourier, self._point, self._set_point)
+        events += (self._stream, self._stop, self._blocked)
+        for _ in range(preemptions):
+            event = events[self._random.integers(len(events))]
+            name = event.__name__.strip('_')
+            self.tally.tried += 1
+            try:
+                event()
+            except RejectedInputError:
+                self.tally.rejected[name] = self.tally.rejected.get(name, 0) + 1
+            self._play(self._random.uniform(0.02, PLAYED))
+        return self.tally
+
+    def _play(self, seconds: float) -> None:
+        times = self.now + np.arange(0.0, seconds, 2.0 * CYCLE)
+        self.tally.take(self.follower.ahead(times), self._limits)
+        self.now += seconds
+        self.follower.update(self.follower.reference.q, self.now, CYCLE)
+
+    def _posture(self) -> Array:
+        """Return a posture, as often near a limit as not."""
+        low, high = self._limits.position_min, self._limits.position_max
+        return low + self._random.beta(0.4, 0.4, self._limits.n) * (high - low)
+
+    def _follow(self, times: Array, *rows: Array) -> None:
+        limits = self._limits
+        lists = [row.tolist() for row in rows]
+        trajectory = JointTrajectory(limits, limits.names, times.tolist(), *lists)
+        self.follower.follow(trajectory, self.now, is_goal=True)
+
+    def _follow_way(self, times: Array, q: Array) -> None:
+        if self._random.random() < 0.5:
+            self._follow(times, q, np.zeros_like(q))  # with rests, so that nothing swings out
+        else:
+            self._follow(times, q)
+
+    def _way(self, start: Array, points: int) -> tuple[Array, Array]:
+        """Return times and points of a way at a random pace, up to what the limits allow."""
+        q = np.array([start] + [self._posture() for _ in range(points)])
+        limits = self._limits
+        steps = np.abs(np.diff(q, axis=0))
+        needed = np.maximum(
+            1.9 * steps / limits.velocity_max, np.sqrt(5.8 * steps / limits.acceleration_max)
+        )
+        pace = self._random.uniform(1.0, 2.5 if points == 1 else 4.0)
+        return np.cumsum(pace * np.maximum(needed.max(axis=1), 0.05)), q
+
+    def _trajectory(self) -> None:
+        times, q = self._way(self.follower.reference.q, self._random.integers(1, 4))
+        self._follow_way(times, q[1:])
+
+    def _replanned(self) -> None:
+        """As a planner sends it that begins where the arm is, or was a moment ago, at rest."""
+        start = self.follower.reference.q + self._random.uniform(-0.05, 0.05, self._limits.n)
+        start = np.clip(start, self._limits.position_min, self._limits.position_max)
+        times, q = self._way(start, self._random.integers(1, 4))
+        self._follow_way(np.append(0.0, times), q)
+
+    def _fourier(self) -> None:
+        """As an excitation, sampled: it begins at its own speed, perhaps in its middle."""
+        limits, random = self._limits, self._random
+        w = 2.0 * np.pi * random.uniform(0.2, 0.5)
+        room = 0.5 * (limits.position_max - limits.position_min)
+        size = random.uniform(0.1, 0.9, limits.n) * np.minimum(room, limits.velocity_max / w)
+        size = np.minimum(size, 0.9 * limits.acceleration_max / w**2)
+        middle = np.clip(
+            self.follower.reference.q, limits.position_min + size, limits.position_max - size
+        )
+        length = 2.0 * np.pi / w
+        times = np.linspace(0.0, length, 30)[:, np.newaxis]
+        fade = smooth_step(2.0 * times / length - 1.0)
+        share, falling = 1.0 - fade.value, -2.0 * fade.slope / length
+        wave, slope = size * np.sin(w * times), w * size * np.cos(w * times)
+        self._follow(times[:, 0], middle + share * wave, share * slope + falling * wave)
+
+    def _point(self) -> None:
+        """A goal of one point for now, which is where to stay."""
+        near = self.follower.reference.q + self._random.uniform(-0.09, 0.09, self._limits.n)
+        near = np.clip(near, self._limits.position_min, self._limits.position_max)
+        self._follow(np.zeros(1), near[np.newaxis])
+
+    def _set_point(self) -> None:
+        self.follower.go_to(self._posture(), self.now)
+
+    def _stream(self) -> None:
+        """Points that lead on from the present motion, a few of them, then silence."""
+        limits, random = self._limits, self._random
+        q, dq, _ = self.follower.reference
+        with_acceleration = random.random() < 0.5
+        a = limits.acceleration_max
+        pull = random.uniform(-0.7, 0.7, limits.n) * a
+        period = random.uniform(0.002, 0.05)
+        for _ in range(random.integers(1, 20)):
+            # It turns back where it must, at times too late.
+            ends = q + dq * np.abs(dq) / (random.uniform(0.4, 1.2) * a) + 0.2 * dq
+            outside = (ends > limits.position_max) | (ends < limits.position_min)
+            turns = outside | (np.abs(dq + 0.1 * pull) > limits.velocity_max)
+            pull = np.where(turns, -0.7 * np.sign(dq) * a, pull)
+            q, dq = q + period * (dq + 0.5 * period * pull), dq + period * pull
+            q = np.clip(q, limits.position_min, limits.position_max)
+            dq = np.clip(dq, -limits.velocity_max, limits.velocity_max)
+            rows = [[row.tolist()] for row in (q, dq, *([pull] if with_acceleration else []))]
+            try:
+                point = JointTrajectory(limits, limits.names, [0.0], *rows)
+                self.follower.follow(point, self.now)
+            except RejectedInputError:
+                self.tally.rejected['point'] = self.tally.rejected.get('point', 0) + 1
+            self._play(period)
+
+    def _stop(self) -> None:
+        self.follower.stop(self.now, 'canceled')
+
+    def _blocked(self) -> None:
+        """An arm that is off its path, held where it is."""
+        q = self.follower.reference.q + self._random.uniform(-0.3, 0.3, self._limits.n)
+        self.follower.stop(self.now, 'off path', q)
+
+
+def run_preemptions(limits: JointLimits, preemptions: int, seed: int, each: int = 50) -> Tally:
+    """Preempt many followers, `each` times one; return what was seen of all."""
+    total = Tally()
+    for run in range(-(-preemptions // each)):
+        tally = Preemptions(limits, seed + run).run(min(each, preemptions - total.tried))
+        total.tried += tally.tried
+        for name, number in tally.rejected.items():
+            total.rejected[name] = total.rejected.get(name, 0) + number
+        total.beyond = max(total.beyond, tally.beyond)
+        total.velocity = max(total.velocity, tally.velocity)
+        total.acceleration = max(total.acceleration, tally.acceleration)
+    return total
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--preemptions', type=int, default=10_000)
+    parser.add_argument('--seed', type=int, default=1)
+    options = parser.parse_args()
+    limits = JointLimits.from_config(load_arm_config())
+    print_distances(limits)
+    tally = run_preemptions(limits, options.preemptions, options.seed)
+    print(f'\n{tally.tried} preemptions, seed {options.seed}: rejected {tally.rejected}')
+    print(f'largest distance beyond a position limit: {tally.beyond:.2g} rad')
+    print(f'of the velocity limit: {tally.velocity:.4f}, acceleration: {tally.acceleration:.4f}')
+
+
+if __name__ == '__main__':
+    main()

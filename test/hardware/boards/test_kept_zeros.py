@@ -1,0 +1,227 @@
+"""Which zeros survive a restart of the bridge, beside boards that went on or did not."""
+
+import json
+
+import numpy as np
+import pytest
+
+from aerarm_ros.hardware.boards.kept_zeros import (
+    AWAY_MAX,
+    HostClock,
+    KeptZeros,
+    KeptZerosError,
+    arm_identity,
+)
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.frames.board_state import TIMESTAMP_PERIOD
+
+HOST = HostClock('boot', 0.0)
+LEANING = [0.3, 1.1, -0.4, 0.5]
+
+
+def kept_by(rig):
+    """Return what the bridge keeps, through its text."""
+    text = rig.bridge.recall.keep(arm_identity(rig.config), HOST).text()
+    return KeptZeros.parse(text).check(arm_identity(rig.config), HOST, rig.now)
+
+
+def homed_elsewhere(make_rig, **options):
+    """Return an arm whose boards were switched on at rest, and whose bridge knows that."""
+    config = make_rig().config
+    ratios = config.column('sign') * config.column('gear.ratio')
+    at = (np.array(config.rest_position) - config.column('offset')) / ratios
+    rig = make_rig(position=LEANING, encoder_zeros=list(at), **options)
+    rig.bridge.zeros.found()
+    rig.bridge._set_zero(-at)  # what homing would have found
+    rig.run(0.02)
+    for board in rig.boards.boards:
+        for motor in board.motors:
+            motor.encoder.index_detected = True
+    rig.run(0.02)
+    assert rig.bridge.mode == 'idle'
+    np.testing.assert_allclose(rig.bridge.q, LEANING, atol=1e-3)
+    return rig
+
+
+def away(rig, seconds):
+    """Let boards and arm go on without a bridge."""
+    for _ in range(round(seconds / 0.01)):
+        rig.now += 0.01
+        rig.boards.advance(rig.now)
+
+
+def restarted(rig, kept):
+    """Return the rig with another bridge that has found its boards."""
+    rig.bridge = BridgeCycle(rig.config, rig.boards, robot=rig.robot, kept=kept)
+    rig.run(0.02)
+    return rig.bridge
+
+
+def test_a_zero_survives_a_restart_beside_boards_that_stayed_on(make_rig):
+    rig = homed_elsewhere(make_rig)
+    kept = kept_by(rig)
+    away(rig, 3.0)
+    bridge = restarted(rig, kept)
+    assert bridge.mode == 'idle'
+    np.testing.assert_allclose(bridge.q, rig.plant.position, atol=1e-3)
+    assert bridge.enable().accepted
+
+
+def test_without_a_file_it_does_not(make_rig):
+    rig = homed_elsewhere(make_rig)
+    away(rig, 1.0)
+    bridge = restarted(rig, None)
+    assert bridge.mode == 'unhomed'
+    assert all(link.state.index_detected == [True, True] for link in bridge.links)
+    assert "('arm home')" in bridge.enable().message
+
+
+@pytest.mark.parametrize('board', [0, 1])
+def test_a_board_that_was_switched_off_and_on_has_lost_its_zeros_alone(make_rig, board):
+    rig = homed_elsewhere(make_rig)
+    kept = kept_by(rig)
+    away(rig, 1.0)
+    rig.inject('power_cycle', board)
+    away(rig, 1.0)
+    bridge = restarted(rig, kept)
+    assert bridge.mode == 'unhomed'
+    assert bridge.zeros.unknown == [['joint1', 'joint2'], ['joint3', 'joint4']][board]
+    reason = f'board{board} was switched off and on while the bridge was away'
+    assert reason in bridge.zeros.problem
+    assert [text.count(reason) for text in bridge.faults] == [1]
+
+
+def coincident(rig, board):
+    """Cycle a board's supply so that its clock seems to have gone on, as one time in thousands."""
+    board = rig.boards.boards[board]
+    clock = board._clock
+    board.power_cycle()
+    board._clock = clock
+
+
+def test_a_clock_that_fits_by_chance_is_not_enough(make_rig):
+    rig = homed_elsewhere(make_rig)
+    kept = kept_by(rig)
+    coincident(rig, 0)
+    bridge = restarted(rig, kept)  # the pulses that were met are forgotten
+    assert bridge.zeros.unknown == ['joint1', 'joint2']
+    for motor in rig.boards.boards[0].motors:
+        motor.encoder.index_detected = True  # ... were met again
+    bridge = restarted(rig, kept)
+    assert bridge.zeros.unknown == ['joint1', 'joint2']
+    assert 'board0 does not go on with the count of joint' in bridge.zeros.problem
+
+
+def test_an_index_bit_that_flipped_without_a_pulse_between_is_another_count(make_rig):
+    rig = homed_elsewhere(make_rig)
+    kept = kept_by(rig)
+    encoder = rig.boards.boards[1].motors[0].encoder
+    encoder.index_toggle = not encoder.index_toggle
+    assert restarted(rig, kept).zeros.unknown == ['joint3', 'joint4']
+
+
+def test_a_pulse_that_was_measured_again_is_homed_by(make_rig):
+    rig = homed_elsewhere(make_rig)
+    kept = kept_by(rig)
+    offsets = np.array([0.0, 0.0, 0.0, 0.3])
+    again = BridgeCycle(rig.config, rig.boards, robot=rig.robot, kept=kept, pulse_offset=offsets)
+    rig.bridge = again
+    rig.run(0.02)
+    assert again.zeros.unknown == ['joint3', 'joint4']
+    assert 'board1 was homed by another index pulse of joint4' in again.zeros.problem
+
+
+def test_a_clock_of_16_bits_is_read_across_its_wrap_and_not_beyond_its_period(make_rig):
+    rig = homed_elsewhere(make_rig)
+    for board in rig.boards.boards:
+        board._clock = TIMESTAMP_PERIOD - 1.0
+    restarted(rig, None).zeros.found()
+    rig.bridge._set_zero(rig.bridge.state.reported_position - rig.bridge.zeros.rest)
+    rig.run(0.01)
+    kept = kept_by(rig)
+    away(rig, 3.0)
+    assert restarted(rig, kept).mode == 'idle'
+    # One period later the clock reads the same.
+    rig.now += TIMESTAMP_PERIOD
+    rig.boards._now = rig.now
+    bridge = restarted(rig, kept)
+    assert bridge.mode == 'unhomed'
+    assert f'its clock tells at most {AWAY_MAX:g} s' in bridge.zeros.problem
+
+
+@pytest.mark.parametrize('drift', [4e-4, -4e-4, 3e-2, -3e-2])
+def test_a_clock_may_drift_as_crystals_do(make_rig, drift):
+    rig = homed_elsewhere(make_rig)
+    kept = kept_by(rig)
+    away(rig, 2.0)
+    for board in rig.boards.boards:
+        board._clock += 2.0 * drift
+    assert restarted(rig, kept).mode == ('idle' if abs(drift) < 1e-3 else 'unhomed')
+
+
+def test_an_arm_that_sank_while_nobody_watched_is_known_where_it_lies(make_rig):
+    rig = homed_elsewhere(make_rig)
+    kept = kept_by(rig)
+    rig.boards._carried = False
+    away(rig, 4.0)
+    assert abs(rig.plant.position[1] - LEANING[1]) > 1.0
+    bridge = restarted(rig, kept)
+    assert bridge.mode == 'idle', bridge.faults
+    np.testing.assert_allclose(bridge.q, rig.plant.position, atol=2e-3)
+
+
+def test_zeros_that_are_not_known_are_not_kept(make_rig):
+    rig = homed_elsewhere(make_rig)
+    rig.bridge.zeros.lose([1, 2], 'a jump')
+    names = [[joint.name for joint in board.joints] for board in kept_by(rig).boards]
+    assert names == [['joint1'], ['joint4']]
+    bridge = restarted(rig, kept_by(rig))
+    assert bridge.zeros.unknown == ['joint2', 'joint3']
+
+
+def test_those_that_wait_for_a_board_are_not_replaced(make_rig):
+    rig = homed_elsewhere(make_rig)
+    kept = kept_by(rig)
+    rig.inject('lost_frames', 1, value=1.0)
+    bridge = restarted(rig, kept)
+    assert bridge.recall.keep('', HOST) is None
+    assert bridge.zeros.unknown == ['joint3', 'joint4']
+    rig.inject('lost_frames', 1, value=0.0)
+    rig.run(0.05)
+    assert bridge.mode == 'idle'
+    assert bridge.recall.keep('', HOST) is not None
+
+
+def test_a_board_with_absolute_encoders_needs_no_record(make_rig, config):
+    rig = make_rig(config=config.with_encoders('absolute'), homed=False, position=LEANING)
+    rig.run(0.02)
+    assert rig.bridge.mode == 'idle'
+    np.testing.assert_allclose(rig.bridge.q, LEANING, atol=1e-3)
+    assert rig.bridge.recall.keep('', HOST).boards == ()
+
+
+def test_a_file_of_another_arm_host_or_time_is_named(make_rig, config):
+    rig = homed_elsewhere(make_rig)
+    kept, arm = kept_by(rig), arm_identity(config)
+    for wrong, reason in [
+        ((arm_identity(config.with_prefix('left_')), HOST, rig.now), 'another arm'),
+        ((arm_identity(config.with_encoders('absolute')), HOST, rig.now), 'another arm'),
+        ((arm, HostClock('other', 0.0), rig.now), 'before the host was started'),
+        ((arm, HostClock('boot', 9.0), rig.now), 'before the host was suspended'),
+        ((arm, HOST, rig.now - 1.0), 'newer than now'),
+    ]:
+        with pytest.raises(KeptZerosError, match=reason):
+            kept.check(*wrong)
+
+
+def test_a_file_that_is_not_whole_gives_no_zeros(make_rig):
+    text = kept_by(homed_elsewhere(make_rig)).text()
+    document = json.loads(text)
+    wrong = [text[:cut] for cut in (0, 1, len(text) // 2, len(text) - 1)]
+    for value in (None, 'NaN', True, [], 1e400):
+        document['boards'][0]['joints'][0]['zero'] = value
+        wrong.append(json.dumps(document))
+    wrong += ['[]', '{"boards": 3}', '[' * 100_000, text + ' ' * 100_000]
+    for broken in wrong:
+        with pytest.raises(KeptZerosError, match='not whole'):
+            KeptZeros.parse(broken)

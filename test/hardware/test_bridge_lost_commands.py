@@ -1,0 +1,73 @@
+"""Commands that a board does not receive while its answers arrive: its MOSI wire."""
+
+import pytest
+from attack_campaign import SPEED_MAX, run
+from attack_rig import AttackRig
+
+STRETCHED = [0.0, 0.3, 0.0, 0.2]
+CHECK = 'check the MOSI wire, its connector, the ground wire and clock_hz'
+
+
+# Before, in this order: 1.29, 1.32, 1.5 and 1.2 of the speed limit.
+@pytest.mark.parametrize(
+    ('attack', 'number', 'rate'),
+    [('velocity', 0, 0.7), ('alternating', 1, 0.7), ('any_mode', 2, 1.0), ('violation', 1, 1.0)],
+)
+def test_no_joint_is_too_fast_while_its_board_drives_it(attack, number, rate):
+    outcome = run(attack, number, seconds=0.3, lost_commands=rate)
+    assert outcome.speed <= SPEED_MAX, outcome
+    assert outcome.names_the_wire, outcome
+
+
+@pytest.mark.parametrize('board', [0, 1])
+def test_a_wire_that_loses_some_commands_is_a_warning(config, robot, board):
+    rig = AttackRig(config, robot, posture=STRETCHED).bring_up()
+    rig.inject('lost_commands', board, 0, 0.2)
+    rig.run(0.3)
+    assert rig.bridge.mode == 'ready'
+    (text,) = rig.bridge.faults
+    assert text.startswith(f'board{board}: ')
+    assert text.endswith(
+        f'% of the commands do not reach it over MOSI while its answers reach the host: {CHECK}'
+    )
+    assert 40 < rig.bridge.counters[f'board{board} lost commands'] < 80
+    assert rig.bridge.counters[f'board{1 - board} lost commands'] == 0
+
+
+def test_a_wire_that_loses_many_in_a_row_stops_the_arm_and_is_named(config, robot):
+    rig = AttackRig(config, robot, posture=STRETCHED).bring_up()
+    rig.inject('lost_commands', 1, 0, 0.8)
+    rig.run(0.3)
+    assert rig.bridge.mode == 'fault'
+    fault = 'board1: 10 commands in a row did not reach it over MOSI while its answers reach the'
+    assert rig.bridge.gate.stop == f'{fault} host: {CHECK}'
+    # Some commands arrive, so the board does not let go.
+    assert all(board.system_enabled for board in rig.boards.boards)
+
+
+def test_a_cut_wire_is_neither_enabled_nor_cleared(config, robot):
+    rig = AttackRig(config, robot, posture=STRETCHED).bring_up()
+    rig.inject('lost_commands', 0, 0, 1.0)
+    rig.run(0.02)
+    assert rig.bridge.mode == 'fault'
+    answer = rig.bridge.clear_fault()
+    assert not answer.accepted
+    assert 'in a row did not reach it over MOSI' in answer.message
+    other = AttackRig(config, robot, posture=STRETCHED)
+    other.run(0.02)
+    other.inject('lost_commands', 0, 0, 1.0)
+    other.run(0.02)
+    assert other.bridge.mode == 'idle'
+    answer = other.bridge.enable()
+    assert not answer.accepted
+    assert 'in a row did not reach it over MOSI' in answer.message
+
+
+def test_exchanges_that_fail_both_ways_are_bad_frames_alone(config, robot):
+    rig = AttackRig(config, robot, posture=STRETCHED).bring_up()
+    rig.inject('lost_frames', 0, 0, 0.3)
+    rig.run(0.3)
+    assert rig.bridge.mode == 'ready'
+    assert rig.bridge.counters['board0 bad frames'] > 50
+    assert rig.bridge.counters['board0 lost commands'] == 0
+    assert rig.bridge.faults == []

@@ -1,0 +1,106 @@
+import json
+import time
+
+import pytest
+
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.zero_file import ZeroFile
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / 'new' / 'arm.json'
+
+
+def until(condition):
+    end = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def begun(rig):
+    """Run the rig's bridge on the host's clock."""
+    rig.now = time.monotonic()
+    rig.boards._now = None
+    rig.bridge = BridgeCycle(rig.config, rig.boards, robot=rig.robot)
+    rig.bridge.zeros.found()
+    rig.run(0.01)
+    return rig
+
+
+def test_zeros_are_written_once_a_second_and_when_one_changes(path, make_rig):
+    rig = begun(make_rig())
+    file = ZeroFile(path, rig.config)
+    assert file.read(rig.now) is None
+    file.update(rig.bridge, 0.0)
+    until(path.exists)
+    first = path.read_text()
+    rig.run(0.01)
+    file.update(rig.bridge, 0.9)
+    rig.bridge.zeros.lose([0], 'a jump')
+    file.update(rig.bridge, 0.91)
+    until(lambda: path.read_text() != first)
+    names = [j['name'] for b in json.loads(path.read_text())['boards'] for j in b['joints']]
+    assert names == ['joint2', 'joint3', 'joint4']
+    second = path.read_text()
+    rig.run(0.01)
+    file.update(rig.bridge, 1.92)
+    file.close()
+    assert path.read_text() != second
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_what_is_written_is_read_by_the_next_bridge(path, make_rig):
+    rig = begun(make_rig())
+    file = ZeroFile(path, rig.config)
+    assert file.read(rig.now) is None
+    file.update(rig.bridge, rig.now)
+    file.close()
+    kept = ZeroFile(path, rig.config).read(rig.now + 1.0)
+    assert [board.name for board in kept.boards] == ['board0', 'board1']
+    rig.bridge = BridgeCycle(rig.config, rig.boards, robot=rig.robot, kept=kept)
+    rig.run(0.02)
+    assert rig.bridge.mode == 'idle'
+
+
+@pytest.mark.parametrize(
+    ('spoil', 'reason'),
+    [
+        (lambda text: text[:-20], 'is not whole'),
+        (lambda text: text.replace('"arm": "', '"arm": "0'), 'is of another arm'),
+        (lambda text: text.replace('"boot": "', '"boot": "0'), 'from before the host was started'),
+        (lambda text: text.replace('"time": ', '"time": 9'), 'is newer than now'),
+        (lambda text: b'\xff\xfe', 'is no text'),
+    ],
+)
+def test_a_bad_file_gives_unknown_zeros_and_one_warning(path, make_rig, spoil, reason):
+    rig = begun(make_rig())
+    file = ZeroFile(path, rig.config)
+    file.read(rig.now)
+    file.update(rig.bridge, rig.now)
+    file.close()
+    spoiled = spoil(path.read_text())
+    path.write_bytes(spoiled if isinstance(spoiled, bytes) else spoiled.encode())
+    kept = ZeroFile(path, rig.config).read(rig.now)
+    assert kept.startswith(f'the state file {path} cannot be used: it ')
+    assert reason in kept
+    rig.bridge = BridgeCycle(rig.config, rig.boards, robot=rig.robot, kept=kept)
+    rig.run(0.02)
+    assert rig.bridge.mode == 'unhomed'
+    assert [text.count(reason) for text in rig.bridge.faults] == [1]
+    assert "('arm home')" in rig.bridge.faults[0]
+
+
+def test_no_file_and_one_that_cannot_be_written(tmp_path, make_rig):
+    rig = begun(make_rig())
+    none = ZeroFile(None, rig.config)
+    assert none.read(rig.now) is None
+    none.update(rig.bridge, rig.now)
+    none.close()
+    (tmp_path / 'file').touch()
+    file = ZeroFile(tmp_path / 'file' / 'arm.json', rig.config)
+    assert 'cannot be used' in file.read(rig.now)
+    file.update(rig.bridge, rig.now)
+    file.close()
+    assert 'cannot be written' in file.problem

@@ -1,0 +1,34 @@
+"""What the launch files make of the way their processes end."""
+
+import pytest
+from launched import MISSING
+
+pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING)
+
+
+@pytest.mark.parametrize(
+    ('status', 'is_ending', 'fails'),
+    [
+        (0, False, False),
+        (1, False, True),
+        (1, True, True),
+        (130, True, False),
+        # What asyncio says of a process whose end a Ctrl-C kept it from seeing.
+        (255, True, False),
+        (255, False, True),
+    ],
+)
+def test_which_ends_fail(status: int, is_ending: bool, fails: bool) -> None:
+    from launch import LaunchContext
+    from launch.actions import ExecuteProcess
+    from launch.events.process import ProcessExited
+
+    from aerarm_ros.launch_parts import after
+
+    process = ExecuteProcess(cmd=['true'])
+    context = LaunchContext()
+    context._set_is_shutdown(is_ending)
+    names = {'name': 'true-1', 'cmd': ['true'], 'cwd': None, 'env': None, 'pid': 1}
+    event = ProcessExited(returncode=status, action=process, **names)
+    action = after(process, 'it').event_handler.handle(event, context)
+    assert (action is not None) == fails
