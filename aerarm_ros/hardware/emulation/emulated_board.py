@@ -47,8 +47,8 @@ class EmulatedBoard:
         Time between two calls of `step` [s].
     seed
         Of measurement noise and of random faults.
-    heat_seed
-        Of how warm its motors get beside what their configuration states; None for no deviation.
+    heats
+        How warm the two motors get; None for motors as stated.
     alignment
         What happens when a motor is enabled.
     zeros
@@ -72,7 +72,7 @@ class EmulatedBoard:
         substep: float,
         *,
         seed: int = 0,
-        heat_seed: int | None = None,
+        heats: Sequence[EmulatedHeat] | None = None,
         alignment: AlignmentTiming | None = None,
         zeros: Sequence[float | None] = (0.0, 0.0),
         absolute: Sequence[bool] = (False, False),
@@ -92,9 +92,8 @@ class EmulatedBoard:
             EmulatedMotor(motors[i], substep, timing, zeros[i], absolute[i], pulse_offsets[i])
             for i in range(len(motors))
         )
-        if heat_seed is not None:
-            for i, motor in enumerate(motors):
-                self.motors[i].heat = EmulatedHeat(motor, 2 * heat_seed + i)
+        for emulated, heat in zip(self.motors, heats or (), strict=False):
+            emulated.heat = heat
         self._squares = [0.0, 0.0]  # of the currents, since the last look at the heat [A^2]
         self._steps = 0
         self._substep = substep

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from aerarm_ros.description.joint_config import JointConfig
 from aerarm_ros.description.motor_config import MotorConfig
 
 ROOM = 25.0  # [degC]
@@ -67,6 +68,13 @@ class EmulatedHeat:
         )
         self._iron = _IRON_SHARE * steady_loss / _IRON_SPEED**2
         self._longest = self._capacity[0] / (_SHORTEST * self._conductance[0])
+
+    @classmethod
+    def of_joint(cls, joint: JointConfig, arm_seed: int | None) -> EmulatedHeat:
+        """Return the heat of a joint's motor in the emulated arm of a seed; None: as stated."""
+        if arm_seed is None:
+            return cls(joint.motor)
+        return cls(joint.motor, 2 * (1000 * arm_seed + joint.board) + joint.channel)
 
     @property
     def copper(self) -> float:

@@ -9,6 +9,7 @@ from aerarm_ros.description.motor_config import MotorConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
+from aerarm_ros.hardware.emulation.emulated_heat import EmulatedHeat
 from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant
@@ -69,6 +70,7 @@ def make_emulated_transport(
     made = ArmPlant if parameters.backlash is None else BacklashPlant
     plant = made(robot, parameters, config.rest_position if position is None else position)
     motors = [[_NO_MOTOR, _NO_MOTOR] for _ in config.boards]
+    heats = [[EmulatedHeat(_NO_MOTOR), EmulatedHeat(_NO_MOTOR)] for _ in config.boards]
     zeros: list[list[float | None]] = [[None, None] for _ in config.boards]
     pulse_offsets = [[0.0, 0.0] for _ in config.boards]
     absolute = [[False, False] for _ in config.boards]
@@ -76,6 +78,7 @@ def make_emulated_transport(
     knows = config.absolute_encoders(profile.encoders)
     for i, joint in enumerate(config.joints):
         motors[joint.board][joint.channel] = joint.motor
+        heats[joint.board][joint.channel] = EmulatedHeat.of_joint(joint, parameters.seed)
         absolute[joint.board][joint.channel] = knows[i]
         pulse_offsets[joint.board][joint.channel] = pulse_offset[i] if pulse_offset else 0.0
         if encoder_zeros is not None:
@@ -88,7 +91,7 @@ def make_emulated_transport(
             motors[number],
             SUBSTEP,
             seed=1000 * (seed or 0) + number,
-            heat_seed=None if parameters.seed is None else 1000 * parameters.seed + number,
+            heats=heats[number],
             alignment=alignment,
             zeros=zeros[number],
             absolute=absolute[number],

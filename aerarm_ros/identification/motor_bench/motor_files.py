@@ -1,6 +1,7 @@
 """Results of the motor bench as YAML: the numbers, and a configuration that has them."""
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +131,8 @@ def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult])
         measured = _measured(result)
         if measured:
             joint['motor'] = f'{result.motor}_{result.joint}'
-            motors[joint['motor']] = {**motors[result.motor], **measured}
+            # A copy of its own: a shared part would be dumped as an anchor, which is not read.
+            motors[joint['motor']] = deepcopy(motors[result.motor]) | measured
             constant = measured.get('torque_constant_measured', result.torque_constant_stated)
             joint['effort_max'] = _effort_max(joint, config, result, constant)
     used = {entry['motor'] for entry in document['joints']}
