@@ -8,10 +8,16 @@ STRETCHED = [0.0, 0.3, 0.0, 0.2]
 CHECK = 'check the MOSI wire, its connector, the ground wire and clock_hz'
 
 
-# Before, in this order: 1.29, 1.32, 1.5 and 1.2 of the speed limit.
+# Before, in this order: 1.29, 1.32, 1.5, 1.2 and 1.33 of the speed limit.
 @pytest.mark.parametrize(
     ('attack', 'number', 'rate'),
-    [('velocity', 0, 0.7), ('alternating', 1, 0.7), ('any_mode', 2, 1.0), ('violation', 1, 1.0)],
+    [
+        ('velocity', 0, 0.7),
+        ('alternating', 1, 0.7),
+        ('any_mode', 2, 1.0),
+        ('violation', 1, 1.0),
+        ('stopping', 2, 1.0),
+    ],
 )
 def test_no_joint_is_too_fast_while_its_board_drives_it(attack, number, rate):
     outcome = run(attack, number, seconds=0.3, lost_commands=rate)

@@ -110,6 +110,7 @@ class JointBarrier:
         '_kept_time',
         '_lag',
         '_last_speed',
+        '_modelled_load',
         '_position_max',
         '_position_min',
         '_return',
@@ -162,6 +163,7 @@ class JointBarrier:
         self._allowed = self._unhindered
         self.is_overwhelmed = self.lets_down = False
         self.q = self.dq = self.filtered = self.load = self.noise = self.lowest = self.highest = 0.0
+        self._modelled_load = 0.0
         self.restart()
 
     def restart(self) -> None:
@@ -241,7 +243,7 @@ class JointBarrier:
             if was_kept:
                 self._acceleration = self._kept_acceleration
             self._take(dq, inertia, interval)
-        self.inertia = inertia
+        self.inertia, self._modelled_load = inertia, load
         self.load = load = load + self._disturbance + self._turned
         gain = min(self._gain_max, _FASTEST * inertia)
         self.noise = _SPEED_NOISE * gain
@@ -277,6 +279,7 @@ class JointBarrier:
 
         It is 0 where the joint would not become too fast without: in `board_timeout` under the
         torque as it is, by the damping that ends it, or by the energy of the spring that makes it.
+        It counts with and without the learned part of the load, which may end meanwhile.
 
         Parameters
         ----------
@@ -286,7 +289,13 @@ class JointBarrier:
             What the board's law would make if the drive were strong enough [Nm], and how it falls
             as the joint moves [Nm/rad], [Nms/rad].
         """
-        speed, excess, wanted = self.dq, torque - self.load, law - self.load
+        learned = self._gap_damping(torque - self.load, law - self.load, stiffness, damping)
+        load = self._modelled_load
+        return max(learned, self._gap_damping(torque - load, law - load, stiffness, damping))
+
+    def _gap_damping(self, excess: float, wanted: float, stiffness: float, damping: float) -> float:
+        """Return `gap_damping` [Nms/rad] for torques [Nm] over one load."""
+        speed = self.dq
         if excess < 0.0:
             speed, excess, wanted = -speed, -excess, -wanted
         margin = self._disturbance_max
