@@ -44,7 +44,9 @@ class Homing:
     the 1 ms between two frames, and corrects it afterwards. Two pulses met from opposite sides
     cancel that delay. A pulse that was met while the host was held up lies somewhere in what the
     motor turned meanwhile: it is searched once more, the other way and at half the speed, which
-    ends at the latest when the longest hold-up is too short for the motor to turn far.
+    ends at the latest when the longest hold-up is too short for the motor to turn far. A joint that
+    passes its home configuration in a hold-up returns at half the speed, too. Homing fails if a
+    motor moves by more than a quarter of a turn between two frames.
 
     Parameters
     ----------
@@ -85,6 +87,7 @@ class Homing:
         self._sign = config.column('sign')
         self._ratio = config.column('gear.ratio')
         self._start = position.copy()
+        self._reach_from = position.copy()  # from which a pulse must come within `_REACH` [rad]
         self._toggles = toggles.copy()
         self._shift = expected - position  # from the reported to the expected motor angle
         self._offset: Array = np.zeros(config.n) + np.asarray(pulse_offset, np.float64)
@@ -99,6 +102,7 @@ class Homing:
         self._returned = np.zeros(config.n, dtype=bool)
         self._speed = np.full(config.n, _SPEED)
         self._last = position.copy()
+        self._away = np.full(config.n, np.nan)  # from home, of joints that return [rad]
         self._repeats = 0
 
     @property
@@ -129,6 +133,7 @@ class Homing:
         """
         moved = self._ratio * np.abs(position - self._last)
         self._last[:] = position
+        self._give_up_after_a_long_hold_up(moved / self._ratio / _TURN)
         from_first = np.abs(position - self._first) / _TURN  # NaN before the first pulse
         flipped = (toggles != self._toggles) & ~self._found
         if flipped.any():
@@ -136,10 +141,10 @@ class Homing:
             met = flipped & ~(from_first < _SAME_PULSE)
             blurred = met & (moved > _BLURRED)
             if blurred.any():
-                self._search_again(blurred)
+                self._search_again(blurred, position)
             for joint in np.flatnonzero(met & ~blurred).tolist():
                 self._meet(joint, position)
-        self._give_up_where_no_pulse_comes(position, from_first)
+        self._give_up_where_no_pulse_comes(position)
         speed = self._speed * self._direction
         if self._found.any():
             speed = np.where(self._found, self._return_speed(position), speed)
@@ -148,15 +153,18 @@ class Homing:
     def _return_speed(self, position: Array) -> Array:
         """Return the speeds (n,) that lead joints home whose zeros are known [rad/s]."""
         away = self._ratio * (self.zero + self._home - position)
+        passed = away * self._away < 0.0  # home, while the host was held up
+        self._speed[passed] *= 0.5
+        self._away = np.where(self._found, away, np.nan)
         self._returned |= self._found & (np.abs(away) < _RETURNED)
-        speed = np.clip(_RETURN_GAIN * away, -_RETURN_SPEED, _RETURN_SPEED)
+        speed = np.clip(_RETURN_GAIN * away, -_RETURN_SPEED, _RETURN_SPEED) * self._speed / _SPEED
         return np.where(self._returned, 0.0, speed)
 
     def _meet(self, joint: int, position: Array) -> None:
         """Take an index pulse of a joint at (n,) reported angles [rad]."""
         self._speed[joint] = _SPEED
         if np.isnan(self._first[joint]):
-            self._first[joint] = position[joint]
+            self._first[joint] = self._reach_from[joint] = position[joint]
             self._judge(joint)
             back = -np.sign(position[joint] - self._start[joint]) or -self._direction[joint]
             self._direction[joint] = self._side[joint] or back
@@ -193,10 +201,8 @@ class Homing:
         turn = np.round(turns)
         return turn, turns - turn
 
-    def _give_up_where_no_pulse_comes(self, position: Array, from_first: Array) -> None:
-        travel = np.abs(position - self._start) / _TURN
-        distance = np.where(np.isnan(from_first), travel, from_first)
-        missed = ~self._found & (distance > _REACH)
+    def _give_up_where_no_pulse_comes(self, position: Array) -> None:
+        missed = ~self._found & (np.abs(position - self._reach_from) > _REACH * _TURN)
         if missed.any():
             joints = np.flatnonzero(missed).tolist()
             names = ', '.join(self._names[joint] for joint in joints)
@@ -206,7 +212,19 @@ class Homing:
                 'cable',
             )
 
-    def _search_again(self, blurred: Mask) -> None:
+    def _give_up_after_a_long_hold_up(self, moved: Array) -> None:
+        """Fail if a motor moved by so many turns (n,) that its pulses are not told apart."""
+        joint = int(np.argmax(moved))
+        if moved[joint] > _SAME_PULSE:
+            self._fail(
+                [],
+                f'homing was held up while {self._names[joint]} moved by {moved[joint]:.2f} motor '
+                f'turns, allowed are {_SAME_PULSE:.2f}: check what else the host does, and the '
+                'encoder, then home again',
+            )
+
+    def _search_again(self, blurred: Mask, position: Array) -> None:
+        self._reach_from[blurred] = position[blurred]  # the hold-up took the motor past the reach
         self._direction[blurred] *= -1.0
         self._speed[blurred] *= 0.5
         self._repeats += 1

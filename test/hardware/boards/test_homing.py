@@ -333,10 +333,15 @@ def test_an_arm_without_room_for_two_pulses_is_not_homed(make_rig, config):
 
 
 def test_pulses_are_found_exactly_at_any_period_and_hold_up_of_the_host(config, turn):
-    for milliseconds in ([4], [1, 1, 1, 1, 1, 25], [1, 38], [3, 15, 1]):
+    short = ([4], [1, 1, 1, 1, 1, 25], [1, 38], [3, 15, 1])
+    # A motor turns by up to a sixth of a turn in these: far beyond a pulse.
+    long = ([1] * 30 + [100], [1] * 97 + [150], [1] * 11 + [159])
+    for milliseconds in (*short, *long):
         homing, error, _ = homed(config, 0.25 * turn, milliseconds=milliseconds)
         assert not homing.fault, milliseconds
         assert np.abs(error).max() < 5e-4
+    homing, *_ = homed(config, milliseconds=[1] * 60 + [250])
+    assert homing.fault.startswith('homing was held up while joint')
 
 
 def test_an_implausible_pulse_stops_the_arm_whose_zero_is_then_unknown(make_rig, config):
