@@ -10,6 +10,7 @@ largest inertia at full speed, nothing of it lost in windings and friction.
 
 from __future__ import annotations
 
+import argparse
 from math import inf, sqrt
 
 from aerarm_ros.description.arm_config import load_arm_config
@@ -58,6 +59,7 @@ def times(joint: JointConfig, load: float, seed: int) -> tuple[dict[str, float],
 
 def main() -> None:
     """Print both tables."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     config, robot = load_arm_config(), load_robot()
     loads = JointLoads(config, robot)
     print('joint   load  copper   ' + ''.join(f'{name:>16}' for name in EVENTS) + '    error')

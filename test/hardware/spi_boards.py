@@ -30,7 +30,8 @@ def compiler() -> str | None:
 class SpiBoards:
     """Context with a running server; `environment` is for the processes that use the bus.
 
-    With `paced` the boards' time is that of the frames, see `spi_server`.
+    With `paced` the boards' time is that of the frames and their encoders are absolute, see
+    `spi_server`; the bridge needs a configuration that declares it.
     """
 
     def __init__(self, paced: bool = False) -> None:

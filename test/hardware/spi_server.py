@@ -3,7 +3,8 @@
 Usage: python spi_server.py SOCKET [PACED]
 
 With PACED a millisecond passes with each round of frames, however long the host takes for it, and
-none without frames but what a command lets pass: nobody is too late.
+none without frames but what a command lets pass: nobody is too late. The encoders are absolute
+then: homing turns the joints by the host's time, so a slow host would drive paced ones too fast.
 
 Takes commands as lines of JSON on standard input and answers each with a line:
 
@@ -60,6 +61,8 @@ class SpiServer:
         self.paced = paced
         self.time = 0.0  # [s] of paced boards
         config = load_arm_config()
+        if paced:
+            config = config.with_encoders('absolute')
         self.boards = make_emulated_transport(config, load_robot(), None)
         self.devices = {board.device: Device(i) for i, board in enumerate(config.boards)}
         self.selector = selectors.DefaultSelector()

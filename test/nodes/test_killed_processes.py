@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import spi_boards
+import yaml
 from bridge_client import BridgeClient, StartBridge, velocity_command
 from rclpy.node import Node
 from spi_boards import SpiBoards
 
+from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 BOARD_TIMEOUT = 0.2  # [s]
@@ -46,8 +48,14 @@ def boards() -> Iterator[SpiBoards]:
 def spi_bridge(
     boards: SpiBoards, ros_domain: dict[str, str], tmp_path: Path
 ) -> Iterator[NodeProcess]:
+    document = yaml.safe_load(resource('config', 'aerarm.yaml').read_text())
+    for board in document['boards']:
+        board['encoders'] = 'absolute'
+    config = tmp_path / 'absolute.yaml'
+    config.write_text(yaml.safe_dump(document))
+    parameters = {**UNHURRIED, 'config': config}
     with NodeProcess(
-        'hardware_bridge', (), UNHURRIED, boards.environment, tmp_path / 'log'
+        'hardware_bridge', (), parameters, boards.environment, tmp_path / 'log'
     ) as process:
         yield process
 
@@ -95,13 +103,13 @@ def test_a_device_that_comes_back_is_off_until_enabled_and_sigquit_switches_off(
     spi_bridge: NodeProcess, boards: SpiBoards, ros_node: Node
 ) -> None:
     client = BridgeClient(ros_node, 'hardware_bridge')
-    client.wait_for_mode('unhomed')
+    client.wait_for_mode('idle')
     boards.vanish('/dev/spidev0.1')
     client.wait_for_mode('disconnected')
     client.wait_for(lambda: 'opened again once it does' in client.messages['arm'])
-    assert '/dev/spidev0.1 reports' in client.call('home').message
+    assert '/dev/spidev0.1 reports' in client.call('enable').message
     boards.come_back('/dev/spidev0.1')
-    client.wait_for_mode('unhomed')
+    client.wait_for_mode('idle')
     assert [board['told_on'] for board in boards.report()] == [False, False]
     client.make_ready()
     assert [board['told_on'] for board in boards.report()] == [True, True]
