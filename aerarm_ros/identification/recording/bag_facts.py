@@ -17,11 +17,14 @@ class BagFacts:
         Joint states missing between the first and the last; None without numbers.
     missed_cycles : int or None
         Cycles the bridge missed meanwhile; None if the bag has no diagnostics.
+    columns : str
+        Columns of each joint in a table; empty for a bag.
     """
 
     used: str
     lost: int | None = None
     missed_cycles: int | None = None
+    columns: str = ''
 
     @property
     def text(self) -> str:
@@ -31,7 +34,8 @@ class BagFacts:
             parts.append(f'{self.lost} states lost')
         if self.missed_cycles is not None:
             parts.append(f'{self.missed_cycles} cycles missed')
-        return ', '.join(parts)
+        columns = f'\n  columns: {self.columns}' if self.columns else ''
+        return ', '.join(parts) + columns
 
     def warnings(self, name: str, states: int) -> list[str]:
         """Return what the user should know of how the bag was recorded.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,10 +14,10 @@ TIME = ('time', 'times', 't', 'stamp', 'stamps', 'timestamp', 'time_s', '__time'
 """Names of the time."""
 
 WORDS = {
-    'position': ('position', 'positions', 'pos', 'q', 'angle'),
-    'velocity': ('velocity', 'velocities', 'vel', 'dq', 'qd', 'qdot'),
-    'effort': ('effort', 'efforts', 'torque', 'torques', 'tau'),
-    'current': ('current', 'currents'),
+    'position': ('position', 'positions', 'pos', 'q', 'angle', 'actual_q'),
+    'velocity': ('velocity', 'velocities', 'vel', 'dq', 'qd', 'qdot', 'actual_qd'),
+    'effort': ('effort', 'efforts', 'eff', 'torque', 'torques', 'tau'),
+    'current': ('current', 'currents', 'actual_current', 'i'),
 }
 """Names of what is recorded of joints; currents are efforts where there are no others."""
 
@@ -48,42 +48,73 @@ _SPELLINGS = (
 )
 _UNIT = re.compile(r'\s*[\[(]([^\[\]()]*)[\])]\s*$')
 _SEPARATOR = '_./: -'
+_NUMBER = re.compile(r'[_.]?(?:(\d+)|[\[(](\d+)[\])])')
 
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One column that tells something of a motion.
+    """One column that belongs to a motion.
 
     Attributes
     ----------
     quantity : str
         'time', or a key of `WORDS`.
     joint : str
-        Empty for the time.
+        Empty for the time, and for a number until `named` has been called.
+    number : int or None
+        The joint's number, counted from 0 or 1.
+    is_index : bool
+        Whether the number is in brackets.
     factor : float
-        That makes SI units of the values.
+        Factor from the stated unit to SI units.
     unit : str
-        As the name states it; empty if it doesn't.
+        As the name states it; empty if it does not.
     """
 
     quantity: str
     joint: str
+    number: int | None = None
+    is_index: bool = False
     factor: float = 1.0
     unit: str = ''
 
+    def named(self, joint: str) -> TableColumn:
+        """Return the column of the joint that its number means."""
+        return replace(self, joint=joint, number=None)
 
-def table_column(name: str, joint_names: Sequence[str]) -> TableColumn | None:
-    """Return what a column is, None if it is something else.
 
-    Known are `q_elbow`, `elbow.position`, `q1` and `q[0]` (of the first joint), each with a unit
-    behind it or not, as `q1 [deg]`, and each behind a path, as `/joint_states/elbow/position`.
+def accepted_names() -> str:
+    """Return the accepted names of columns, in words."""
+    words = ', '.join(f'{name}: {"/".join(words)}' for name, words in WORDS.items())
+    return f"time: {'/'.join(TIME)}, {words}; each followed by _JOINT or the joint's number"
+
+
+def first_number(numbers: Iterable[int], joints: int) -> int | None:
+    """Return whether numbered columns count from 0 or 1; None if the numbers do not show it.
+
+    Parameters
+    ----------
+    numbers : iterable of int
+        Of all columns of a table.
+    joints : int
+        Number of joints of the arm.
+    """
+    found = set(numbers)
+    if 0 in found:
+        return 0 if max(found) < joints else None
+    return 1 if 1 in found else None
+
+
+def table_column(name: str) -> TableColumn | None:
+    """Return the meaning of a column, None for an unknown name.
+
+    Known are `q_elbow`, `elbow.position`, `q1`, `q_1` and `q[0]`, each with or without a unit, as
+    in `q1 [deg]`, and each with or without a path, as in `/joint_states/elbow/position`.
 
     Parameters
     ----------
     name : str
-        As the first line has it.
-    joint_names : sequence of str
-        The arm's joints, from base to tool: what numbers stand for.
+        As in the first line.
 
     Raises
     ------
@@ -96,16 +127,16 @@ def table_column(name: str, joint_names: Sequence[str]) -> TableColumn | None:
     else:
         bare, unit = name[: stated.start()], stated[1].strip()
     if bare.lower() in TIME:
-        return TableColumn('time', '', _factor(name, 'time', unit), unit)
+        return TableColumn('time', '', factor=unit_factor(name, 'time', unit), unit=unit)
     for shorter in _without_path(bare):
-        found = _of_joint(shorter, joint_names)
+        found = _of_joint(shorter)
         if found is not None:
-            quantity, joint = found
-            return TableColumn(quantity, joint, _factor(name, quantity, unit), unit)
+            return replace(found, factor=unit_factor(name, found.quantity, unit), unit=unit)
     return None
 
 
-def _factor(name: str, quantity: str, unit: str) -> float:
+def unit_factor(name: str, quantity: str, unit: str) -> float:
+    """Return the factor from a unit to SI; raises IdentificationError that names the column."""
     known = _UNITS[quantity]
     short = unit.lower()
     for spelling, usual in _SPELLINGS:
@@ -127,22 +158,19 @@ def _without_path(name: str) -> Iterator[str]:
         yield name
 
 
-def _of_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str] | None:
-    """Return quantity and joint."""
+def _of_joint(name: str) -> TableColumn | None:
+    """Return quantity and joint, by its name or its number."""
     for quantity, words in WORDS.items():
         for word in words:
             front, back = name[: len(word)].lower(), name[-len(word) :].lower()
             rest = name[len(word) :]
-            number = re.fullmatch(r'[_.]?(?:(\d+)|\[(\d+)\])', rest) if front == word else None
+            number = _NUMBER.fullmatch(rest) if front == word else None
             if number:
-                # q1 is the first joint; q[0] is so too, as programs count.
-                index = int(number[1]) - 1 if number[1] else int(number[2])
-                if 0 <= index < len(joint_names):
-                    return quantity, joint_names[index]
-            elif front == word and rest[:1] and rest[0] in _SEPARATOR:
-                return quantity, rest[1:].strip()
-            elif back == word and len(name) > len(word) + 1:
+                return TableColumn(quantity, '', int(number[1] or number[2]), number[1] is None)
+            if front == word and rest[:1] and rest[0] in _SEPARATOR:
+                return TableColumn(quantity, rest[1:].strip())
+            if back == word and len(name) > len(word) + 1:
                 separator = name[-len(word) - 1]
                 if separator in _SEPARATOR:
-                    return quantity, name[: -len(word) - 1].strip()
+                    return TableColumn(quantity, name[: -len(word) - 1].strip())
     return None

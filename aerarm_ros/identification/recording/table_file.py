@@ -14,7 +14,10 @@ from aerarm_ros.identification.recording.table_column import (
     TIME,
     WORDS,
     TableColumn,
+    accepted_names,
+    first_number,
     table_column,
+    unit_factor,
 )
 
 Array = npt.NDArray[np.float64]
@@ -24,6 +27,8 @@ TABLES = ('.csv', '.npz')
 
 _LARGEST = 2**30  # bytes of a file, unpacked: 40 min of 7 joints at 1 kHz, thrice
 _NAMES = ('joint_names', 'names', 'joints')
+_ANGLES = ('position', 'velocity')  # of which an array `unit` states the unit
+_SHOWN = 40  # columns of a table that an error lists
 
 
 @dataclass(frozen=True)
@@ -36,10 +41,13 @@ class TableOptions:
         Of the rows [Hz], for tables without a column of time.
     degrees : bool
         Whether positions and velocities are in degrees, where their names state no unit.
+    numbered_from : {0, 1} or None
+        Number of the first joint; None to recognize it from the columns.
     """
 
     rate: float | None = None
     degrees: bool = False
+    numbered_from: int | None = None
 
     def __post_init__(self) -> None:
         """Check the rate."""
@@ -58,6 +66,8 @@ class TableStates:
         [s]
     position, velocity, effort : (M, n) ndarray
         [rad], [rad/s], [Nm] or as recorded.
+    columns : str
+        Which columns of the table each joint has; empty for a bag.
     """
 
     names: tuple[str, ...]
@@ -65,6 +75,7 @@ class TableStates:
     position: Array
     velocity: Array
     effort: Array
+    columns: str = ''
 
     def __repr__(self) -> str:
         """Return what they are of, without the numbers."""
@@ -79,7 +90,8 @@ def read_table(
 
     The first line of a CSV file names its columns, as `time, q_elbow, dq_elbow, tau_elbow` or
     `elbow.position [deg]`, see `table_column`. An .npz file has arrays
-    `time` (M,), `q`, `dq` and `tau` (M, n), or `position` and so on, and may have `joint_names`.
+    `time` (M,), `q`, `dq` and `tau` (M, n), or `position` and so on, and may have `joint_names`
+    and `unit`, the unit of the angles.
 
     Parameters
     ----------
@@ -98,7 +110,8 @@ def read_table(
         if path.stat().st_size > _LARGEST:
             raise IdentificationError(f'{path}: larger than {_LARGEST >> 20} MB: cut it')
         read = _npz if path.suffix.lower() == '.npz' else _csv
-        columns = _without_currents(read(path, joint_names, options))
+        columns, sources = read(path, joint_names, options)
+        columns = _without_currents(columns)
     except OSError as error:
         raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
     except (ValueError, zipfile.BadZipFile) as error:
@@ -106,14 +119,18 @@ def read_table(
             raise
         reason = ' '.join(str(error).split())
         raise IdentificationError(f'{path}: is no table of numbers ({reason})') from None
-    return _states(path, columns, joint_names, options)
+    return _states(path, columns, sources, joint_names, options)
 
 
 _Columns = dict[tuple[str, str], Array]
 """Quantity and joint to values in SI units; ('time', '') to the time."""
+_Sources = dict[tuple[str, str], str]
+"""The same keys to what they are called in the file."""
 
 
-def _csv(path: Path, joint_names: Sequence[str], options: TableOptions) -> _Columns:
+def _csv(
+    path: Path, joint_names: Sequence[str], options: TableOptions
+) -> tuple[_Columns, _Sources]:
     with path.open(encoding='utf-8-sig', errors='replace') as file:
         header = file.readline().lstrip('#').strip()
         found = [d for d in (';', '\t', ',') if d in header]
@@ -124,43 +141,90 @@ def _csv(path: Path, joint_names: Sequence[str], options: TableOptions) -> _Colu
                 f'{path}: the first line must name the columns, as time, q_{joint_names[0]}, '
                 f'dq_{joint_names[0]}, tau_{joint_names[0]}'
             )
-        meanings = _meanings(path, names, joint_names)
+        meanings = _meanings(path, names, joint_names, options)
         first = file.readline()
         count = len(first.split(delimiter))
         if first.strip() and count != len(names):
             raise ValueError(f'{len(names)} names for {count} columns')
         if not meanings:
-            return {}
+            raise IdentificationError(
+                f'{path}: no position of any joint: its columns are {_some(names)}; '
+                f'accepted names are {accepted_names()}'
+            )
         rows = itertools.chain([first], file)
         values = np.loadtxt(rows, delimiter=delimiter, ndmin=2, usecols=list(meanings))
-    return {
+    columns = {
         (meaning.quantity, meaning.joint): _factor(meaning, options) * column
         for meaning, column in zip(meanings.values(), values.T, strict=True)
+    }
+    return columns, {
+        (meaning.quantity, meaning.joint): names[place] for place, meaning in meanings.items()
     }
 
 
 def _meanings(
-    path: Path, names: Sequence[str], joint_names: Sequence[str]
+    path: Path, names: Sequence[str], joint_names: Sequence[str], options: TableOptions
 ) -> dict[int, TableColumn]:
-    """Return what the columns are that tell something; others may hold anything."""
+    """Return the meanings of the columns that have one, by place; others may hold anything."""
+    try:
+        found = {place: table_column(name) for place, name in enumerate(names)}
+    except IdentificationError as error:
+        raise IdentificationError(f'{path}: {error}') from None
     meanings: dict[int, TableColumn] = {}
     known: dict[tuple[str, str], str] = {}
-    for place, name in enumerate(names):
-        try:
-            meaning = table_column(name, joint_names)
-        except IdentificationError as error:
-            raise IdentificationError(f'{path}: {error}') from None
-        if meaning is None:
-            continue
+    columns = {place: column for place, column in found.items() if column is not None}
+    numbered = _numbered(path, columns, names, joint_names, options)
+    for place, meaning in (columns | numbered).items():
+        if meaning.number is not None:
+            continue  # of a joint that the arm does not have
         key = meaning.quantity, meaning.joint
         if key in known:
             raise IdentificationError(
-                f'{path}: columns {known[key]} and {name} are both the '
+                f'{path}: columns {known[key]} and {names[place]} are both the '
                 f'{" of ".join(filter(None, key))}: leave one out'
             )
-        known[key] = name
+        known[key] = names[place]
         meanings[place] = meaning
     return meanings
+
+
+def _numbered(
+    path: Path,
+    columns: Mapping[int, TableColumn],
+    names: Sequence[str],
+    joint_names: Sequence[str],
+    options: TableOptions,
+) -> dict[int, TableColumn]:
+    """Return the numbered columns with the names of their joints."""
+    named: dict[int, TableColumn] = {}
+    for is_index in (False, True):
+        group = {
+            place: (column, column.number)
+            for place, column in columns.items()
+            if column.number is not None and column.is_index == is_index
+        }
+        if not group:
+            continue
+        first = options.numbered_from
+        if first is None:
+            first = first_number((number for _, number in group.values()), len(joint_names))
+        if first is None:
+            raise IdentificationError(
+                f'{path}: {_some([names[place] for place in group])} may count from 0 or from 1 '
+                f'for {len(joint_names)} joints: state the number of {joint_names[0]} '
+                '(--numbered-from 0 or 1, or numbered_from= of read_bag)'
+            )
+        for place, (column, number) in group.items():
+            if 0 <= number - first < len(joint_names):
+                named[place] = column.named(joint_names[number - first])
+    return named
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return names of columns, the first ones of many."""
+    shown = [name or "''" for name in names[:_SHOWN]]
+    more = len(names) - len(shown)
+    return ', '.join(shown) + (f' and {more} more' if more else '')
 
 
 def _factor(column: TableColumn, options: TableOptions) -> float:
@@ -169,11 +233,12 @@ def _factor(column: TableColumn, options: TableOptions) -> float:
 
 def _unstated(quantity: str, options: TableOptions) -> float:
     """Return what makes SI units of a quantity whose unit nothing states."""
-    in_degrees = options.degrees and quantity in ('position', 'velocity')
-    return float(np.pi / 180.0) if in_degrees else 1.0
+    return np.pi / 180.0 if options.degrees and quantity in _ANGLES else 1.0
 
 
-def _npz(path: Path, joint_names: Sequence[str], options: TableOptions) -> _Columns:
+def _npz(
+    path: Path, joint_names: Sequence[str], options: TableOptions
+) -> tuple[_Columns, _Sources]:
     with zipfile.ZipFile(path) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > _LARGEST:
             raise IdentificationError(f'{path}: larger than {_LARGEST >> 20} MB, unpacked: cut it')
@@ -181,7 +246,9 @@ def _npz(path: Path, joint_names: Sequence[str], options: TableOptions) -> _Colu
         arrays = {key: np.asarray(file[key]) for key in file.files if _is_wanted(key)}
     given = next((arrays[key] for key in _NAMES if key in arrays), None)
     names = joint_names if given is None else [str(name) for name in np.ravel(given)]
+    unit = str(np.ravel(arrays.pop('unit'))[0]) if 'unit' in arrays else ''
     columns: _Columns = {}
+    sources: _Sources = {}
     for words in (TIME, *WORDS.values()):
         same = [key for key in words if key in arrays]
         if len(same) > 1:
@@ -198,9 +265,13 @@ def _npz(path: Path, joint_names: Sequence[str], options: TableOptions) -> _Colu
         if values.ndim != 2 or values.shape[1] != len(names):
             raise ValueError(f'{key} is {values.shape}, not (M, {len(names)})')
         quantity = next(name for name, words in WORDS.items() if key in words)
-        values = _unstated(quantity, options) * values
+        if unit and quantity in _ANGLES:
+            values = unit_factor(f'{key} (array unit)', quantity, unit) * values
+        else:
+            values = _unstated(quantity, options) * values
         columns |= {(quantity, joint): values[:, i] for i, joint in enumerate(names)}
-    return columns
+        sources |= {(quantity, joint): f'{key}[:, {i}]' for i, joint in enumerate(names)}
+    return columns, sources
 
 
 def _without_currents(columns: _Columns) -> _Columns:
@@ -215,6 +286,7 @@ def _without_currents(columns: _Columns) -> _Columns:
 def _states(
     path: Path,
     columns: Mapping[tuple[str, str], Array],
+    sources: Mapping[tuple[str, str], str],
     joint_names: Sequence[str],
     options: TableOptions,
 ) -> TableStates:
@@ -229,7 +301,8 @@ def _states(
             word = {'position': 'q', 'effort': 'tau'}[quantity]
             raise IdentificationError(
                 f'{path}: no {quantity} of {", ".join(missing) or "any joint"}: name its column '
-                f'{word}_{(missing or ["JOINT"])[0]}, or {word}1, {word}2 ... along the arm'
+                f'{word}_{(missing or ["JOINT"])[0]}, or {word}1, {word}2 ... along the arm; '
+                f'found {_some(list(sources.values()))}'
             )
     count = len(columns['position', names[0]])
     if any(len(values) != count for values in columns.values()):
@@ -247,11 +320,15 @@ def _states(
     def of(quantity: str) -> Array:
         return np.column_stack([columns.get((quantity, name), unknown) for name in names])
 
-    return TableStates(names, stamp, of('position'), of('velocity'), of('effort'))
+    used = (
+        f'{name}: ' + ' '.join(source for key, source in sources.items() if key[1] == name)
+        for name in names
+    )
+    return TableStates(names, stamp, of('position'), of('velocity'), of('effort'), ', '.join(used))
 
 
 def _is_wanted(key: str) -> bool:
-    return key in _NAMES or key in TIME or any(key in words for words in WORDS.values())
+    return key in (*_NAMES, *TIME, 'unit') or any(key in words for words in WORDS.values())
 
 
 def _is_number(text: str) -> bool:

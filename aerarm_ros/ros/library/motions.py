@@ -34,6 +34,7 @@ def read_bag(
     *,
     rate: float | None = None,
     degrees: bool = False,
+    numbered_from: int | None = None,
 ) -> Motion:
     """Return the joint states of a bag, or of a table, as arrays.
 
@@ -47,6 +48,8 @@ def read_bag(
         Of the rows [Hz], for a table without time.
     degrees : bool
         Whether a table's angles are in degrees.
+    numbered_from : {0, 1}, optional
+        Number of the first joint in a table's columns; recognized from the columns by default.
 
     Raises
     ------
@@ -55,7 +58,7 @@ def read_bag(
     """
     file = Path(path)
     if file.suffix.lower() in TABLES:
-        return read_table(file, NUMBERED, TableOptions(rate, degrees))
+        return read_table(file, NUMBERED, TableOptions(rate, degrees, numbered_from))
     name = '/' + topic.lstrip('/')
     states = read_contents(file, name).joint_states[name]
     return Motion(
@@ -96,18 +99,23 @@ def from_arrays(
         raise IdentificationError(
             f'q has the shape {position.shape}: give (M, n) with M = {len(stamp)} as time has it'
         )
-    values = [position]
-    for word, given in (('dq', dq), ('tau', tau)):
-        array = np.full(position.shape, np.nan) if given is None else _numbers(word, given)
-        if array.shape != position.shape:
-            raise IdentificationError(
-                f'{word} has the shape {array.shape}: give {position.shape} as q has it'
-            )
-        values.append(array)
     joints = NUMBERED[: position.shape[1]] if names is None else tuple(names)
     if len(joints) != position.shape[1]:
         raise IdentificationError(f'{len(joints)} names for {position.shape[1]} joints of q')
-    return Motion(joints, stamp, *values)
+    velocity, effort = (_like(position, *given) for given in (('dq', dq), ('tau', tau)))
+    return Motion(joints, stamp, position, velocity, effort)
+
+
+def _like(position: Array, word: str, given: npt.ArrayLike | None) -> Array:
+    """Return values (M, n) as positions have them, NaN without any."""
+    if given is None:
+        return np.full_like(position, np.nan)
+    array = _numbers(word, given)
+    if array.shape != position.shape:
+        raise IdentificationError(
+            f'{word} has the shape {array.shape}: give {position.shape} as q has it'
+        )
+    return array
 
 
 def _numbers(word: str, values: npt.ArrayLike) -> Array:

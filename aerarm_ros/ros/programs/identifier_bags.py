@@ -134,7 +134,7 @@ class IdentifierBags:
         states = read_table(path, self._joint_names, self._table)
         recording = recording_from_states(name, states, self._joint_names, self._mapping)
         used = recording.span.text if recording.span else 'whole table'
-        return RecordedBag(recording, BagFacts(used), None)
+        return RecordedBag(recording, BagFacts(used, columns=states.columns), None)
 
     def _beside(self, topic: str) -> str:
         return f'{self._topic.rpartition("/")[0]}/{topic}'

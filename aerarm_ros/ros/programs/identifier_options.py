@@ -68,6 +68,11 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         'positions and velocities of .csv and .npz are in degrees, where no unit is stated',
     ),
     (
+        '--numbered-from',
+        {'type': int, 'choices': (0, 1)},
+        'number of the first joint in the columns of a .csv (default: recognized from the columns)',
+    ),
+    (
         '--bag-ratio',
         {'type': float, 'default': 100.0, 'metavar': 'N'},
         'a bag may become N times as large in memory as it is on disk (default: %(default)g)',
@@ -191,7 +196,16 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
 
 # Those that tell of the arm and of what its bags are like.
 _OF_ARM = (
-    *('--urdf', '--config', '--topic', '--rate', '--degrees', '--bag-ratio', '--bag-part'),
+    *(
+        '--urdf',
+        '--config',
+        '--topic',
+        '--rate',
+        '--degrees',
+        '--numbered-from',
+        '--bag-ratio',
+        '--bag-part',
+    ),
     *('--tf-prefix', '--rename', '--lock', '--ignore', '--effort-gain', '--gravity'),
 )
 

@@ -49,15 +49,20 @@ class RecordedArm:
     def __init__(self, options: argparse.Namespace, paths: Sequence[Path]) -> None:
         self._names = bag_names(paths)
         tables = any(path.suffix.lower() in TABLES for path in paths)
-        if not tables and (options.degrees or options.rate is not None):
+        given = {
+            '--degrees': options.degrees,
+            '--rate': options.rate is not None,
+            '--numbered-from': options.numbered_from is not None,
+        }
+        for option in () if tables else [name for name, is_given in given.items() if is_given]:
             raise IdentificationError(
-                f'{"--degrees" if options.degrees else "--rate"} is for tables (.csv, .npz), and '
-                'there is none: bags say when, and are in rad'
+                f'{option} is for tables (.csv, .npz), and there is none: bags have stamps and '
+                'joint names, and are in rad'
             )
         self.config = _load_config(options)
         self.robot = _load_robot(options, self.config)
         limits = ReadLimits(_MB * options.bag_part, options.bag_ratio)
-        table = TableOptions(options.rate, options.degrees)
+        table = TableOptions(options.rate, options.degrees, options.numbered_from)
         self._bags = IdentifierBags(
             options.topic, self.robot.joint_names, _mapping(options), limits, table
         )

@@ -34,6 +34,9 @@ def csv(path: Path, header: str, *columns: np.ndarray, delimiter: str = ',') -> 
             'elbow.velocity, shoulder_pan.effort (Nm), elbow.effort (Nm)',
             ',',
         ),
+        ('timestamp,actual_q_0,actual_q_1,actual_qd_0,actual_qd_1,eff_0,eff_1', ','),
+        ('t,q_0,q_1,dq_0,dq_1,i0 [A],i1 [A]', ','),
+        ('t,q(1),q(2),dq(1),dq(2),i_1 [A],i_2 [A]', ','),
         (
             '__time,/joint_states/shoulder_pan/position,/joint_states/elbow/position,'
             '/joint_states/velocity[0],/joint_states/velocity[1],/arm/effort[0],/arm/effort[1]',
@@ -66,6 +69,27 @@ def test_other_columns_are_passed_over_and_what_is_missing_is_unknown(tmp_path: 
     np.testing.assert_allclose(states.position[:, order], Q)
     np.testing.assert_allclose(states.stamp, T, atol=1e-12)
     assert np.isnan(states.velocity).all()
+
+
+def test_the_columns_show_from_where_they_are_numbered(tmp_path: Path) -> None:
+    aside = np.zeros_like(T)
+    for first in (0, 1):
+        numbers = range(first, first + 2)
+        header = ','.join(['time', *(f'{word}{k}' for word in ('q', 'tau') for k in numbers)])
+        states = read_table(csv(tmp_path / 'a.csv', header, T, Q, TAU), JOINTS)
+        np.testing.assert_array_equal(states.position, Q)
+        assert (
+            states.columns
+            == f'shoulder_pan: q{first} tau{first}, elbow: q{first + 1} tau{first + 1}'
+        )
+    # Three columns for two joints: the first or the last one is of no joint.
+    path = csv(tmp_path / 'a.csv', 'time,q0,q1,q2,tau0,tau1,tau2', T, Q, aside, TAU, aside)
+    with pytest.raises(
+        IdentificationError, match=r'q0, q1, q2.* count from 0 or from 1 for 2 .*--numb'
+    ):
+        read_table(path, JOINTS)
+    states = read_table(path, JOINTS, TableOptions(numbered_from=0))
+    np.testing.assert_array_equal(states.effort, TAU)
 
 
 @pytest.mark.parametrize(('unit', 'degrees'), [('', True), (' [deg]', False)])
@@ -109,6 +133,18 @@ def test_arrays_in_degrees(tmp_path: Path) -> None:
     np.testing.assert_array_equal(states.effort, TAU)
 
 
+def test_arrays_that_state_the_unit_of_their_angles(tmp_path: Path) -> None:
+    arrays = {'time': T, 'q': np.degrees(Q), 'dq': np.degrees(DQ), 'tau': TAU}
+    np.savez(tmp_path / 'a.npz', **arrays, unit='deg')
+    states = read_table(tmp_path / 'a.npz', JOINTS)
+    np.testing.assert_allclose(states.position, Q)
+    np.testing.assert_allclose(states.velocity, DQ)
+    np.testing.assert_array_equal(states.effort, TAU)
+    np.savez(tmp_path / 'a.npz', **arrays, unit='gon')
+    with pytest.raises(IdentificationError, match=r'q \(array unit\): unit gon is not known'):
+        read_table(tmp_path / 'a.npz', JOINTS)
+
+
 @pytest.mark.parametrize('names', [None, ('elbow', 'shoulder_pan')])
 def test_arrays(tmp_path: Path, names: tuple[str, str] | None) -> None:
     more = {} if names is None else {'joint_names': np.array(names)}
@@ -126,6 +162,7 @@ def test_arrays(tmp_path: Path, names: tuple[str, str] | None) -> None:
         ('q1,q2,tau1,tau2', (Q, TAU), 'no column of time: .*--rate'),
         ('time,q1,q2,tau1', (T, Q, T), 'no effort of elbow: name its column tau_elbow'),
         ('time,a,b', (T, Q), 'no position of any joint'),
+        ('a,b', (T, T), 'its columns are a, b; accepted names are time: time/times'),
         ('0.0,1.0,2.0', (T, Q), 'the first line must name the columns'),
         ('time,q1,q2', (T, Q, TAU), '3 names for 5 columns'),
         ('time,q1,q[0],tau1,tau2', (T, Q, TAU), r'q1 and q\[0\] are both the position of shoulder'),
