@@ -8,6 +8,7 @@ aerarm_ros.executables NAME` is the same without an installed command.
 import atexit
 import importlib
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable
@@ -29,6 +30,8 @@ _TASKS = frozenset(
 _HELP = ('-h', '--help')
 # What most nodes import, and no help needs: together they take longer than all else.
 _HEAVY = ('mujoco', 'pinocchio')
+# What ROS 2 brings; `identifier`, `excitation_designer` and `experiment` run without it.
+_ROS = re.compile(r'rclpy|rpyutils|ament_|ros|rcl_|[a-z]+_(msgs|srvs|interfaces)$')
 
 
 def __getattr__(name: str) -> Callable[[], int]:
@@ -50,6 +53,15 @@ def _run(name: str) -> int:
     except KeyboardInterrupt:
         # Of who serves, one that comes before its own handlers are there.
         status = INTERRUPTED if has_task else 0
+    except ModuleNotFoundError as error:
+        if not _ROS.match(error.name or ''):
+            raise
+        status = USER_ERROR
+        print_error(
+            name,
+            f'needs ROS 2 Jazzy ({error.name} is missing): source /opt/ros/jazzy/setup.bash, or '
+            "install its wheels with pip install '.[ros]'",
+        )
     except SystemExit as end:
         if end.code is None or isinstance(end.code, int):  # argparse's
             status = end.code or 0

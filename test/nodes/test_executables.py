@@ -59,6 +59,38 @@ def test_what_is_no_command_is_no_attribute() -> None:
         executables._private  # noqa: B018
 
 
+WITHOUT_ROS = """
+import sys
+
+class Missing:
+    def find_spec(self, name, *_):
+        if name.partition('.')[0] in ('rclpy', 'rcl_interfaces', 'sensor_msgs', 'std_msgs'):
+            raise ModuleNotFoundError(name, name=name)
+
+sys.meta_path.insert(0, Missing())
+from aerarm_ros import executables
+name = sys.argv[0] = sys.argv.pop(1)
+sys.exit(getattr(executables, name)())
+"""
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'status', 'said'),
+    [
+        (['identifier', '--help'], 0, ''),
+        (['identifier', '--bag', 'none.csv'], USER_ERROR, 'there is no bag none.csv'),
+        (['excitation_designer', '--help'], 0, ''),
+        (['arm', 'enable'], USER_ERROR, 'arm: needs ROS 2 Jazzy (rclpy is missing): source '),
+    ],
+)
+def test_without_ros(arguments: list[str], status: int, said: str) -> None:
+    command = [sys.executable, '-c', WITHOUT_ROS, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120.0)
+    assert done.returncode == status, done.stderr
+    assert said in done.stderr
+    assert done.stderr.count('\n') == (status != 0)
+
+
 # Those that need most, one after the other; at last something is used after all.
 HELPED = """
 import sys

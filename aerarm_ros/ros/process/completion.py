@@ -1,9 +1,13 @@
 """What a shell completes: scripts for bash, and for zsh with bashcompinit."""
 
+from __future__ import annotations
+
 import argparse
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from aerarm_ros.ros.parameters.parameter import Parameter
+if TYPE_CHECKING:  # tools without ROS complete their options, too
+    from aerarm_ros.ros.parameters.parameter import Parameter
 
 OPTION = '--completion'
 # Said once in a script, also where zsh reads it.
