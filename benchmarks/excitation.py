@@ -113,7 +113,7 @@ class EmulatedRun:
         now = self._bring_up(bridge)
         plan = self._setup.planner.plan(trajectory, 2, bridge.q.copy(), go_back=False)
         names = self._arm.joint_names
-        player = ExcitationPlayer(plan, VelocityLaw(1.0), names)
+        player = ExcitationPlayer(plan, VelocityLaw(1.0), self._setup.stops)
         rows = []
         while not player.done:
             command = player.update(round(now * 1e9), bridge.q)

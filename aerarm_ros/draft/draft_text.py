@@ -133,7 +133,6 @@ _EXCITATION_ADVICE = {
     'highest_frequency': '[Hz] highest harmonic: well below the first bending mode. Tap the arm, '
     'held by its motors, and look at how its velocities ring.',
     'ramp_time': '[s] run-in and run-out along the trajectory.',
-    'stop_time': '[s] of a smooth stop: a shorter one brakes harder.',
     'unchecked_pairs': "links that touch by construction, as 'one to other': never checked.",
 }
 _EXCITATION_GUESSES = (

@@ -10,7 +10,6 @@ import numpy as np
 
 from aerarm_ros.motion.float_array import FloatArray
 from aerarm_ros.motion.joint_reference import JointReference
-from aerarm_ros.motion.path_clock import PathTime
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 
 # Shares of the time that the limits need from the speed at the beginning: the braking rises
@@ -29,6 +28,14 @@ Row = tuple[float, float, float, float]
 Where the path is passed at the rate r [-], with the rate's derivative r' [1/s], the quantity is
 `along * r' + across * r^2 + still`, and its size stays within the limit."""
 Rows = Callable[[JointReference], Iterable[Row]]
+
+
+class PathTime(NamedTuple):
+    """Time along a motion [s], its rate, and the rate's derivative [1/s]."""
+
+    value: float
+    rate: float
+    rate_change: float
 
 
 class PathStop(NamedTuple):

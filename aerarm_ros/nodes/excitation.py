@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -53,8 +52,6 @@ PARAMETERS = ParameterTable(
     Parameter('mode', VELOCITY, 'what is commanded', choices=(VELOCITY, FULL)),
     Parameter('position_gain', 1.0, 'K of dq_d + K (q_d - q) in velocity mode', '1/s', 0.0, 20.0),
     Parameter('tracking_limit', 0.3, '|q_d - q| at which the arm is stopped', 'rad', 1e-3, 3.0),
-    Parameter('stop_time', 0.0, 'duration of a smooth stop; 0: that of the excitation_config', 's',
-              0.0, 10.0),
     Parameter('damped_share_max', 0.01, "share of the motion's time for which the bridge may damp "
               'the arm, since commands come late; above it the exit status is 1', '', 0.0, 1.0),
     Parameter('return_to_start', True, 'go back to the posture found at the start'),
@@ -91,9 +88,6 @@ class ExcitationNode:
         self._parameters = PARAMETERS.declare(self._node)
         arm, robot = load_arm(self._parameters)
         config = load_excitation_config(self._parameters.excitation_config or None)
-        if self._parameters.stop_time > 0.0:
-            # What is checked is the stop that will be played.
-            config = replace(config, stop_time=self._parameters.stop_time)
         self._names = arm.joint_names
         self._own_names = tuple(map(robot.own_name, self._names))  # of the trajectory's file
         self._setup = ExcitationSetup.of_arm(robot, arm, config)
@@ -144,10 +138,9 @@ class ExcitationNode:
         self._player = ExcitationPlayer(
             motion,
             self._law(),
-            self._names,
+            self._setup.stops,
             self._parameters.tracking_limit,
             self._parameters.state_timeout,
-            self._setup.config.stop_time,
         )
         prepare_thread(self._parameters, self._node.get_logger())
         self._playback.play(self._player, self._parameters.state_timeout, self._measure)

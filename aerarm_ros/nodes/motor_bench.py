@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.storage.bag_error import BagError
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import find_file
+from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
 from aerarm_ros.excitation.planning.bench_motion import BenchMotion, bench_checker
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan
 from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
@@ -78,7 +78,6 @@ PARAMETERS = ParameterTable(
     Parameter('out', '', 'folder of the result; motor_bench_DATE_TIME if empty'),
     Parameter('position_gain', 1.0, 'K of dq_d + K (q_d - q)', '1/s', 0.0, 20.0),
     Parameter('tracking_limit', 0.3, '|q_d - q| at which the arm is stopped', 'rad', 1e-3, 3.0),
-    Parameter('stop_time', 0.5, 'duration of a smooth stop', 's', 0.05, 10.0),
     Parameter('state_timeout', 0.2, 'longest wait for the next joint state', 's', 0.005, 10.0),
     Parameter('wait_timeout', 20.0, 'longest wait for the arm', 's', 0.1, 3600.0),
     *AT_END_PARAMETERS,
@@ -112,8 +111,6 @@ class MotorBenchNode:
         self._config = load_arm_config(values.config or None)
         names = self._config.joint_names
         surroundings = load_excitation_config(values.excitation_config or None)
-        # What is checked is the stop that will be played.
-        surroundings = replace(surroundings, stop_time=values.stop_time)
         self._setup = ExcitationSetup.of_arm(self._robot, arm, surroundings)
         joints = [self._robot.own_name(name) for name in values.joints]
         unknown = [name for name in joints if name not in names]
@@ -203,14 +200,13 @@ class MotorBenchNode:
         return KnownMass(values.known_mass, tuple(values.known_mass_position), values.lever)
 
     def _record(self, motion: BenchMotion, directory: ResultDirectory) -> BenchRecording:
-        values, names = self._values, self._names
+        values, names, limits = self._values, self._names, self._setup.limits
         player = ExcitationPlayer(
             motion.sequence,
-            VelocityLaw(values.position_gain, self._setup.limits.velocity),
-            names,
+            VelocityLaw(values.position_gain, limits.velocity),
+            self._setup.stops if values.mounted else StopLimits(limits, None),
             values.tracking_limit,
             values.state_timeout,
-            values.stop_time,
         )
         prepare_thread(values, self._node.get_logger())
         resolve = self._node.resolve_topic_name

@@ -75,7 +75,7 @@ def _excite(truth: PlantParameters, seed: int) -> _States:
             bridge.enable()
         now += CYCLE
     motion = setup.planner.plan(trajectory, 1, bridge.q.copy(), go_back=False)
-    player = ExcitationPlayer(motion, VelocityLaw(1.0), config.joint_names)
+    player = ExcitationPlayer(motion, VelocityLaw(1.0), setup.stops)
     rows = []
     while not player.done:
         rows.append((now, bridge.q.copy(), bridge.dq.copy(), bridge.tau.copy()))

@@ -18,6 +18,11 @@ from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.player.velocity_law import VelocityLaw
+from aerarm_ros.excitation.settings.motion_limits import MotionLimits
+from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
 from aerarm_ros.motion.joint_reference import JointReference
 from aerarm_ros.motion.smooth_step import smooth_step
 
@@ -102,23 +107,47 @@ def silent_travel(limits: JointLimits, joint: int, speed: float) -> float:
     return abs(float(settle(follower, now)[joint] - last.q[0, joint]))
 
 
+def played_travel(limits: JointLimits, joint: int, speed: float) -> float:
+    """Return how far a joint travels [rad] after a player is stopped at `speed` [rad/s]."""
+    trajectory = cruise(limits, joint, speed)
+    motion = trajectory.path(trajectory.q[0], 'quintic')
+    player = ExcitationPlayer(
+        MotionSequence([Stage('cruise', motion)]),
+        VelocityLaw(0.0),
+        StopLimits(MotionLimits.of_arm(load_arm_config()), None),
+        tracking_limit=10.0,
+        largest_gap=10.0,
+    )
+    before = motion.evaluate(float(trajectory.times[1:3].mean()))
+    player.update(0, trajectory.q[0])
+    stamp_ns = round(1e9 * trajectory.times[1:3].mean())
+    player.stop()
+    while not player.done:
+        player.update(stamp_ns, before.q)
+        stamp_ns += round(1e9 * CYCLE)
+    return abs(float(motion.evaluate(player.path_time).q[joint] - before.q[joint]))
+
+
+TRAVELS = (canceled_travel, silent_travel, played_travel)
+
+
 def print_distances(limits: JointLimits) -> None:
     """Print what stops travel, beside the least distance and what the blends of old travelled."""
     print(
-        'joint  speed [rad/s]  least [rad]  before [rad]  cancel [rad]  stream [rad]  worst/least'
+        'joint  speed [rad/s]  least [rad]  before [rad]  cancel [rad]  stream [rad]  '
+        'player before [rad]  player [rad]  worst/least'
     )
     for joint in range(limits.n):
         for share in SHARES:
             speed = share * limits.velocity_max[joint]
             least = speed**2 / (2.0 * limits.acceleration_max[joint])
-            cancel, silent = (
-                travel(limits, joint, speed) for travel in (canceled_travel, silent_travel)
-            )
+            cancel, silent, played = (travel(limits, joint, speed) for travel in TRAVELS)
             # Before, each joint was blended to where it could stop with a quarter of its
-            # acceleration on average.
+            # acceleration on average, and a player stopped within 0.5 s.
             print(
                 f'{joint + 1:5d}  {speed:13.2f}  {least:11.3f}  {4.0 * least:12.3f}  '
-                f'{cancel:12.3f}  {silent:12.3f}  {max(cancel, silent) / least:11.2f}'
+                f'{cancel:12.3f}  {silent:12.3f}  {0.25 * speed:19.3f}  {played:12.3f}  '
+                f'{max(cancel, silent, played) / least:11.2f}'
             )
 
 

@@ -10,8 +10,10 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
 from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
 from aerarm_ros.excitation.player.velocity_law import VelocityLaw
+from aerarm_ros.excitation.settings.motion_limits import MotionLimits
 from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
@@ -49,6 +51,7 @@ class EmulatedArm:
     ) -> None:
         config = config.with_encoders('absolute')
         self._names = config.joint_names
+        self._stops = StopLimits(MotionLimits.of_arm(config), None)
         transport = make_emulated_transport(config, robot, seed, position=posture, parameters=truth)
         self._bridge = BridgeCycle(config, transport, BridgeSettings(stall_time=60.0), robot=robot)
         self.plant = transport.plant
@@ -68,7 +71,7 @@ class EmulatedArm:
     def play(self, motion: MotionSequence) -> Iterator[State]:
         """Play a motion in velocity mode; yield every state on the way."""
         bridge = self._bridge
-        player = ExcitationPlayer(motion, VelocityLaw(1.0), self._names)
+        player = ExcitationPlayer(motion, VelocityLaw(1.0), self._stops)
         while not player.done:
             stamp = 1_700_000_000_000_000_000 + round(self._now * 1e9)
             command = player.update(stamp, bridge.q.copy())

@@ -61,3 +61,7 @@ class EffortModel:
     def current(self, effort: FloatArray) -> FloatArray:
         """Return motor currents [A] for joint torques [Nm], thesis (4.2) and (4.7)."""
         return effort / self._torque_per_ampere
+
+    def torque(self, current: FloatArray) -> FloatArray:
+        """Return joint torques [Nm] of motor currents [A], without friction of the gears."""
+        return current * self._torque_per_ampere

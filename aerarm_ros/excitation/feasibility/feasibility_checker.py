@@ -12,7 +12,7 @@ from aerarm_ros.excitation.feasibility.feasibility_report import (
     LimitMargin,
     peak_margins,
 )
-from aerarm_ros.excitation.feasibility.stop_checker import StopChecker
+from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.excitation.settings.motion_limits import MotionLimits
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
@@ -37,7 +37,7 @@ class FeasibilityChecker:
     highest_frequency : highest harmonic a trajectory may have [Hz], below what shakes the arm's
         elastic parts.
     cycle : control cycle [s].
-    stops : checks a smooth stop anywhere on the motion; None leaves stops unchecked.
+    stops : checks that the arm may rest anywhere on the motion; None leaves that unchecked.
 
     Raises
     ------
@@ -55,7 +55,7 @@ class FeasibilityChecker:
         effort_model: EffortModel | None = None,
         highest_frequency: float = 2.0,
         cycle: float = 1e-3,
-        stops: StopChecker | None = None,
+        stops: StopLimits | None = None,
     ) -> None:
         if not 0.0 < highest_frequency < 0.5 / cycle:
             raise ExcitationError(

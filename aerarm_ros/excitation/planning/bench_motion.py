@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
-from aerarm_ros.excitation.feasibility.stop_checker import StopChecker
 from aerarm_ros.excitation.planning.bench_measurement import BenchMeasurement
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan
 from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
@@ -171,7 +170,7 @@ class BenchMotion:
 
 
 def bench_checker(setup: ExcitationSetup, mounted: bool) -> FeasibilityChecker:
-    """Return the checks of a bench's motion, a smooth stop anywhere on it included.
+    """Return the checks of a bench's motion.
 
     Parameters
     ----------
@@ -180,5 +179,5 @@ def bench_checker(setup: ExcitationSetup, mounted: bool) -> FeasibilityChecker:
     """
     limits = setup.limits
     if not mounted:
-        return FeasibilityChecker(limits, stops=StopChecker(limits, None, setup.config.stop_time))
+        return FeasibilityChecker(limits)
     return FeasibilityChecker(limits, setup.clearance, setup.effort_model, stops=setup.stops)

@@ -16,7 +16,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.clearance.clearance_checker import ClearanceChecker
 from aerarm_ros.excitation.feasibility.effort_model import EffortModel
 from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
-from aerarm_ros.excitation.feasibility.stop_checker import StopChecker
+from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
 from aerarm_ros.excitation.planning.excitation_planner import ExcitationPlanner
 from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
 from aerarm_ros.excitation.settings.excitation_config import ExcitationConfig
@@ -116,9 +116,9 @@ class ExcitationSetup:
         )
 
     @cached_property
-    def stops(self) -> StopChecker:
-        """A smooth stop of `stop_time`, held to the whole limits."""
-        return StopChecker(self.limits, self.effort_model, self.config.stop_time)
+    def stops(self) -> StopLimits:
+        """What a stop anywhere on a motion may ask of the joints: the whole limits."""
+        return StopLimits(self.limits, self.effort_model)
 
     @cached_property
     def checker(self) -> FeasibilityChecker:

@@ -1,7 +1,7 @@
 """Plays a planned motion: every measured state is answered by one command.
 
 In come states with their stamps; out goes the `JointCommand` of the chosen command law, and a
-smooth stop on the path when the arm does not follow.
+stop on the path when the arm does not follow.
 """
 
 import lazy_loader

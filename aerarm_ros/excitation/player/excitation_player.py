@@ -6,13 +6,15 @@ from enum import Enum
 
 import numpy as np
 
+from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
 from aerarm_ros.excitation.player.command_law import CommandLaw
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence
 from aerarm_ros.motion.float_array import FloatArray
 from aerarm_ros.motion.joint_command import JointCommand
 from aerarm_ros.motion.joint_reference import JointReference
-from aerarm_ros.motion.path_clock import PathClock
+from aerarm_ros.motion.path_stop import PathTime, stop_along
+from aerarm_ros.motion.polynomial_path import PolynomialPath
 
 
 class PlayState(Enum):
@@ -34,10 +36,9 @@ class ExcitationPlayer:
     ----------
     motion : what is played, starting at rest in the posture of the first state.
     law : command mode.
-    joint_names : for messages.
+    stops : limits that a stop keeps; it follows the motion's path as fast as they allow.
     tracking_limit : largest |q_d - q| of a joint before the motion is stopped [rad].
     largest_gap : largest time between two states [s].
-    stop_time : duration of a smooth stop [s].
 
     Raises
     ------
@@ -52,19 +53,20 @@ class ExcitationPlayer:
         self,
         motion: MotionSequence,
         law: CommandLaw,
-        joint_names: tuple[str, ...],
+        stops: StopLimits,
         tracking_limit: float = 0.3,
         largest_gap: float = 0.1,
-        stop_time: float = 0.5,
     ) -> None:
-        if min(tracking_limit, largest_gap, stop_time) <= 0.0:
-            raise ExcitationError('tracking limit, largest gap and stop time must be positive')
+        if min(tracking_limit, largest_gap) <= 0.0:
+            raise ExcitationError('tracking limit and largest gap must be positive')
         self.motion = motion
         self._law = law
-        self._joint_names = joint_names
+        self._stops = stops
+        self._joint_names = stops.limits.joint_names
         self._tracking_limit = tracking_limit
         self._largest_gap_ns = round(largest_gap * 1e9)
-        self._clock = PathClock(stop_time)
+        self._stop: PolynomialPath | None = None  # path time against time, once a stop began
+        self._stop_at = 0.0
         self._start_ns: int | None = None
         self._last_ns = 0
         self.state = PlayState.RUNNING
@@ -72,7 +74,7 @@ class ExcitationPlayer:
         """Why the motion was broken off, None if it was not."""
         self.path_time = 0.0
         """Time along the motion at the last state [s]."""
-        self.largest_error = np.zeros(len(joint_names))
+        self.largest_error = np.zeros(len(self._joint_names))
         """Largest |q_d - q| so far (n,) [rad]."""
 
     @property
@@ -129,12 +131,13 @@ class ExcitationPlayer:
         if self._start_ns is None:
             self._require_start(position)
         now = self._elapsed(stamp_ns)
-        if self.state is PlayState.STOPPING:
-            self._clock.stop(now)
-        self.path_time = self._clock.at(now).value
+        if self.state is PlayState.STOPPING and self._stop is None:
+            self._stop = stop_along(self.motion.evaluate, now, self._stops.rows).clock()
+            self._stop_at = now
+        self.path_time = self._path_time(now).value
         reference = self._reference(now)
         self._check_tracking(reference.q - position)
-        if self._clock.stopped(now):
+        if self._stop is not None and now >= self._stop_at + self._stop.duration:
             self.state = PlayState.STOPPED
         elif self.path_time >= self.motion.duration:
             self.state = PlayState.FINISHED
@@ -170,9 +173,14 @@ class ExcitationPlayer:
         return (stamp_ns - self._start_ns) * 1e-9
 
     def _reference(self, now: float) -> JointReference:
-        path = self._clock.at(now)
+        path = self._path_time(now)
         along = self.motion.evaluate(path.value)
-        return along.paced(path.rate, path.rate_change) if self._clock.stopping else along
+        return along if self._stop is None else along.paced(path.rate, path.rate_change)
+
+    def _path_time(self, now: float) -> PathTime:
+        if self._stop is None:
+            return PathTime(now, 1.0, 0.0)
+        return PathTime(*(float(part[0]) for part in self._stop.evaluate(now - self._stop_at)))
 
     def _check_tracking(self, error: FloatArray) -> None:
         distance = np.abs(error)

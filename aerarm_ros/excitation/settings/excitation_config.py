@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,6 @@ class ExcitationConfig:
     bias_spread : largest random term added to a bias that is given [rad].
     highest_frequency : highest harmonic N f0 allowed [Hz], so that elastic parts are not excited.
     ramp_time : run-in and run-out along the trajectory [s].
-    stop_time : duration of a smooth stop anywhere on the motion [s].
     unchecked_pairs : pairs of links whose distance is not checked, each as 'one to other': they
         touch by construction.
 
@@ -54,7 +54,6 @@ class ExcitationConfig:
     bias_spread: float = 0.1
     highest_frequency: float = 2.0
     ramp_time: float = 2.0
-    stop_time: float = 0.5
     unchecked_pairs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -65,7 +64,6 @@ class ExcitationConfig:
         check_range('excitation', 'bias_spread', self.bias_spread, 0.0, np.pi, 'rad')
         check_range('excitation', 'highest_frequency', self.highest_frequency, 1e-3, 499.0, 'Hz')
         check_range('excitation', 'ramp_time', self.ramp_time, 0.1, 60.0, 's')
-        check_range('excitation', 'stop_time', self.stop_time, 0.05, 10.0, 's')
         if self.ground_height is not None:
             check_range('excitation', 'ground_height', self.ground_height, -100.0, 100.0, 'm')
         pairs = self.unchecked_pairs
@@ -115,4 +113,13 @@ def load_excitation_config(path: Path | str | None = None) -> ExcitationConfig:
     ConfigError
         If the file cannot be read or says something wrong.
     """
-    return load(path, 'excitation.yaml', lambda found: build(ExcitationConfig, 'top level', found))
+    return load(path, 'excitation.yaml', _build)
+
+
+def _build(document: dict[str, Any]) -> ExcitationConfig:
+    if 'stop_time' in document:
+        raise ConfigError(
+            'stop_time is no longer used, motions stop as fast as the limits of the arm allow: '
+            'delete the line'
+        )
+    return build(ExcitationConfig, 'top level', document)

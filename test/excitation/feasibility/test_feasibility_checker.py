@@ -41,7 +41,7 @@ def test_every_kind_of_limit_is_reported(
     report = checker.check_trajectory(trajectory, RAMP)
     assert [m.limit for m in report.worst_of_each()] == [
         'frequency', 'position', 'velocity', 'acceleration', 'torque', 'motor current',
-        'self clearance', 'ground clearance', 'stop acceleration', 'stop torque', 'stop current',
+        'self clearance', 'ground clearance', 'holding torque', 'holding current',
     ]  # fmt: skip
     assert all(m.limit in report.as_table() for m in report.margins)
     # The column stands nearer to the ground than asked for, and nothing can be done about it.

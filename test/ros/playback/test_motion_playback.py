@@ -13,9 +13,11 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
 from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer, PlayState
 from aerarm_ros.excitation.player.velocity_law import VelocityLaw
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.excitation.settings.motion_limits import MotionLimits
 from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
 from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
 from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
@@ -25,7 +27,7 @@ from aerarm_ros.ros.states.arm_modes import COMMANDABLE
 
 LIMIT = 60.0  # [s] of the host, which may be busy
 NAMES = ('joint1', 'joint2')
-ANSWERED, STOP_TIME = 20, 0.05  # states, [s]
+ANSWERED = 20  # states
 STEPS_MISSED = 1000 * (1 + round(LIMIT))
 
 
@@ -77,7 +79,9 @@ def end(playing: threading.Thread, arm: LockstepArm) -> None:
 def player() -> ExcitationPlayer:
     still = FourierTrajectory(0.1, np.zeros(2), np.zeros((2, 1)), np.zeros((2, 1)))
     motion = MotionSequence([Stage('excitation', RampedExcitation(still, 1, 1.0))])
-    return ExcitationPlayer(motion, VelocityLaw(0.0), NAMES, stop_time=STOP_TIME)
+    one = np.ones(2)
+    limits = MotionLimits(NAMES, -one, one, one, one, one, one)
+    return ExcitationPlayer(motion, VelocityLaw(0.0), StopLimits(limits, None))
 
 
 def test_states_before_the_motion_are_not_told_to_be_unanswered(
