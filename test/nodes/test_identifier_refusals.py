@@ -1,6 +1,5 @@
 """Bad input ends with one line that says what to check, and leaves nothing behind."""
 
-import shutil
 import signal
 import subprocess
 import sys
@@ -82,18 +81,10 @@ def test_faulty_bags_are_refused(kind: str, words: str, tmp_path: Path, robot: R
     check_refusal(identifier('--bag', bag, '--out', out), words, out)
 
 
-def truncated(bags: Path, folder: Path) -> Path:
-    bag = Path(shutil.copytree(bags / 'identification', folder / 'bag'))
-    (file,) = bag.glob('*.mcap')
-    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    return bag
-
-
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
         (['--bag', 'none'], 'none'),
-        (['--bag', '{truncated}'], 'truncated'),
         (['--bag', '{bag}', '--topic', '/states'], '/states'),
         (['--bag', '{bag}', '--urdf', '{massless}'], 'has no mass'),
         (['--bag', '{bag}', '--urdf', 'none.urdf'], 'none.urdf'),
@@ -127,8 +118,6 @@ def test_faulty_arguments_are_refused(
     broken = tmp_path / 'broken.urdf'
     broken.write_text(robot.urdf_text[: len(robot.urdf_text) // 2])
     places = {'bag': bags / 'identification', 'massless': massless, 'broken': broken}
-    if '{truncated}' in arguments:
-        places['truncated'] = truncated(bags, tmp_path)
     out = tmp_path / 'results' / 'out'
     out.parent.mkdir()
     filled = [argument.format(**places) for argument in arguments]

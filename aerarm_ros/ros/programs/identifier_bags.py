@@ -115,7 +115,7 @@ class IdentifierBags:
         except BagError as error:
             raise BagError('; '.join([str(error), *told])) from None
         states = contents.joint_states[self._topic]
-        told += _check_complete(path, name, self._topic, contents)
+        told += _check_complete(name, self._topic, contents)
         self.messages += told
         recording = recording_from_states(
             name, states, self._joint_names, self._mapping, self._commanded(contents)
@@ -190,11 +190,11 @@ def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) ->
     ]
 
 
-def _check_complete(path: Path, name: str, topic: str, contents: BagContents) -> list[str]:
-    """Compare with the bag's own account: less than that was lost after recording.
+def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
+    """Return warnings of what is missing, by the bag's own account of its messages.
 
-    A recorder that was killed leaves an account that is too low, or none, which is fine but
-    worth knowing: the returned warnings say so.
+    Less than its account was lost after recording. A recorder that was killed leaves an account
+    that is too low, or none.
     """
     kept, expected = len(contents.joint_states[topic]), contents.expected
     count = kept + contents.left_out
@@ -210,9 +210,9 @@ def _check_complete(path: Path, name: str, topic: str, contents: BagContents) ->
             'recording is there: was its recorder killed, or only part of the bag copied?'
         )
     elif count < expected:
-        raise BagError(
-            f'{path} is truncated: it holds {count} of the {expected} messages of {topic} that its '
-            'metadata.yaml lists; copy the bag again'
+        told.append(
+            f'{name} is truncated: it holds {count} of the {expected} messages of {topic} that its '
+            'metadata.yaml lists, and these are used; copy the bag again for the others'
         )
     elif count > expected:
         told.append(

@@ -12,7 +12,6 @@ from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.bags.recorded_message import RecordedMessage
 from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.storage.bag_error import BagError
 from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.recording.recording import JointMapping
 from aerarm_ros.identification.recording.table_file import TableOptions
@@ -108,8 +107,9 @@ def test_many_missed_cycles_are_warned_of(tmp_path: Path, missed: int, said: lis
 
 def test_less_than_the_metadata_says_is_truncated(bag: Path) -> None:
     set_count(bag, COUNT + 1)
-    with pytest.raises(BagError, match=f'truncated: it holds {COUNT} of the {COUNT + 1} messages'):
-        bags().read(bag, 'bag')
+    reader = bags()
+    assert len(reader.read(bag, 'bag').recording.time) == COUNT
+    assert f'truncated: it holds {COUNT} of the {COUNT + 1} messages' in reader.messages[-1]
 
 
 @pytest.mark.parametrize('count', [0, COUNT - 50])
@@ -150,8 +150,8 @@ def test_a_single_file_is_checked_as_its_directory_is(bag: Path) -> None:
     reader = bags()
     assert len(reader.read(file, 'bag').recording.time) == COUNT
     assert not reader.messages
-    with pytest.raises(BagError, match='is truncated'):
-        bags().read(cut(bag), 'bag')
+    assert 0 < len(reader.read(cut(bag), 'bag').recording.time) < COUNT
+    assert 'is truncated' in reader.messages[-1]
 
 
 def test_without_commands_nothing_is_desired(tmp_path: Path, bag: Path) -> None:
