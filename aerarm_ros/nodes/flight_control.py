@@ -26,6 +26,7 @@ from aerarm_ros.flight.flight_target import FlightTarget
 from aerarm_ros.flight.odometry_sample import OdometrySample
 from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.executors.steady_timer import create_steady_timer
 from aerarm_ros.ros.flight.flight_inputs import ArmTopics, to_path, to_target
 from aerarm_ros.ros.flight.flight_parameters import (
     FLIGHT_PARAMETERS,
@@ -98,7 +99,7 @@ class FlightControlNode:
         self.node.create_subscription(topic.type, topic.name, self._on_trajectory, topic.qos)
         ArmTopics(self.node, self._arm, self._requests.append)
         self._diagnostics = DiagnosticsPublisher(self.node, config.name)
-        self.node.create_timer(PERIOD, self._report)
+        create_steady_timer(self.node, PERIOD, self._report)
 
     def run(self) -> None:
         """Fly until SIGINT, SIGTERM, SIGHUP or a shutdown."""

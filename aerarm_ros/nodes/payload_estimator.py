@@ -29,6 +29,7 @@ from aerarm_ros.ros.controllers.estimator_parameters import (
 from aerarm_ros.ros.controllers.friction_log import FRICTION_LOG_PARAMETERS, FrictionLog
 from aerarm_ros.ros.controllers.inertia_message import inertia_message
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
+from aerarm_ros.ros.executors.steady_timer import create_steady_timer
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.arm_modes import HELD
 from aerarm_ros.ros.states.base_header import base_header
@@ -87,7 +88,7 @@ class PayloadEstimatorNode(StateNode):
             ]
         )
         if self._log is not None:
-            self.node.create_timer(_WRITTEN, self._log.write)
+            create_steady_timer(self.node, _WRITTEN, self._log.write)
         self.listen(topics.ARM_MODE, self._on_mode)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:

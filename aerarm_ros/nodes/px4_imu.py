@@ -13,15 +13,18 @@ from typing import Any
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.time import Time
 from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.frame_conversion import attitude_ned_frd_to_enu_flu, frd_to_flu
 from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.executors.steady_timer import create_steady_timer
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.states.arm_clock import ArmClock
 
 NAME = 'px4_imu'
 # An older attitude [s] is none: better no gravity than one that has stopped turning.
@@ -68,8 +71,9 @@ class Px4Imu:
         ):
             self._node.create_subscription(kind, topic, act, qos_profile_sensor_data)
         self._topics = (values.sensor_topic, values.attitude_topic)
+        self._clock = ArmClock(self._node)
         self._diagnostics = DiagnosticsPublisher(self._node)
-        self._node.create_timer(PERIOD, self._report)
+        create_steady_timer(self._node, PERIOD, self._report)
 
     def run(self) -> None:
         """Convert until SIGINT, SIGTERM, SIGHUP or a shutdown."""
@@ -90,7 +94,7 @@ class Px4Imu:
 
     def _on_sensor(self, message: Any) -> None:
         self._samples += 1
-        stamp = self._node.get_clock().now().to_msg()
+        stamp = Time(nanoseconds=self._clock.now_ns()).to_msg()
         if time.monotonic() - self._attitude_time > _ATTITUDE_AGE:
             self._attitude = None
         self._imu.publish(

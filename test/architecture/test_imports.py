@@ -77,6 +77,13 @@ def test_rclpy_is_imported_by_the_ros_rooms_and_messages_only() -> None:
     assert rooms == {('aerarm_ros', room) for room in ROS_ROOMS}
 
 
+def test_no_timer_goes_by_the_system_clock() -> None:
+    makers = {
+        path.stem for path in python_files('aerarm_ros') if '.create_timer(' in path.read_text()
+    }
+    assert makers == {'steady_timer'}
+
+
 def test_every_room_has_a_rule() -> None:
     rooms = {path.parent.name for path in (ROOT / 'aerarm_ros').glob('*/__init__.py')}
     assert rooms == {*ALLOWED, *ROS_ROOMS}

@@ -16,6 +16,7 @@ from aerarm_ros.hardware.zero_file import ZeroFile
 from aerarm_ros.ros.bridge.bridge_timing import BridgeTiming
 from aerarm_ros.ros.bridge.commissioning_topics import RecordWatch
 from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.executors.steady_timer import create_steady_timer
 from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
 from aerarm_ros.ros.graph.rival_watch import RivalWatch
 
@@ -75,7 +76,7 @@ class BridgeDiagnostics:
         self._watched: Watched | None = None
         self._pieces: Iterator[None] | None = None
         self._due = -inf
-        self._timer = node.create_timer(PERIOD, self._publish_inactive)
+        self._timer = create_steady_timer(node, PERIOD, self._publish_inactive)
 
     def name_arm(self, name: str) -> None:
         """Say from now on which arm it is."""

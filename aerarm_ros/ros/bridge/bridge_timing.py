@@ -7,9 +7,13 @@ from collections.abc import Iterator
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.realtime.steady_clock import SteadyClock
+from aerarm_ros.realtime.timing_assessment import WARN
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
 from aerarm_ros.realtime.timing_summary import TimingSummary
 
+# [s] Who compares the stamps with the system clock is wrong by more than that: a warning.
+_BEHIND_MAX = 0.02
 _LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
@@ -20,10 +24,12 @@ class BridgeTiming:
     ----------
     loop
         The cycle's loop.
+    stamps
+        Clock of the states' stamps.
     """
 
-    def __init__(self, loop: PeriodicLoop) -> None:
-        self._loop = loop
+    def __init__(self, loop: PeriodicLoop, stamps: SteadyClock) -> None:
+        self._loop, self._stamps = loop, stamps
         self._command_age = TimingStatistics()
         self._answered = 0
         self._summaries: dict[str, TimingSummary] = {}
@@ -53,14 +59,28 @@ class BridgeTiming:
         """Return level, message and values of the status, as of the last `refresh`."""
         loop, summaries = self._loop, self._summaries
         level, text = loop.assess(summaries['period'], summaries['execution time'])
+        behind = self._stamps.behind
+        if abs(behind) > _BEHIND_MAX:
+            level = max(level, WARN)
+            text = f'{text}; {_behind_text(behind)}'
         values: dict[str, object] = {
             'cycles': loop.cycles,
             'missed cycles': loop.missed,
             'commands answering the last state': self._answered,
+            'stamps behind the system clock [ms]': f'{1e3 * behind:.1f}',
         }
         for name, summary in summaries.items():
             values.update(_rows(name, summary))
         return _LEVELS[level], text, values
+
+
+def _behind_text(behind: float) -> str:
+    where = 'behind' if behind > 0.0 else 'ahead of'
+    return (
+        f'the stamps are {1e3 * abs(behind):.0f} ms {where} the system clock, which was set: give '
+        'no start times and no stamps by the system clock until they agree '
+        "(after 'arm disable' at once if it is more than 500 ms, else by 0.5 ms per second)"
+    )
 
 
 def _rows(name: str, summary: TimingSummary) -> dict[str, str]:

@@ -218,7 +218,7 @@ class HardwareBridge(LifecycleNode):
         assert self._cycle is not None
         self._set_gains(self._cycle)
         self._loop = self.make_loop()
-        self._timing = BridgeTiming(self._loop)
+        self._timing = BridgeTiming(self._loop, self._stamps)
         self._diagnostics.watch(
             Watched(
                 self._config.joint_names,

@@ -10,6 +10,7 @@ from math import inf
 from rclpy.node import Node
 
 from aerarm_ros.ros.diagnostics.sentences import followed_by
+from aerarm_ros.ros.executors.steady_timer import create_steady_timer
 
 # Boards that are there answer well before [s]; what goes to and fro faster is told once in it.
 _PATIENCE = 1.0
@@ -38,7 +39,9 @@ class ModeLog:
         self._news = node.create_guard_condition(self._write)
         self._mode = self._text = self._way_out = ''
         self._told: dict[str, float] = {}
-        self._patience = node.create_timer(_PATIENCE, self._write_patiently, autostart=False)
+        self._patience = create_steady_timer(
+            node, _PATIENCE, self._write_patiently, autostart=False
+        )
 
     def note(self, mode: str, reasons: Sequence[str] = (), way_out: str = '') -> None:
         """Note a new mode, why the arm is in it, the way out; called from the cycle's thread."""

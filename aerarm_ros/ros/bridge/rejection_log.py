@@ -9,6 +9,7 @@ from math import inf
 from rclpy.node import Node
 
 from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake
+from aerarm_ros.ros.executors.steady_timer import create_steady_timer
 
 # Two publishers have been looked up by then, so that they can be named [s].
 _PATIENCE = 0.5
@@ -44,7 +45,7 @@ class RejectionLog:
         self._mode_since = -inf
         self._noted: deque[str] = deque()
         self._news = node.create_guard_condition(self._wait)
-        self._patience = node.create_timer(_PATIENCE, self._write, autostart=False)
+        self._patience = create_steady_timer(node, _PATIENCE, self._write, autostart=False)
 
     def update(self, intake: CommandIntake, mode: str, now: float) -> None:
         """Note the rejection of the cycle at `now` [s], if there was one; in the cycle's thread."""

@@ -10,6 +10,7 @@ from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.executors.steady_timer import create_steady_timer
 from aerarm_ros.ros.states.base_header import base_header
 
 _POSE_PERIOD = 0.02  # [s]
@@ -37,7 +38,7 @@ class ToolTopics:
         pose = topics.TOOL_POSE
         self._poses = controller.node.create_publisher(pose.type, pose.name, pose.offered)
         controller.take_references(topics.TOOL_TRAJECTORY, self._on_target)
-        controller.node.create_timer(_POSE_PERIOD, self._publish_pose)
+        create_steady_timer(controller.node, _POSE_PERIOD, self._publish_pose)
 
     def _on_target(self, message: PoseStamped, now: float) -> None:
         frame = message.header.frame_id

@@ -29,6 +29,7 @@ from aerarm_ros.control.references.trajectory_goals import (
 )
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
 from aerarm_ros.ros.controllers.trajectory_input import read_trajectory
+from aerarm_ros.ros.executors.steady_timer import create_steady_timer
 
 NAME = 'follow_joint_trajectory'
 _FEEDBACK_PERIOD = 0.05  # [s]
@@ -89,7 +90,9 @@ class TrajectoryAction:
         self._ended: deque[tuple[Any, GoalResult]] = deque()
         node = controller.node
         self._news = node.create_guard_condition(self._hand_over)
-        self._timer = node.create_timer(_FEEDBACK_PERIOD, self._publish_feedback, autostart=False)
+        self._timer = create_steady_timer(
+            node, _FEEDBACK_PERIOD, self._publish_feedback, autostart=False
+        )
         self._server = ActionServer(
             node,
             action_type,

@@ -12,6 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'background_executor': ['BackgroundExecutor'],
         'lean_executor': ['LeanExecutor'],
         'spinning': ['spin_until', 'this_domain'],
+        'steady_timer': ['create_steady_timer'],
         'waited_entity': ['WaitedEntity', 'WaitedWaitable', 'waited_entities'],
     },
 )

@@ -18,6 +18,7 @@ from aerarm_ros.control.base.frame_conversion import rotation_matrix
 from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
 from aerarm_ros.flight.arm_feed_forward import HOLD, ArmFeedForward
 from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.executors.steady_timer import create_steady_timer
 from aerarm_ros.ros.flight.flight_inputs import ArmTopics
 from aerarm_ros.ros.flight.flown_drone import load_flown_drone
 from aerarm_ros.ros.parameters.arm_files import ARM_FILES
@@ -25,6 +26,7 @@ from aerarm_ros.ros.parameters.drone_file import DRONE_FILE
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.states.arm_clock import ArmClock
 
 Array = NDArray[np.float64]
 
@@ -66,8 +68,8 @@ class SetPointNode:
     """Sends every set point again with what the arm's motion takes, until it is too old.
 
     Without an attitude for 0.2 s, or where nothing is told of the arm, set points go on as they
-    are. The arm's time must be this computer's, as the autopilot's is: where it is more than 0.2 s
-    ahead, or so far behind that nothing is added, that is on /diagnostics.
+    are. The arm's time is that of `joint_states`, without them this computer's: where it is more
+    than 0.2 s ahead, or so far behind that nothing is added, that is on /diagnostics.
 
     Parameters
     ----------
@@ -114,10 +116,11 @@ class SetPointNode:
             (attitude, values.attitude_topic, self._on_attitude),
         ):
             self.node.create_subscription(kind, topic, act, qos_profile_sensor_data)
+        self._clock = ArmClock(self.node)
         ArmTopics(self.node, self._arm, self._on_arm)
         self._diagnostics = DiagnosticsPublisher(self.node, config.name)
-        self.node.create_timer(1.0 / values.rate, self._send)
-        self.node.create_timer(PERIOD, self._report)
+        create_steady_timer(self.node, 1.0 / values.rate, self._send)
+        create_steady_timer(self.node, PERIOD, self._report)
 
     # What an autopilot has of its own.
 
@@ -151,7 +154,7 @@ class SetPointNode:
     def _send(self) -> None:
         now, now_ns = time.monotonic(), self.node.get_clock().now().nanoseconds
         dt, self._last = now - self._last, now
-        arm = self._arm.at(1e-9 * now_ns)
+        arm = self._arm.at(1e-9 * self._clock.now_ns())
         added = np.zeros(3)
         if now - self._attitude_time < _ATTITUDE_AGE:
             added = self._acceleration.update(arm, self._rotation, dt)
@@ -182,7 +185,7 @@ class SetPointNode:
         self._try(action)
         newest = self._arm.newest
         if newest is not None and newest != before:
-            ahead = newest - 1e-9 * self.node.get_clock().now().nanoseconds
+            ahead = newest - 1e-9 * self._clock.now_ns()
             self._ahead = ahead if self._ahead is None else max(self._ahead, ahead)
 
     def _on_parameter(self, _: str, value: Any) -> None:

@@ -9,7 +9,7 @@ class DampingAccount:
     """Counts how often and for how long a bridge damped the arm during a motion.
 
     A bridge damps when commands come too late, and follows the next one: the motion goes on,
-    but it is not the one that was planned.
+    but it is not the one that was planned. Times are those of the monotonic clock.
     """
 
     def __init__(self) -> None:
@@ -17,15 +17,15 @@ class DampingAccount:
         self._begin = self._end = 0
 
     def note(self, mode: str, now_ns: int) -> None:
-        """Note a mode and when the bridge told it [ns since the epoch]; from any thread."""
+        """Note a mode and when the bridge published it [ns]; from any thread."""
         self._modes.append((now_ns, mode))
 
     def begin(self, now_ns: int) -> None:
-        """Note the beginning of the motion [ns since the epoch]."""
+        """Note the beginning of the motion [ns]."""
         self._begin = self._end = now_ns
 
     def end(self, now_ns: int) -> None:
-        """Note the end of the motion [ns since the epoch]."""
+        """Note the end of the motion [ns]."""
         self._end = now_ns
 
     @property

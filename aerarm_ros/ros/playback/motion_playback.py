@@ -134,7 +134,7 @@ class MotionPlayback:
         """
         progress = ProgressLine(self._name)
         heard = time.monotonic()
-        self.damping.begin(time.time_ns())
+        self.damping.begin(time.monotonic_ns())
         try:
             while not player.done:
                 self.states.wait(silence)
@@ -155,7 +155,7 @@ class MotionPlayback:
             # Who ends everything at once ends the bridge too, which waits for nobody.
             self._logger.info(f'stopped, and not brought to rest: {error}')
         finally:
-            self.damping.end(time.time_ns())
+            self.damping.end(time.monotonic_ns())
             progress.close()
         if player.fault is not None:
             raise ExcitationError(player.fault)

@@ -15,6 +15,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.live_topics.topic import Topic
 from aerarm_ros.excitation.settings.excitation_error import ExcitationError
 from aerarm_ros.ros.graph.sole_publisher import SolePublisher
+from aerarm_ros.ros.states.arm_clock import monotonic_ns
 from aerarm_ros.ros.states.arm_modes import to_switch_on
 
 # Nobody commands the arm then, and the bridge holds it where it is.
@@ -62,7 +63,7 @@ class StartConditions:
     recorder
         Whether the recorder must have found both.
     on_mode
-        Called with each arm_mode and when it was published [ns since the epoch].
+        Called with each arm_mode and when it was published [ns, monotonic].
 
     Attributes
     ----------
@@ -132,7 +133,7 @@ class StartConditions:
 
     def _on_mode(self, message: String, info: Mapping[str, int]) -> None:
         self.mode = message.data
-        self._tell_mode(message.data, info['source_timestamp'])
+        self._tell_mode(message.data, monotonic_ns(info['source_timestamp']))
 
     def _on_recorder_status(self, message: String) -> None:
         try:

@@ -11,6 +11,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        'arm_clock': ['ArmClock', 'monotonic_ns'],
         'arm_modes': ['COMMANDABLE', 'HELD', 'OFF', 'to_switch_on'],
         'rotor_thrusts': ['RotorThrusts'],
         'state_diagnostics': ['StateDiagnostics'],

@@ -12,6 +12,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
 from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.diagnostics.waiting_notice import WaitingNotice
+from aerarm_ros.ros.executors.steady_timer import create_steady_timer
 from aerarm_ros.ros.graph.sole_publisher import SolePublisher
 from aerarm_ros.ros.states.state_stream import StateStream
 
@@ -68,7 +69,7 @@ class StateDiagnostics:
         self.last_rejection = ''
         self._sources = SolePublisher(node, topics.JOINT_STATES)
         self._output = DiagnosticsPublisher(node, arm, self._now_ns)
-        node.create_timer(PERIOD, self.publish)
+        create_steady_timer(node, PERIOD, self.publish)
 
     def watch(self, stream: StateStream) -> None:
         """Report on the stream from now on."""

@@ -16,6 +16,7 @@ from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
 from aerarm_ros.hardware.zero_file import ZeroFile
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.realtime.steady_clock import SteadyClock
 from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, Watched
 from aerarm_ros.ros.bridge.bridge_timing import BridgeTiming
 from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
@@ -30,6 +31,7 @@ class Listener:
 
     def __init__(self, node: Node) -> None:
         self.messages: list[DiagnosticArray] = []
+        self.stamps = SteadyClock()
         self.diagnostics = BridgeDiagnostics(node, time.time_ns)
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self.messages.append, topic.qos)
@@ -39,7 +41,7 @@ class Listener:
         self.cycle = BridgeCycle(config, make_emulated_transport(config, load_robot()))
         publishers = CommandPublishers()
         self.watch = PublisherWatch(node, topics.JOINT_COMMAND, publishers.look)
-        timing = BridgeTiming(PeriodicLoop(PERIOD))
+        timing = BridgeTiming(PeriodicLoop(PERIOD), self.stamps)
         self.rivals = RivalWatch(node, topics.JOINT_STATES)
         self.watched = Watched(
             config.joint_names,
@@ -91,6 +93,16 @@ def test_an_active_bridge_reports_once_a_second_and_only_from_its_cycle(
     names = [status.name for status in listener.messages[-1].status]
     assert names == ['/test: arm', '/test: motors', '/test: timing']
     assert listener.arm().level == DiagnosticStatus.ERROR  # no board was asked yet
+    timing = listener.messages[-1].status[2]
+    assert timing.level == DiagnosticStatus.OK
+    listener.stamps.behind = -2.0  # the system clock was set back
+    listener.step(103.0, 1000)
+    listener.wait_for(lambda: len(listener.messages) > before)
+    timing = listener.messages[-1].status[2]
+    assert timing.level == DiagnosticStatus.WARN
+    assert 'the stamps are 2000 ms ahead of the system clock, which was set' in timing.message
+    assert any(v.value == '-2000.0' for v in timing.values)
+    before += 1
     listener.diagnostics.unwatch()
     listener.wait_for(lambda: len(listener.messages) > before)
     assert listener.arm().message == 'not active'

@@ -1,0 +1,65 @@
+"""The arm's time, for nodes that do more than answer states."""
+
+from __future__ import annotations
+
+import time
+from math import inf
+
+from rclpy.node import Node
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state
+from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_ros.realtime.steady_clock import SteadyClock
+
+# Without a state for this long [s] there is no arm whose time it could be.
+_SILENCE = 1.0
+
+
+class ArmClock:
+    """The time of the stamps of `joint_states`, between them and in any thread but one at a time.
+
+    The stamps do not follow a system clock that is set while the motors are on, and who compares
+    the system clock with them is wrong by the step. Without states this is the system time.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscription; its executor does nothing for it.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._reader = RawReader(node, topics.JOINT_STATES)
+        self._arrival = -inf
+        self._ahead_ns = 0
+        self._clock = SteadyClock(self._newest_ns)
+
+    def now_ns(self) -> int:
+        """Return the time [ns since the epoch]."""
+        return self._clock.now_ns()
+
+    def destroy(self) -> None:
+        """Destroy the subscription."""
+        self._reader.destroy()
+
+    def _newest_ns(self) -> int:
+        """Return the stamp of the newest state plus its age [ns]."""
+        now_ns = time.monotonic_ns()
+        message = self._reader.take_newest()
+        if message is not None:
+            payload, info = message
+            arrival_ns = monotonic_ns(info['received_timestamp'])
+            try:
+                self._ahead_ns = decode_joint_state(payload)[1].stamp_ns - arrival_ns
+                self._arrival = 1e-9 * arrival_ns
+            except ValueError:
+                pass  # who needs its numbers says what is wrong with it
+        if 1e-9 * now_ns - self._arrival > _SILENCE:
+            return time.time_ns()
+        return now_ns + self._ahead_ns
+
+
+def monotonic_ns(system_ns: int) -> int:
+    """Return a past system time in the monotonic clock [ns]; now, if the system clock was set."""
+    age_ns = time.time_ns() - system_ns
+    return time.monotonic_ns() - (age_ns if 0 <= age_ns < 1e9 * _SILENCE else 0)
