@@ -16,6 +16,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'bridge_report': ['BridgeReport'],
         'fault_watch': ['FaultWatch'],
         'heat_watch': ['HeatWatch'],
+        'load_watch': ['LoadCheck', 'LoadWatch'],
         'stopped_arm': ['StoppedArm', 'way_out'],
     },
 )

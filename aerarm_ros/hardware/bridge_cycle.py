@@ -28,6 +28,7 @@ from aerarm_ros.hardware.gate.joint_loads import JointLoads
 from aerarm_ros.hardware.gate.offered_command import OfferedCommand
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 from aerarm_ros.hardware.heat_watch import HeatWatch
+from aerarm_ros.hardware.load_watch import LoadWatch
 from aerarm_ros.hardware.stopped_arm import way_out
 from aerarm_ros.hardware.transports.transport import Transport
 from aerarm_ros.model.gravity_load import largest_gravity_load
@@ -118,12 +119,14 @@ class BridgeCycle:
         load_max = largest_gravity_load(robot) if load_max is None else load_max
         self._encoders = EncoderMonitor(config, settings.stall_time, load_max)
         self.zeros = EncoderZeros(config, profile.encoders)
-        zero = self._references.zero
-        self.recall = ZeroRecall(config, self.zeros, self.links, zero, kept, pulse_offset)
+        known = (self.zeros, self.links, self._references.zero)
+        self.recall = ZeroRecall(config, *known, kept, pulse_offset)
         self.heat = HeatWatch(config, settings, profile, self.gate, self.links, self._references)
+        self._loads = LoadWatch(config, robot, self._references)
         watched = (self.gate, self.links, self._encoders, self.zeros, self.heat)
         self._watch = FaultWatch(config, *watched, profile.errors_until_power_cycle)
-        self._report = BridgeReport(self.intake, self.gate, self.links, self.zeros, self.heat)
+        reported = (self.links, self.zeros, self.heat, self._loads)
+        self._report = BridgeReport(self.intake, self.gate, *reported)
         parts = (self.links, self.state, self._references, loads, self._watch.refusal)
         self.probe = CommissioningProbe(config, *parts)
         self._standstill = CommandBuffer.standstill(config.n)
@@ -133,11 +136,6 @@ class BridgeCycle:
         self._followed = False  # a command was followed since the arm became ready
         self._current_lag = settings.current_lag
         self._now = -np.inf
-
-    @property
-    def rejections(self) -> dict[str, int]:
-        """Number of rejected commands by reason, keys of `command_intake.REJECTIONS`."""
-        return self.intake.rejections
 
     @property
     def q_known(self) -> Array:
@@ -238,9 +236,8 @@ class BridgeCycle:
         self.gate.release()
         self._encoders.clear()
         self.intake.forget()
-        self._followed = False
-        self._enabled = stays
-        return Answer(True, 'the arm is held' if self._enabled else 'the motors are off')
+        self._followed, self._enabled = False, stays
+        return Answer(True, 'the arm is held' if stays else 'the motors are off')
 
     def home(self) -> Answer:
         """Search the encoders' index pulses: every motor turns by up to one turn to each side.
@@ -301,6 +298,7 @@ class BridgeCycle:
         self.probe.look(now)
         self._look_for_faults(now, feed_forward, noise)
         self.mode = self._current_mode(now)
+        self._loads.update(self.mode == 'ready', self.state)
 
     def shutdown(self) -> None:
         """Send zero current and system disabled to every board, twice."""

@@ -9,6 +9,7 @@ from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake
 from aerarm_ros.hardware.gate.joint_limiter import LIMITED
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 from aerarm_ros.hardware.heat_watch import HeatWatch
+from aerarm_ros.hardware.load_watch import LoadWatch
 
 _RECENT = 1.0  # [s] how long a rejection or a limit stays in the list of faults
 
@@ -18,7 +19,7 @@ class BridgeReport:
 
     Parameters
     ----------
-    intake, gate, links, zeros, heat
+    intake, gate, links, zeros, heat, loads
         The parts.
     """
 
@@ -29,8 +30,10 @@ class BridgeReport:
         links: Sequence[BoardLink],
         zeros: EncoderZeros,
         heat: HeatWatch,
+        loads: LoadWatch,
     ) -> None:
         self._heat = heat
+        self._loads = loads
         self._zeros = zeros
         self._intake = intake
         self._gate = gate
@@ -59,7 +62,7 @@ class BridgeReport:
                 f'no good command for {intake.age(now):.2f} s, the arm is damped: is the '
                 'controller running?'
             )
-        texts += self._heat.warnings()
+        texts += [*self._heat.warnings(), *self._loads.warnings()]
         if now - intake.last_rejection_time < _RECENT:
             texts.append(f'a command was rejected: {REJECTIONS[intake.last_rejection]}')
         if now - gate.last_limited_time < _RECENT:

@@ -101,7 +101,7 @@ def test_velocity_loop_tracks_a_slow_sine_on_all_joints(make_rig, seed):
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
     assert np.all(rms < 0.1 * AMPLITUDE * OMEGA), rms
     assert rig.bridge.mode == 'running'
-    assert not rig.bridge.rejections
+    assert not rig.bridge.intake.rejections
 
 
 def test_position_with_velocity_and_effort_is_the_full_law(rig):
@@ -236,7 +236,7 @@ def test_a_rejected_stream_damps_the_arm_and_is_reported(rig):
         assert not rig.send(velocity=[np.nan, 0.0, 0.0, 0.0])
         rig.cycle()
     assert rig.bridge.mode == 'damping'
-    assert rig.bridge.rejections == {'nan': 300}
+    assert rig.bridge.intake.rejections == {'nan': 300}
     assert rig.bridge.counters['rejected nan'] == 300
     assert any('without any reference' in text for text in rig.bridge.faults)
     assert rig.speed < 0.01
@@ -252,7 +252,7 @@ def test_commands_before_ready_are_rejected(make_rig, mode):
         rig.run(0.1)
     assert rig.bridge.mode == mode
     assert not rig.send(velocity=[0.1] * 4)
-    assert rig.bridge.rejections == {'not_ready': 1}
+    assert rig.bridge.intake.rejections == {'not_ready': 1}
 
 
 def test_disable_switches_off_and_enabling_aligns_again(rig):
@@ -287,7 +287,7 @@ def test_thesis_profile_runs_the_velocity_loop_and_reads_power(config, make_rig)
     assert rig.bridge.power.source == 'voltage'
     assert rig.bridge.motor_power[0] > 0.0
     assert not rig.send(effort=[0.0] * 4)
-    assert rig.bridge.rejections == {'unsupported': 1}
+    assert rig.bridge.intake.rejections == {'unsupported': 1}
 
 
 def test_v2_boards_run_too(config, make_rig):

@@ -37,4 +37,4 @@ def test_twenty_thousand_cycles_are_like_a_thousand(rig):
     assert rig.bridge.mode == 'running', rig.bridge.faults
     assert np.abs(rig.bridge.dq - swing(rig.now)[1]).max() < 2.0 * tracking + 0.1
     assert rig.bridge.counters['board0 bad frames'] == 0
-    assert rig.bridge.rejections == {'source': 21}
+    assert rig.bridge.intake.rejections == {'source': 21}

@@ -46,7 +46,7 @@ def test_a_violation_stops_the_arm_for_good(rig, command, hint):
     rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.5, 0.5], None))
     assert rig.bridge.mode == 'fault'
     assert rig.speed < 0.01
-    assert rig.bridge.rejections['not_ready'] > 200
+    assert rig.bridge.intake.rejections['not_ready'] > 200
     assert rig.bridge.clear_fault().accepted
     rig.run(0.2, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
     assert rig.bridge.mode == 'running'
