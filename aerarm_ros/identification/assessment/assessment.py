@@ -40,6 +40,13 @@ class BagAssessment:
     per_joint_raw: Array
     prediction: Prediction
 
+    def __repr__(self) -> str:
+        """Return the errors without the samples."""
+        return (
+            f'<{self.bag}: torque error {self.filtered:.2f} % filtered, '
+            f'{self.filtered_measured:.2f} % only the measured one, {self.raw:.2f} % raw>'
+        )
+
 
 def assess(estimate: Estimate, bags: Sequence[SampleColumns]) -> list[BagAssessment]:
     """Return the torque errors of an estimate on each bag."""

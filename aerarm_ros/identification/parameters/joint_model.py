@@ -3,8 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from aerarm_ros.identification.parameters.joint_term import JointTerm, TermKind
 from aerarm_ros.model.inertia import PARAMETER_NAMES
+
+Array = npt.NDArray[np.float64]
 
 # Order of the blocks of columns, thesis (3.5) first.
 _ORDER = tuple(TermKind)
@@ -61,6 +66,24 @@ class JointModel:
             moving = [joint] if term.driver is None else [joint, term.driver]
             joints.append('_'.join([term.symbol, *(self.joint_names[j] for j in moving)]))
         return (*links, *joints)
+
+    def torque(self, theta: Array, links: Array, dq: Array, ddq: Array) -> Array:
+        """Return the torque (M, n) of links and joints [Nm], thesis (3.5).
+
+        Parameters
+        ----------
+        theta : (p,) ndarray
+            In the order of `columns`.
+        links : (M, n) ndarray
+            Torque on the links [Nm].
+        dq, ddq : (M, n) ndarray
+            [rad/s], [rad/s^2]
+        """
+        torque, load = links.copy(), np.abs(links)
+        for (joint, term), value in zip(self.joint_columns, theta[10 * self.n :], strict=True):
+            moving = joint if term.driver is None else term.driver
+            torque[:, joint] += value * term.basis(dq[:, moving], ddq[:, moving], load[:, joint])
+        return torque
 
     @property
     def depends_on_load(self) -> bool:

@@ -130,13 +130,8 @@ class SampleColumns:
         """
         samples = self.samples
         inertial = theta[: 10 * samples.n]
-        raw = self.rigid_raw @ inertial
+        raw = model.torque(theta, self.rigid_raw @ inertial, samples.dq, samples.ddq)
         filtered = self.rigid @ inertial
-        load = np.abs(raw)
-        for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
-            moving = joint if term.driver is None else term.driver
-            dq, ddq = samples.dq[:, moving], samples.ddq[:, moving]
-            raw[:, joint] += value * term.basis(dq, ddq, load[:, joint])
         for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
             if term.kind is TermKind.LOAD:
                 filtered[:, joint] += value * self._load_column(term, joint, inertial)

@@ -14,6 +14,7 @@ from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.report.report import ReportExtras
 from aerarm_ros.identification.report.report_tables import error_table, parameter_table
 from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.pages.html_text import bullets, paragraph
 from aerarm_ros.ros.programs.identifier_files import RESULT_FILES, write_result
 from aerarm_ros.ros.programs.identifier_table import terminal_table
@@ -51,6 +52,37 @@ class IdentifiedArm:
         """Every parameter by its name, as `m_link1` or `fv_joint2`, in SI units."""
         names = self.estimate.model.columns
         return dict(zip(names, self.estimate.theta.tolist(), strict=True))
+
+    def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
+        """Return the torque of the whole model, thesis (3.5): links, rotors, friction.
+
+        Parameters
+        ----------
+        q, dq, ddq : (n,) or (M, n) array_like
+            [rad], [rad/s], [rad/s^2]
+
+        Returns
+        -------
+        (n,) or (M, n) ndarray
+            [Nm]
+
+        Raises
+        ------
+        ValueError
+            If the shapes differ, or are not those of this arm.
+        """
+        motion = [np.asarray(values, dtype=float) for values in (q, dq, ddq)]
+        shape = motion[0].shape
+        n = self.result.robot.n
+        is_known = shape[-1:] == (n,) and len(shape) <= 2
+        if not is_known or any(values.shape != shape for values in motion):
+            shapes = ', '.join(str(values.shape) for values in motion)
+            raise ValueError(f'q, dq and ddq have the shapes {shapes}: give ({n},) or (M, {n})')
+        rows = [values.reshape(-1, n) for values in motion]
+        inertial = self.estimate.inertial.ravel()
+        links = Regressor(self.robot).stack_rigid(*rows) @ inertial
+        torque = self.estimate.model.torque(self.estimate.theta, links, rows[1], rows[2])
+        return torque.reshape(shape)
 
     @property
     def errors(self) -> list[BagAssessment]:

@@ -57,6 +57,18 @@ def test_it_says_what_it_is_worth(arm: IdentifiedArm) -> None:
     assert 'fv_joint3' in arm._repr_html_()
 
 
+def test_its_torque_is_that_of_the_assessment(arm: IdentifiedArm) -> None:
+    (bag,) = arm.result.identification
+    samples = bag.samples
+    torque = arm.torque(samples.q, samples.dq, samples.ddq)
+    np.testing.assert_allclose(torque, bag.predict(arm.estimate.model, arm.estimate.theta).raw)
+    row = arm.torque(samples.q[7].tolist(), samples.dq[7], samples.ddq[7])
+    np.testing.assert_allclose(row, torque[7])
+    with pytest.raises(ValueError, match=r'\(3,\): give \(4,\) or \(M, 4\)'):
+        arm.torque(samples.q[7], samples.dq[7], samples.ddq[7][:3])
+    assert len(repr(arm.errors)) < 300
+
+
 def test_its_dynamics_are_those_identified(arm: IdentifiedArm) -> None:
     dynamics = aerarm_ros.Dynamics(arm.robot, arm.estimate.joint_values('Ja'))
     (bag,) = arm.result.identification
