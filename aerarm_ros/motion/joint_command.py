@@ -8,8 +8,8 @@ from aerarm_ros.motion.float_array import FloatArray
 class JointCommand(NamedTuple):
     """Command for n joints; which fields are given chooses the boards' loop.
 
-    Effort alone is torque control, velocity alone the boards' velocity loop, and all three
-    the boards' full law (4.4) with the effort as feed-forward.
+    Effort alone is torque control, velocity alone the boards' velocity loop, both that loop with
+    the effort as feed-forward, and all three the boards' full law (4.4) with it.
 
     Attributes
     ----------

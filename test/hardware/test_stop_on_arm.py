@@ -1,4 +1,4 @@
-"""A canceled trajectory on the emulated arm: frames, boards, MuJoCo, in virtual time."""
+"""Stops on the emulated arm: frames, boards, MuJoCo, in virtual time."""
 
 import numpy as np
 import pytest
@@ -11,6 +11,12 @@ from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
 from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
+from aerarm_ros.excitation.player.velocity_law import VelocityLaw
+from aerarm_ros.excitation.settings.excitation_config import ExcitationConfig
+from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
+from aerarm_ros.excitation.trajectory.steady_stroke import SteadyStroke
 from aerarm_ros.motion.arm_state import ArmState
 
 START = np.array([0.0, 0.9, 0.0, 0.0])
@@ -55,3 +61,28 @@ def test_the_arm_stops_as_its_reference_does(config, robot, joint, travel, secon
     assert overshoot < 0.02
     assert np.all(peak < 1.0)
     np.testing.assert_allclose(after[-1], stopped, atol=0.02)
+
+
+def test_a_player_in_velocity_mode_stops_the_arm_in_time(config, robot) -> None:
+    """Joint 2 lifts the arm: a velocity loop without feed-forward takes 1.7 times the least way."""
+    setup = ExcitationSetup.of_arm(robot, config, ExcitationConfig())
+    start = np.array([0.0, 0.3, 0.0, 0.0])
+    rig = AttackRig(config, robot, posture=start.tolist(), seed=3).bring_up()
+    stroke = SteadyStroke(start, 1, 2.6, 1.5, 9.0)
+    motion = MotionSequence([Stage('stroke', stroke)])
+    player = ExcitationPlayer(motion, VelocityLaw(1.0, setup.limits.velocity), setup.stops)
+
+    def control(rig: AttackRig) -> Offer | None:
+        if player.done:
+            return Offer(velocity=np.zeros(4), source='player')
+        return Offer(*player.update(round(1e9 * rig.now), rig.bridge.q.copy()), 'player')
+
+    rig.run(0.5 * stroke.duration, control)
+    first, speed = len(rig.log.q_rows) - 1, rig.log.dq_rows[-1][1]
+    assert speed > 1.4
+    player.stop()
+    rig.run(0.6, control)
+    travelled = rig.log.q[first:, 1].max() - rig.log.q[first, 1]
+    assert travelled < 1.5 * speed**2 / (2.0 * setup.limits.acceleration[1])
+    assert rig.log.faults == []
+    assert player.fault is None

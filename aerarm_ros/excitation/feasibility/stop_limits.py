@@ -61,6 +61,19 @@ class StopLimits:
         what = ('holding torque', 'holding current')
         return effort_margins(what, self.limits, self._effort_model, times, rest)
 
+    def inertial_torque(self, q: FloatArray, ddq: FloatArray) -> FloatArray | None:
+        """Return what an acceleration takes at `q` [Nm], within the limits; None without a model.
+
+        All are (n,).
+        """
+        if self._effort_model is None:
+            return None
+        zero = np.zeros_like(q)
+        moved, still = self._effort_model.effort(
+            np.array([q, q]), np.array([zero, zero]), np.array([ddq, zero])
+        )
+        return np.clip(moved - still, -self.limits.effort, self.limits.effort)
+
     def _effort_rows(self, model: EffortModel, point: JointReference) -> Iterable[Row]:
         """Return the rows of each joint's torque; a limit of the current is one of the torque.
 

@@ -134,21 +134,23 @@ class ExcitationPlayer:
         if self.state is PlayState.STOPPING and self._stop is None:
             self._stop = stop_along(self.motion.evaluate, now, self._stops.rows).clock()
             self._stop_at = now
-        self.path_time = self._path_time(now).value
-        reference = self._reference(now)
+        path = self._path_time(now)
+        self.path_time = path.value
+        reference = self._reference(path)
         self._check_tracking(reference.q - position)
         if self._stop is not None and now >= self._stop_at + self._stop.duration:
             self.state = PlayState.STOPPED
         elif self.path_time >= self.motion.duration:
             self.state = PlayState.FINISHED
-        return self._law.command(reference, position)
+        command = self._law.command(reference, position)
+        return self._with_braking(command, path) if command.tau is None else command
 
     def ahead(self, times: FloatArray) -> JointReference | None:
         """Return the references (M, n) at times (M,) [s] after the last state; None before it."""
         if self._start_ns is None:
             return None
         now = (self._last_ns - self._start_ns) * 1e-9
-        rows = [self._reference(now + time) for time in times.tolist()]
+        rows = [self._reference(self._path_time(now + time)) for time in times.tolist()]
         return JointReference(*map(np.array, zip(*rows, strict=True)))
 
     def _require_start(self, position: FloatArray) -> None:
@@ -172,8 +174,7 @@ class ExcitationPlayer:
         self._last_ns = stamp_ns
         return (stamp_ns - self._start_ns) * 1e-9
 
-    def _reference(self, now: float) -> JointReference:
-        path = self._path_time(now)
+    def _reference(self, path: PathTime) -> JointReference:
         along = self.motion.evaluate(path.value)
         return along if self._stop is None else along.paced(path.rate, path.rate_change)
 
@@ -181,6 +182,16 @@ class ExcitationPlayer:
         if self._stop is None:
             return PathTime(now, 1.0, 0.0)
         return PathTime(*(float(part[0]) for part in self._stop.evaluate(now - self._stop_at)))
+
+    def _with_braking(self, command: JointCommand, path: PathTime) -> JointCommand:
+        """Add the torque that brakes: a velocity loop alone is late by what it has to build up.
+
+        It is zero where a stop begins and ends.
+        """
+        if self._stop is None:
+            return command
+        q, dq, _ = self.motion.evaluate(path.value)
+        return command._replace(tau=self._stops.inertial_torque(q, path.rate_change * dq))
 
     def _check_tracking(self, error: FloatArray) -> None:
         distance = np.abs(error)
