@@ -41,6 +41,7 @@ class IdealArm:
         self.answered: list[int] = []
         self.commanded: list[np.ndarray] = []
         self.sent: set[int] = set()
+        self.efforts = 0  # commands with one
         self.moved_for = 0.0
         self.waited = 0
         self.next_damping = 0.5  # [s] of motion
@@ -56,7 +57,9 @@ class IdealArm:
         if message is not None:
             command = self.command_codec.unpack(message[0])
             assert command is not None
-            assert command.effort is None or self.options.full
+            assert command.velocity is not None, command
+            assert command.position is None or self.options.full
+            self.efforts += command.effort is not None
             self.dq = np.array(command.velocity)
             self.answered.append(command.stamp_ns)
             self.commanded.append(self.dq)
@@ -93,6 +96,7 @@ class IdealArm:
             answered=np.array(self.answered, dtype=np.int64) * 1e-9,
             commanded=np.array(self.commanded).reshape(-1, 4),
             foreign=foreign,
+            efforts=self.efforts,
         )
 
 

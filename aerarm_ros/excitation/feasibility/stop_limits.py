@@ -72,7 +72,8 @@ class StopLimits:
         moved, still = self._effort_model.effort(
             np.array([q, q]), np.array([zero, zero]), np.array([ddq, zero])
         )
-        return np.clip(moved - still, -self.limits.effort, self.limits.effort)
+        torque: FloatArray = np.clip(moved - still, -self.limits.effort, self.limits.effort)
+        return torque
 
     def _effort_rows(self, model: EffortModel, point: JointReference) -> Iterable[Row]:
         """Return the rows of each joint's torque; a limit of the current is one of the torque.
