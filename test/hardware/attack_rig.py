@@ -66,7 +66,7 @@ class AttackLog:
     time, q_rows, dq_rows
         Rows of `q` and `dq` with their true times [s].
     driven_rows
-        Number of rows before the first in which a board drove no motors.
+        Number of rows before the first in which a board had let its motors go.
     modes
         The bridge's mode after each cycle.
     faults
@@ -241,9 +241,7 @@ class AttackRig:
         self.log.time.append(now)
         self.log.q_rows.append(self.plant.position)
         self.log.dq_rows.append(self.plant.velocity)
-        if self.log.driven_rows is None and not all(
-            board.system_enabled for board in self.boards.boards
-        ):
+        if self.log.driven_rows is None and any(b.has_let_go for b in self.boards.boards):
             self.log.driven_rows = len(self.log.time) - 1
 
     def inject(

@@ -112,6 +112,16 @@ class EmulatedBoard:
         """Whether the board drives motors at all."""
         return self._command.enable_system and self.error == 0 and not self.faults.dead
 
+    @property
+    def has_let_go(self) -> bool:
+        """Whether no motor has torque until a command comes.
+
+        It is switched off, or its time-out has passed on a command of no current, which is no
+        error.
+        """
+        is_silent = 0.0 < self._command.timeout < self._silence
+        return not self.system_enabled or (is_silent and not self._is_driving())
+
     def exchange(self, frame: bytes) -> bytes:
         """Take a command frame and return the sensor frame that was ready before it."""
         faults = self.faults

@@ -279,7 +279,8 @@ class JointBarrier:
 
         It is 0 where the joint would not become too fast without: in `board_timeout` under the
         torque as it is, by the damping that ends it, or by the energy of the spring that makes it.
-        It counts with and without the learned part of the load, which may end meanwhile.
+        It counts with the modelled load and with what was learned of a slight disturbance, each of
+        which may be wrong; what was learned of a base turned over may be as large as the torque.
 
         Parameters
         ----------
@@ -289,9 +290,10 @@ class JointBarrier:
             What the board's law would make if the drive were strong enough [Nm], and how it falls
             as the joint moves [Nm/rad], [Nms/rad].
         """
-        learned = self._gap_damping(torque - self.load, law - self.load, stiffness, damping)
         load = self._modelled_load
-        return max(learned, self._gap_damping(torque - load, law - load, stiffness, damping))
+        modelled = self._gap_damping(torque - load, law - load, stiffness, damping)
+        load += self._disturbance
+        return max(modelled, self._gap_damping(torque - load, law - load, stiffness, damping))
 
     def _gap_damping(self, excess: float, wanted: float, stiffness: float, damping: float) -> float:
         """Return `gap_damping` [Nms/rad] for torques [Nm] over one load."""
