@@ -25,6 +25,7 @@ from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.page.page_commissioning import PageCommissioning
 from aerarm_ros.ros.page.page_guard import PageGuard, is_loopback
 from aerarm_ros.ros.page.page_motion import PageMotion
 from aerarm_ros.ros.page.page_programs import PagePrograms
@@ -131,6 +132,7 @@ class View:
 
     def close(self) -> None:
         """End what the page started, close it and destroy the node."""
+        self._commissioning.end()
         self._programs.close()
         with redirect_stdout(StringIO()):
             self._server.stop()
@@ -140,6 +142,7 @@ class View:
     def _serve(self, robot: Robot, base: str) -> None:
         try:
             from aerarm_ros.ros.page.page_server import PageError, serve_page
+            from aerarm_ros.ros.page.view_commissioning import ViewCommissioning
             from aerarm_ros.ros.page.view_controls import ViewControls
             from aerarm_ros.ros.page.view_panel import ViewPanel
             from aerarm_ros.ros.page.view_plots import ViewPlots
@@ -163,6 +166,16 @@ class View:
         limits = self._limits['position']
         self._controls = ViewControls(
             self._server, self._panel, self._motion, self._programs, self._names, limits
+        )
+        self._commissioning = PageCommissioning(
+            self._node,
+            self._values.config,
+            self._values.urdf,
+            lambda: bool(self._server.get_clients()),
+        )
+        own = [robot.own_name(name) for name in self._names]
+        self._commissioning_folder = ViewCommissioning(
+            self._server, self._panel, self._commissioning, own, lambda: self._requests.emulated
         )
         self._panel.add_reports(self._server)
         self._plots = ViewPlots(
@@ -205,8 +218,9 @@ class View:
             self._mode,
             feed.describe(now),
             diagnostics.way_out(now),
-            self._requests.is_emulated,
+            bool(self._requests.emulated),
         )
+        self._commissioning_folder.show(now)
         self._controls.show(now, feed.posture, self._scene.tool)
         self._panel.show_diagnostics(
             diagnostics.motors_html(now),

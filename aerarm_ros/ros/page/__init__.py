@@ -11,6 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         'child_program': ['ChildProgram'],
+        'page_commissioning': ['PageCommissioning'],
         'page_dress': ['dress'],
         'page_guard': ['PageGuard', 'is_loopback'],
         'page_messages': ['is_allowed'],
@@ -18,6 +19,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'page_programs': ['PageProgramError', 'PagePrograms'],
         'page_requests': ['PageRequests'],
         'page_server': ['PageError', 'serve_page'],
+        'view_commissioning': ['ViewCommissioning'],
         'view_controls': ['ViewControls'],
         'view_diagnostics': ['ViewDiagnostics', 'ViewStatus', 'timing_rows'],
         'view_feed': ['ViewFeed'],

@@ -42,9 +42,9 @@ class PageRequests:
         self._parameters: dict[str, AsyncParameterClient] = {}
 
     @property
-    def is_emulated(self) -> bool:
-        """Whether a bridge with emulated boards is there."""
-        return self._services[PUT_BACK].is_found
+    def emulated(self) -> str:
+        """Node name of a bridge with emulated boards that is there, or ''."""
+        return self._services[PUT_BACK].found
 
     def look_for_bridges(self) -> None:
         """Get ready to stop those that are there by now, whatever they are called."""

@@ -55,15 +55,10 @@ class CommissioningRun:
             raise ArmClientError(str(error)) from None
         finally:
             client.end()
-        guided = client.guided
-        assert guided is not None
-        failed = [name for name, entry in guided.record.joints.items() if not entry.passed]
-        if failed:
-            raise ArmClientError(
-                f'{", ".join(failed)} did not pass, see {client.path}: correct what was found, '
-                "then 'arm commission --resume'"
-            )
-        print(f'passed: {", ".join(guided.record.joints)}; record: {client.path}', flush=True)
+        passed, text = client.outcome
+        if not passed:
+            raise ArmClientError(f"{text}, 'arm commission --resume'")
+        print(text, flush=True)
 
     def _find_bridge(self) -> None:
         client = self._client

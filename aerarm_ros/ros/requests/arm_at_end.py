@@ -48,7 +48,7 @@ class ArmAtEnd:
 
     def leave(self) -> None:
         """Leave an arm that is commanded no more; blocks until the bridge has answered."""
-        if self._hold is None or not self._hold.is_found:
+        if self._hold is None or not self._hold.found:
             return
         done, text = self._hold.call()
         log = self._node.get_logger()
@@ -56,5 +56,5 @@ class ArmAtEnd:
         if done:
             log.info(f'at the end {text}')
         # A bridge that ends as well holds nothing any more.
-        elif self._hold.is_found and not says_not_active(text):
+        elif self._hold.found and not says_not_active(text):
             log.warning(f'the arm is not held at the end: {text}')

@@ -41,9 +41,9 @@ class BridgeService:
         self._timeout = timeout
 
     @property
-    def is_found(self) -> bool:
-        """Whether a bridge is there by now."""
-        return bool(self._ready())
+    def found(self) -> str:
+        """Node name of a bridge that is there by now, or ''."""
+        return next(iter(self._ready()), '')
 
     def call(self) -> tuple[bool, str]:
         """Ask; blocks until the bridge has answered.

@@ -94,6 +94,18 @@ class CommissioningClient:
         silent = time.monotonic() - self._heard > _SILENCE
         return 'the bridge does not answer any more' if silent and self.is_on else ''
 
+    @property
+    def outcome(self) -> tuple[bool, str]:
+        """Whether every recorded joint has passed, and that in words, with the record's file."""
+        record = self.guided.record.joints if self.guided is not None else {}
+        failed = [name for name, entry in record.items() if not entry.passed]
+        if failed:
+            return False, (
+                f'{", ".join(failed)} did not pass, see {self.path}: correct what was found, then '
+                'commission again what has not passed'
+            )
+        return True, f'passed: {", ".join(record)}; record: {self.path}'
+
     def begin(self, joints: Sequence[str] = (), resume: bool = False) -> None:
         """Begin with a bridge that has reported; all joints if none is named.
 
