@@ -67,7 +67,7 @@ def slope(times: np.ndarray, size: np.ndarray) -> tuple[float, float]:
 
 
 class ToAndFro:
-    """Sends the arm to and fro, a little to each side of its rest posture, all joints together.
+    """Sends all joints to and fro, a little to each side of the arm's home configuration.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ class ArmDraft:
     guesses : tuple of frozenset of str
         Of each joint, the fields that the URDF does not say.
     excitation : ExcitationConfig
-        About the rest position.
+        About the home configuration.
     problem : str
         What of clearances could not be kept or looked at; else ''.
 

@@ -128,7 +128,7 @@ _EXCITATION_ADVICE = {
     'ground_clearance': '[m] above the ground.',
     'ground_height': '[m] against gravity, from the base frame: measure it; null where no ground '
     'is in reach. A table, a wall or a landing gear belongs into the URDF, as shapes of the base.',
-    'bias': '[rad] centre of the motion: the rest position.',
+    'bias': '[rad] centre of the motion: the home configuration.',
     'bias_spread': '[rad] largest random term added to it.',
     'highest_frequency': '[Hz] highest harmonic: well below the first bending mode. Tap the arm, '
     'held by its motors, and look at how its velocities ring.',

@@ -242,7 +242,7 @@ class BridgeCycle:
     def home(self) -> Answer:
         """Search the encoders' index pulses: every motor turns by up to one turn to each side.
 
-        The arm has to be in its rest posture. With motors that are off they are aligned before.
+        The arm has to be in its home configuration. Motors that are off are aligned before.
         """
         state, zeros = self.state, self.zeros
         is_held = self.mode in ('ready', 'running', 'damping')

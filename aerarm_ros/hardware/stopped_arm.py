@@ -43,11 +43,11 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
     Without a fault of a board or an encoder, and inside its limits, a driven arm is held where it
     is. All else goes through idle: a board that restarted has to align, and clearing a fault would
     not be accepted, or last. What has lost an encoder's zero, or will by a power cycle, is homed
-    from its rest posture. Emulated boards are mended by a command; on real ones it is said what
-    hands have to do.
+    from its home configuration. Emulated boards are mended by a command; on real ones it is said
+    what hands have to do.
     """
     if not arm.latched:
-        return "'arm home'" if emulated else "bring the arm to its rest posture, 'arm home'"
+        return "'arm home'" if emulated else "bring the arm to its home configuration, 'arm home'"
     steps = []
     through_idle = bool(arm.boards) or arm.violation or arm.zero_unknown
     restarts = bool(arm.boards) and (emulated or arm.until_power_cycle)
@@ -61,7 +61,7 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
         if arm.until_power_cycle:
             steps += [f'switch the supply of {name} off and on' for _, name in arm.boards]
     if not emulated and homes:  # where home and enable do it
-        steps.append('bring the arm to its rest posture')
+        steps.append('bring the arm to its home configuration')
     elif not emulated and arm.violation:
         steps.append('move the arm inside its limits by hand')
     steps.append("'arm clear_fault'")

@@ -44,7 +44,7 @@ _MEANING = {
     'hold': 'hold a damped arm where it is; one that follows commands, once they end',
     'disable': 'motors off: the arm sinks',
     'clear_fault': 'end a fault whose cause is gone',
-    'home': "turn slowly to the encoders' index pulses, from the rest posture: THE ARM MOVES",
+    'home': "turn slowly to the encoders' index pulses, from the home configuration: THE ARM MOVES",
     'e_stop': 'damp the arm at once, latched until clear_fault',
     'put_back': f'{_FAKE} with motors off: the arm back where it started',
 }

@@ -32,7 +32,7 @@ PARAMETERS = controller_parameters(
     *HAND_OVER_PARAMETERS,
     Parameter('stiffness', [300.0], 'one or along x, y, z', 'N/m', 0.0, 1e5, live=True),
     Parameter('damping', [40.0], 'one or along x, y, z', 'Ns/m', 0.0, 1e4, live=True),
-    Parameter('rest_stiffness', 2.0, 'pull of the rest posture', 'Nm/rad', 0.0, 100.0),
+    Parameter('rest_stiffness', 2.0, 'pull of the home configuration', 'Nm/rad', 0.0, 100.0),
     Parameter('rest_damping', 0.3, 'damping of what the tool leaves free', 'Nms/rad', 0.0, 100.0),
 )
 

@@ -119,8 +119,11 @@ WRONG = {
     'SPI clock in MHz': (setting('boards', 0, 'clock_hz', value=8), r'clock_hz = 8 .*\[Hz\]'),
     'two gravity components': (setting('gravity_in_base', value=[0.0, -9.81]), 'x, y and z'),
     'gravity is no list': (setting('gravity_in_base', value=9.81), 'must be a list of numbers'),
-    'rest posture too short': (setting('rest_position', value=[0.0]), '1 values for 4 joints'),
-    'rest posture outside': (
+    'home configuration too short': (
+        setting('rest_position', value=[0.0]),
+        '1 values for 4 joints',
+    ),
+    'home configuration outside': (
         setting('rest_position', value=[0.0, -1.0, 0.0, 0.0]),
         'rest_position of joint2 = -1.0',
     ),

@@ -119,7 +119,7 @@ class AttackRig:
     config, robot
         The arm as drawn.
     posture
-        Joint angles (n,) at the start [rad]; the configuration's rest position if not given.
+        Joint angles (n,) at the start [rad]; the configuration's home configuration if not given.
     payload
         Mass at the tool [kg], which the bridge is not told.
     seed

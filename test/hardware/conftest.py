@@ -136,5 +136,5 @@ def make_rig(config: ArmConfig, robot: Robot) -> Callable[..., Rig]:
 
 @pytest.fixture
 def rig(make_rig: Callable[..., Rig]) -> Rig:
-    """An arm as drawn, ready at its rest position."""
+    """An arm as drawn, ready at its home configuration."""
     return make_rig().bring_up()

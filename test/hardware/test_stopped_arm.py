@@ -105,7 +105,7 @@ def command(rig, words: str, emulated: bool) -> Answer:
 
 
 def put_near_rest(rig) -> None:
-    """Bring the arm to its rest posture as well as a person does; index pulses are near."""
+    """Bring the arm to its home configuration as well as a person does; index pulses are near."""
     rig.boards._put(np.array(rig.config.rest_position) - 0.02)
 
 
@@ -124,7 +124,7 @@ def by_hand(rig, step: str) -> None:
                     motor.encoder.restart()  # what it turned meanwhile was not counted
     elif switched := re.fullmatch(r'switch the supply of board(\d) off and on', step):
         rig.inject('power_cycle', int(switched[1]))
-    elif step == 'bring the arm to its rest posture':
+    elif step == 'bring the arm to its home configuration':
         put_near_rest(rig)
     else:
         assert step == 'move the arm inside its limits by hand'
@@ -186,7 +186,7 @@ def test_motors_that_are_off_are_enabled() -> None:
 
 def test_what_lost_its_zero_or_will_is_homed() -> None:
     lost = way_out(StoppedArm(zero_unknown=True), emulated=False)
-    assert lost.endswith("bring the arm to its rest posture, 'arm clear_fault', 'arm home'")
+    assert lost.endswith("bring the arm to its home configuration, 'arm clear_fault', 'arm home'")
     assert way_out(StoppedArm([(1, 'board1')]), emulated=True).endswith("'arm home'")
     kept = StoppedArm([(1, 'board1')], until_power_cycle=False)
     assert way_out(kept, emulated=False).endswith("'arm clear_fault', 'arm enable'")

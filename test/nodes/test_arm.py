@@ -87,12 +87,16 @@ def test_an_injected_fault_and_the_way_back(start_bridge: StartBridge) -> None:
     assert (status, 'back where it started' in text) == (0, True)
     home = ('enable', '--home', '--timeout', '100', '--wait', 'ready')
     status, text = ask(*home)
-    assert (status, 'this is taken for the rest posture' in text) == (0, True), text
+    assert (status, 'this is taken for the home configuration' in text) == (0, True), text
     status, text = ask(*home)
     assert (status, 'already enabled' in text) == (0, True), text
     assert ask('disable')[0] == 0
     status, text = ask(*home)
-    assert (status, 'the motors align now' in text, 'rest posture' in text) == (0, True, False)
+    assert (status, 'the motors align now' in text, 'home configuration' in text) == (
+        0,
+        True,
+        False,
+    )
 
 
 def test_goes_to_a_posture_and_says_when_it_does_not(bridge: NodeProcess, tmp_path: Path) -> None:

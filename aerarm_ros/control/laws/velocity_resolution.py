@@ -17,7 +17,7 @@ class VelocityResolution:
     """Inverse differential kinematics of a position task, thesis (2.8).
 
     The joint velocity that gives the frame's origin the wanted velocity; the motion it
-    leaves free draws the arm toward a rest posture, and down an objective. Near its limits a
+    leaves free draws the arm toward a home configuration, and down an objective. Near its limits a
     joint may approach them only in proportion to the distance left (Faverjon, Tournassoud
     1987). A joint at that bound is fixed and the others take over its part (Flacco, De Luca,
     Khatib 2012). If a joint is then still too fast, all are slowed down alike: the tool keeps its
@@ -52,7 +52,7 @@ class VelocityResolution:
     Raises
     ------
     ValueError
-        If a gain is negative or the rest posture hasn't n joints.
+        If a gain is negative or the home configuration hasn't n joints.
     """
 
     def __init__(

@@ -10,7 +10,7 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.gate.command_buffer import Array
 from aerarm_ros.model.drive_train import DriveTrain
 
-# Of a motor turn: the rest posture has to be met so well for homing to find the right pulse.
+# Of a motor turn: the home configuration has to be met so well for homing to find the right pulse.
 REST_SHARE = 1.0 / 3.0
 _TURN = 2.0 * np.pi
 
@@ -19,9 +19,9 @@ class EncoderZeros:
     """Remembers of each joint whether its angle can be believed, and where the arm rests.
 
     An incremental encoder counts from where its board was switched on, so its zero is unknown at
-    first. Homing finds it, by pulses that come once a motor turn; which turn it is
-    follows from the rest posture, for which somebody vouches who puts the arm there. A board that
-    restarts, an encoder that jumps or one that stood still while its joint turned has lost its
+    first. Homing finds it, by pulses that come once a motor turn; which turn it is follows from the
+    home configuration, for which somebody vouches who puts the arm there. A board that restarts, an
+    encoder that jumps or one that stood still while its joint turned has lost its
     zero: then no limit and no load is known until the arm has been homed again.
 
     An absolute encoder knows its angle whenever its board is switched on: the configuration's zero
@@ -37,7 +37,7 @@ class EncoderZeros:
     Attributes
     ----------
     rest
-        (n,) motor angles of the rest posture [rad].
+        (n,) motor angles of the home configuration [rad].
     absolute
         n flags: whether the joint's encoder is absolute.
     names
@@ -109,7 +109,7 @@ class EncoderZeros:
         reasons = dict.fromkeys(self._lost.values())
         return (
             f'the zero of {", ".join(self.unknown)} is unknown ({", ".join(reasons)}): bring the '
-            f"arm to its rest posture, {self._posture()}, and home it ('arm home')"
+            f"arm to its home configuration, {self._posture()}, and home it ('arm home')"
         )
 
     def refusal(self, motor_position: Array) -> str:
@@ -124,8 +124,8 @@ class EncoderZeros:
         if not away:
             return ''
         return (
-            f'{", ".join(away)} is not at the rest posture, {self._posture()}: homing would take '
-            'another index pulse for the right one; bring the arm there first'
+            f'{", ".join(away)} is not at the home configuration, {self._posture()}: homing would '
+            'take another index pulse for the right one; bring the arm there first'
         )
 
     def expected(self, motor_position: Array) -> Array:
@@ -134,7 +134,7 @@ class EncoderZeros:
 
     def vouched(self) -> str:
         """Return what homing takes the present posture for, in words."""
-        return f'this is taken for the rest posture, {self._posture()}'
+        return f'this is taken for the home configuration, {self._posture()}'
 
     def _posture(self) -> str:
         return _in_words(self.names, self._rest_position)

@@ -25,7 +25,7 @@ class EmulatedTransport:
     A real arm is carried by hand until its motors hold it, because the alignment of
     unpowered motors cannot lift it. So is this one: its weight is carried at first, and let
     go within 0.5 s once every motor is ready. `carry` takes it up again where it is,
-    `put_back` where it started, `put_at_rest` in its rest posture.
+    `put_back` where it started, `put_at_rest` in its home configuration.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ class EmulatedTransport:
         self._put(self._start)
 
     def put_at_rest(self) -> None:
-        """Take the arm to its rest posture, and carry it: what to do before homing."""
+        """Take the arm to its home configuration, and carry it: what to do before homing."""
         self._put(self._rest)
 
     def _put(self, target: Array) -> None:

@@ -42,7 +42,7 @@ def make_emulated_transport(
     seed
         Of the arm's deviations from the drawing, and of noise; None for an arm as drawn.
     position
-        Initial joint angles (n,) [rad]; the configuration's rest position if not given.
+        Initial joint angles (n,) [rad]; the configuration's home configuration if not given.
     spread
         Bounds of the deviations.
     alignment

@@ -27,7 +27,7 @@ EMULATION_PARAMETERS = (
     Parameter(
         'initial_position',
         [],
-        "joint angles at the start, in the joints' order; the rest position if empty",
+        "joint angles at the start, in the joints' order; the home configuration if empty",
         'rad',
         -6.3,
         6.3,

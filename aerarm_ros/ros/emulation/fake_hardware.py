@@ -346,7 +346,7 @@ class FakeHardware(HardwareBridge):
         boards.put_at_rest()
         cycle.update(self._now)  # see where it is now, and that it rests
         accepted, message = cycle.home()
-        return Answer(accepted, f'the arm was put into its rest posture; {message}')
+        return Answer(accepted, f'the arm was put into its home configuration; {message}')
 
     def _inject_fault(self, cycle: BridgeCycle) -> Answer:
         fault, boards = self.values.fault, self._boards

@@ -27,7 +27,10 @@ _MODE_COLORS = {
 _BUTTONS = {
     'enable': ('Enable: the motors align, the arm moves', ('idle',)),
     'hold': ('Hold the arm', ('damping',)),
-    'home': ('Home, from the rest posture', ('unhomed', 'idle', 'ready', 'running', 'damping')),
+    'home': (
+        'Home, from the home configuration',
+        ('unhomed', 'idle', 'ready', 'running', 'damping'),
+    ),
     'clear_fault': ('Clear fault', ('fault',)),
     'disable': (
         'Disable: the arm sinks',

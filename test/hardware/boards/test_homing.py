@@ -128,7 +128,10 @@ def test_from_idle_the_arm_aligns_first_and_is_taken_to_be_at_rest(make_rig, con
     assert rig.bridge.mode == 'unhomed'
     answer = rig.bridge.home()
     assert answer.accepted
-    assert 'taken for the rest posture, joint1 0, joint2 1.571, joint3 0, joint4' in answer.message
+    assert (
+        'taken for the home configuration, joint1 0, joint2 1.571, joint3 0, joint4'
+        in answer.message
+    )
     assert rig.bridge.q == pytest.approx(config.rest_position, abs=1e-3)
     rig.run(0.05)
     assert rig.bridge.mode == 'aligning'
@@ -148,11 +151,13 @@ def test_a_homed_arm_is_homed_again_only_where_it_rests(make_rig):
     rig.run(0.3, lambda now: (None, [0.0, 0.0, 0.6, 0.0], None))
     answer = rig.bridge.home()
     assert not answer.accepted
-    assert answer.message.startswith('joint3 is not at the rest posture, joint1 0, joint2 1.571')
+    assert answer.message.startswith(
+        'joint3 is not at the home configuration, joint1 0, joint2 1.571'
+    )
     rig.bridge.disable()
     rig.boards.carry()
     rig.run(0.02)
-    assert 'joint3 is not at the rest posture' in rig.bridge.home().message
+    assert 'joint3 is not at the home configuration' in rig.bridge.home().message
     rig.boards.put_at_rest()
     rig.run(0.02)
     assert rig.bridge.home().accepted
@@ -183,7 +188,8 @@ def test_after_a_restart_that_nobody_saw_an_arm_is_not_enabled_but_homed(make_ri
     assert not answer.accepted
     assert answer.message.startswith(
         'the zero of joint3, joint4 is unknown (board1 was switched off and on): bring the arm to '
-        "its rest posture, joint1 0, joint2 1.571, joint3 0, joint4 0 rad, and home it ('arm home')"
+        'its home configuration, joint1 0, joint2 1.571, joint3 0, joint4 0 rad, and home it '
+        "('arm home')"
     )
     rig.boards.put_at_rest()
     rig.run(0.02)
