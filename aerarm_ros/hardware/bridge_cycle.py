@@ -127,7 +127,7 @@ class BridgeCycle:
         self._watch = FaultWatch(config, *watched, profile.errors_until_power_cycle)
         reported = (self.links, self.zeros, self.heat, self._loads)
         self._report = BridgeReport(self.intake, self.gate, *reported)
-        parts = (self.links, self.state, self._references, loads, self._watch.refusal)
+        parts = (self.links, self.state, self._references, loads, self._probe_refusal)
         self.probe = CommissioningProbe(config, *parts)
         self._standstill = CommandBuffer.standstill(config.n)
         self._search = ZeroSearch(config, self.state, pulse_offset)
@@ -370,10 +370,15 @@ class BridgeCycle:
         self._references.set_zero(zero)
         self.state.read(self.links, zero, self._references.gains)
 
+    def _probe_refusal(self) -> str:
+        """Return why no single motor may be driven, or ''."""
+        # Not by the mode: that is of the last cycle, and the arm may have been enabled since.
+        return 'the arm is enabled: disable first' if self._enabled else self._watch.refusal(False)
+
     def _look_for_faults(
         self, now: float, feed_forward: Sequence[float], noise: Sequence[float]
     ) -> None:
-        self._watch.boards()
+        self._watch.boards(self._enabled)
         if self._enabled and self._aligned:
             self._watch.joints(self.state, now, feed_forward, noise)
         elif self._enabled:

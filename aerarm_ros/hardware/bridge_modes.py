@@ -2,7 +2,8 @@
 
 - disconnected: a board does not answer.
 - idle: the boards answer and are off.
-- unhomed: likewise, and the zero of a joint is unknown. Nothing but `home` moves the arm.
+- unhomed: likewise, and the zero of a joint is unknown. Only `home` and
+  commissioning move the arm.
 - aligning: the boards turn their motors to find the rotors' directions. The arm moves.
 - ready: the arm is held where it is; no command has come yet.
 - homing: the motors search the encoders' index pulses.

@@ -62,14 +62,23 @@ class FaultWatch:
             return 'the boards are still switching off: try again'
         return '' if driven else self._heat.refusal()
 
-    def boards(self) -> None:
-        """Look for faults of boards, and for those that were switched off and on."""
+    def boards(self, enabled: bool) -> None:
+        """Look for faults of boards, and for those that were switched off and on.
+
+        An `enabled` arm that loses a zero is stopped, also if its motors are still driven.
+        """
         for link in self._links:
             if link.monitor.mode is BoardMode.FAULT:
                 self._gate.trip(link.monitor.fault)
             if link.restarted:
                 joints = [joint for joint, _ in link.joints]
-                self._zeros.restarted(joints, f'{link.monitor.name} was switched off and on')
+                name = link.monitor.name
+                self._zeros.restarted(joints, f'{name} was switched off and on')
+                if enabled and self._zeros.are_lost:
+                    self._gate.trip(
+                        f'{name} restarted while it was enabled, or its clock jumped: the zeros of '
+                        'its encoders are unknown, check its supply and its ground wire'
+                    )
 
     def joints(
         self,

@@ -144,8 +144,8 @@ def test_nothing_else_drives_a_motor_meanwhile():
 
 def test_an_enabled_arm_is_not_commissioned():
     arm = CommissionedArm(None)
-    arm.bridge.home()
     arm.pass_time(0.02)
+    assert arm.bridge.home().accepted  # the mode is still that of the last cycle
     report = drive(arm)
     assert report.phase == 'failed'
     assert 'disable first' in report.reason
@@ -184,7 +184,15 @@ def test_a_joint_is_turned_where_it_has_room():
 
 @pytest.mark.parametrize(
     'text',
-    ['', '[]', '{"id": 1, "kind": "drive"}', '{"id": "a:1", "kind": "jump"}', '{"kind": "off"}'],
+    [
+        '',
+        '[]',
+        '[' * 1000,
+        '[' * 100_000,
+        '{"id": 1, "kind": "drive"}',
+        '{"id": "a:1", "kind": "jump"}',
+        '{"kind": "off"}',
+    ],
 )
 def test_a_request_that_makes_no_sense_is_rejected(text):
     with pytest.raises(ValueError, match='commissioning'):
@@ -201,3 +209,5 @@ def test_messages_are_read_as_they_were_sent():
     for key in ('travel', 'joints'):
         with pytest.raises(ValueError, match='not a commissioning report'):
             ProbeReport.parse(json.dumps({**fields, key: 'x'}))
+    with pytest.raises(ValueError, match='commissioning message'):
+        ProbeReport.parse('[' * 100_000)

@@ -116,6 +116,18 @@ def test_the_last_good_state_stays_while_frames_are_bad(rig):
     assert rig.bridge.q[0] != before[0]
 
 
+def test_a_driven_arm_that_loses_its_zeros_is_stopped(rig):
+    run(rig, 0.2, moving=True)
+    # It seems to have restarted, and its motors are driven all the same.
+    rig.boards.boards[0]._clock += 5.0
+    run(rig, 0.01, moving=True)
+    assert rig.bridge.mode == 'fault'
+    assert 'board0 restarted while it was enabled' in rig.bridge.faults[0]
+    assert rig.bridge.zeros.unknown == ['joint1', 'joint2']
+    assert not rig.send(velocity=MOVING)
+    assert 'disable first' in rig.bridge.clear_fault().message
+
+
 def test_a_board_error_is_cleared_by_a_power_cycle_and_a_new_alignment(rig):
     rig.inject('driver_error', 1)
     rig.run(0.05)

@@ -115,12 +115,12 @@ class EncoderZeros:
     def refusal(self, motor_position: Array) -> str:
         """Return why an arm at motor angles (n,) [rad] may not be homed where it is, or ''.
 
-        Only while every zero is known: else nothing contradicts who vouches for the posture.
+        Joints whose zero is known have to be at the rest posture; of the others the user has to
+        know it.
         """
-        if self._lost:
-            return ''
-        turns = np.abs(motor_position - self.rest) / _TURN
-        away = [name for name, part in zip(self.names, turns, strict=True) if part > REST_SHARE]
+        turns = (np.abs(motor_position - self.rest) / _TURN).tolist()
+        rows = zip(self.names, turns, self.known, strict=True)
+        away = [name for name, part, known in rows if known and part > REST_SHARE]
         if not away:
             return ''
         return (

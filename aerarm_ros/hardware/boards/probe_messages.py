@@ -13,6 +13,7 @@ from typing import Any
 
 WATCH, DRIVE, OFF = KINDS = ('watch', 'drive', 'off')
 _LONGEST = 64  # characters of a name
+_LONGEST_REQUEST = 1024  # characters; a node with other work reads it
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,8 @@ class ProbeRequest:
     @classmethod
     def parse(cls, text: str) -> ProbeRequest:
         """Read a request; raises ValueError, with what is wrong, for any other text."""
+        if len(text) > _LONGEST_REQUEST:
+            raise ValueError(f'{len(text)} characters are no commissioning request')
         fields = _object(text)
         values = [fields.get(key, '') for key in ('id', 'kind', 'joint')]
         if not all(isinstance(value, str) and len(value) <= _LONGEST for value in values):
@@ -151,7 +154,7 @@ class ProbeReport:
 def _object(text: str) -> dict[str, Any]:
     try:
         fields = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         fields = None
     if not isinstance(fields, dict):
         raise ValueError('a commissioning message is a JSON object')
