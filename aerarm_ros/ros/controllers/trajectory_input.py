@@ -63,7 +63,7 @@ def read_trajectory(
         If it isn't a trajectory of this arm, or is stamped in the past.
     """
     points, names = message.points, list(message.joint_names)
-    others = [] if staying is None or not names else _unnamed(limits, names)
+    others = [] if staying is None else _unnamed(limits, message)
     held = [] if staying is None else staying[others].tolist()
     zero = [0.0] * len(others)
     trajectory = JointTrajectory(
@@ -83,7 +83,22 @@ def read_trajectory(
     return trajectory, stamp or None
 
 
-def _unnamed(limits: JointLimits, names: Sequence[str]) -> list[int]:
+def _unnamed(limits: JointLimits, message: TrajectoryMessage) -> list[int]:
+    """Return the joints that a message leaves out; RejectedInputError if it fits no joints."""
+    names = list(message.joint_names)
+    if not names or len(set(names)) < len(names) or not set(names) <= set(limits.names):
+        raise RejectedInputError(
+            f'joint names {names} are not those of the arm: give some of {list(limits.names)}, '
+            'each once'
+        )
+    for index, point in enumerate(message.points):
+        for what in ('positions', 'velocities', 'accelerations'):
+            count = len(getattr(point, what))
+            if count not in (0, len(names)):
+                raise RejectedInputError(
+                    f'trajectory: point {index} has {count} {what}, but {len(names)} joints are '
+                    'named: give one for each'
+                )
     return [joint for joint, name in enumerate(limits.names) if name not in names]
 
 

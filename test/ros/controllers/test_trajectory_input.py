@@ -1,5 +1,7 @@
 """What a JointTrajectory message means to a follower."""
 
+import re
+
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
@@ -37,8 +39,15 @@ def test_joints_that_are_not_named_stay() -> None:
 
 @pytest.mark.parametrize('names', [['joint1', 'elbow'], ['joint1', 'joint1'], []])
 def test_other_names_are_rejected_all_the_same(names: list[str]) -> None:
-    with pytest.raises(RejectedInputError, match='are not those of the arm'):
+    reason = re.escape(f'joint names {names} are not those of the arm: give some of')
+    with pytest.raises(RejectedInputError, match=reason):
         read_trajectory(LIMITS, message(names, [[0.1] * len(names)]), 0.0, HERE)
+
+
+def test_values_are_counted_by_the_joints_that_are_named() -> None:
+    wrong = message(['joint1', 'joint3'], [[0.1, 0.2]], [[0.1, 0.2, 0.3]])
+    with pytest.raises(RejectedInputError, match='point 1 has 3 positions, but 2 joints are named'):
+        read_trajectory(LIMITS, wrong, 0.0, HERE)
 
 
 def test_all_joints_are_named_where_none_may_stay() -> None:
