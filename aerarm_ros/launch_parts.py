@@ -6,6 +6,8 @@ Only they import this module: nothing else needs ROS's launch, which not every h
 from __future__ import annotations
 
 import os
+import signal
+import threading
 from collections.abc import Mapping
 from typing import Any
 
@@ -155,9 +157,23 @@ def check_first(*packages: str) -> OpaqueFunction:
         problems = missing(context.launch_configurations, packages)
         if problems:
             raise RuntimeError('; '.join(problems))
+        _keep_launch_from_being_interrupted()
         return [SetEnvironmentVariable(LAUNCH_PID, str(os.getpid()))]
 
     return OpaqueFunction(function=check)
+
+
+def _keep_launch_from_being_interrupted() -> None:
+    """Leave SIGINT to launch's event loop.
+
+    Launch reads signals from its wakeup file descriptor and leaves Python's own handler in place.
+    That handler raises KeyboardInterrupt in whichever task of launch runs: launch then waits for
+    that task for ever, or misses the end of a process. Where SIGINT is ignored, as for what a
+    script starts in the background, nothing reaches the descriptor.
+    """
+    ours = threading.current_thread() is threading.main_thread()
+    if ours and signal.getsignal(signal.SIGINT) in (signal.default_int_handler, signal.SIG_IGN):
+        signal.signal(signal.SIGINT, lambda number, frame: None)
 
 
 def bringup() -> IncludeLaunchDescription:

@@ -6,13 +6,16 @@ import os
 import shutil
 import signal
 import subprocess
+import tempfile
 import time
 import unittest
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 import rclpy
+import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from own_domain import own_domain
 
@@ -21,6 +24,8 @@ from aerarm_ros.ros.process.node_process import ros_environment
 
 NAMESPACE = '/launched'
 PATIENCE = 60.0  # [s]
+# Of a launch file, also where the computer is busy.
+LAUNCH_TIMEOUT = 200.0  # [s]
 
 
 def is_in_the_index(package: str) -> bool:
@@ -72,6 +77,14 @@ def after_shutdown(case: type) -> type:
     import launch_testing
 
     return launch_testing.post_shutdown_test()(case)
+
+
+def parameter_file(**nodes: dict) -> str:
+    """Return the path of a new parameter file with the given values of nodes."""
+    path = Path(tempfile.mkdtemp()) / 'parameters.yaml'
+    content = {f'/**/{name}': {'ros__parameters': values} for name, values in nodes.items()}
+    path.write_text(yaml.safe_dump(content))
+    return str(path)
 
 
 def description(file: str, arguments: Mapping[str, str], *actions: object, **context: object):
@@ -132,14 +145,15 @@ class ListeningTestCase(LaunchedTestCase):
         self.until(lambda: all(self.received[topic.name] for topic in topics))
 
     def until(self, condition):
+        """Listen until a condition holds; fail after `PATIENCE` with the topics received."""
         deadline = time.monotonic() + PATIENCE
         while not condition():
-            heard = sorted(name for name, messages in self.received.items() if messages)
-            self.assertLess(time.monotonic(), deadline, f'heard only {heard}')
+            received = sorted(name for name, messages in self.received.items() if messages)
+            self.assertLess(time.monotonic(), deadline, f'received only {received}')
             rclpy.spin_once(self.node, timeout_sec=0.1)
 
 
-def ros2_launch(file: str, *arguments: str, timeout: float = 200.0) -> tuple[int, str]:
+def ros2_launch(file: str, *arguments: str, timeout: float = LAUNCH_TIMEOUT) -> tuple[int, str]:
     """Run a launch file that ends by itself; return its exit status and what it said."""
     process = subprocess.Popen(
         ['ros2', 'launch', 'aerarm_ros', f'{file}.launch.py', *arguments],

@@ -2,16 +2,17 @@
 
 import os
 import re
+import select
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 import yaml
-from launched import is_in_the_index, needs_ros2_launch, ros2_launch
+from launched import LAUNCH_TIMEOUT, is_in_the_index, needs_ros2_launch, ros2_launch
 
 pytestmark = needs_ros2_launch
 COMMAND = ('ros2', 'launch', 'aerarm_ros')
@@ -27,38 +28,67 @@ def wrong_gains(tmp_path: Path) -> str:
 
 
 class Launched:
-    """ros2 launch, with its output line by line, and the processes that it starts."""
+    """ros2 launch, with its output, and the processes that it starts."""
 
     def __init__(self, *arguments: str) -> None:
         self.process = subprocess.Popen(
-            [*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+            [*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT
         )
-        self.output = ''
-        self.started: list[int] = []
+        self._output = b''
 
-    def until(self, said: str) -> None:
+    @property
+    def output(self) -> str:
+        return self._output.decode(errors='replace')
+
+    @property
+    def started(self) -> list[int]:
+        return [int(pid) for pid in re.findall(r'process started with pid \[(\d+)\]', self.output)]
+
+    def until(self, text: str, timeout: float = LAUNCH_TIMEOUT) -> None:
+        """Read the output until it contains a text; fail after `timeout` [s] or at its end."""
         assert self.process.stdout
-        while said not in self.output:
-            line = self.process.stdout.readline()
-            assert line, f'{said!r} was not said:\n{self.output}'
-            self.output += line
-            if 'process started with pid [' in line:
-                self.started.append(int(line.rpartition('[')[2].rstrip(']\n')))
+        deadline = time.monotonic() + timeout
+        while text not in self.output:
+            left = max(0.0, deadline - time.monotonic())
+            readable, _, _ = select.select([self.process.stdout], [], [], left)
+            assert readable, f'no {text!r} within {timeout:g} s in:\n{self.output}'
+            part = os.read(self.process.stdout.fileno(), 65536)
+            assert part, f'launch ended without {text!r}:\n{self.output}'
+            self._output += part
         # A signal while launch is printing would lose it the process it prints of.
         time.sleep(0.5)
 
     def rest(self) -> str:
-        self.output += self.process.communicate(timeout=60.0)[0]
+        """Wait for the end; return the whole output. Launch is killed if it does not end."""
+        try:
+            self._output += self.process.communicate(timeout=LAUNCH_TIMEOUT)[0]
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self._output += self.process.communicate()[0]
+            pytest.fail(f'launch has not ended within {LAUNCH_TIMEOUT:g} s:\n{self.output}')
         return self.output
 
 
 @pytest.fixture
-def launched(ros_domain: dict[str, str]) -> Iterator[Launched]:
-    launched = Launched('computed_torque.launch.py', 'enable:=true')
-    yield launched
-    if launched.process.poll() is None:
-        launched.process.send_signal(signal.SIGINT)
-        launched.process.communicate()
+def start(ros_domain: dict[str, str]) -> Iterator[Callable[..., Launched]]:
+    """Return a function that starts launch files; they end with the test."""
+    started: list[Launched] = []
+
+    def start(*arguments: str) -> Launched:
+        started.append(Launched(*arguments))
+        return started[-1]
+
+    yield start
+    for launched in started:
+        if launched.process.poll() is None:
+            launched.process.send_signal(signal.SIGINT)
+            launched.rest()
+
+
+@pytest.fixture
+def launched(start: Callable[..., Launched]) -> Launched:
+    """Return an arm that computed_torque moves."""
+    return start('computed_torque.launch.py', 'enable:=true')
 
 
 @pytest.mark.parametrize(
@@ -102,12 +132,12 @@ def test_a_controller_that_cannot_start_ends_everything(
 
 
 def test_without_a_controller_the_bridge_goes_on_if_asked(
-    wrong_gains: str, ros_domain: dict[str, str]
+    wrong_gains: str, start: Callable[..., Launched]
 ) -> None:
     go_on = 'if_controller_fails:=go_on'
-    launched = Launched('computed_torque.launch.py', f'params_file:={wrong_gains}', go_on)
+    launched = start('computed_torque.launch.py', f'params_file:={wrong_gains}', go_on)
     launched.until('process has died')
-    launched.until('[fake_hardware]: idle')
+    launched.until('[fake_hardware]: unhomed')
     launched.process.send_signal(signal.SIGINT)
     assert '[fake_hardware-1]: process has finished cleanly' in launched.rest()
     assert launched.process.returncode == 0
@@ -140,9 +170,9 @@ def assert_clean_nodes(launched: Launched) -> None:
 
 
 def test_a_motion_that_is_cut_short_is_an_ordinary_end(
-    tmp_path: Path, ros_domain: dict[str, str]
+    tmp_path: Path, start: Callable[..., Launched]
 ) -> None:
-    launched = Launched('identification.launch.py', f'out:={tmp_path / "run"}')
+    launched = start('identification.launch.py', f'out:={tmp_path / "run"}')
     launched.until('[fake_hardware]: running')
     for pid in [launched.process.pid, *launched.started]:  # as a terminal does
         with suppress(ProcessLookupError):

@@ -1,5 +1,8 @@
 """What the launch files make of the way their processes end."""
 
+import signal
+from typing import Any
+
 import pytest
 from launched import MISSING
 
@@ -32,3 +35,19 @@ def test_which_ends_fail(status: int, is_ending: bool, fails: bool) -> None:
     event = ProcessExited(returncode=status, action=process, **names)
     action = after(process, 'it').event_handler.handle(event, context)
     assert (action is not None) == fails
+
+
+@pytest.mark.parametrize('before', [signal.default_int_handler, signal.SIG_IGN])
+def test_an_interrupt_is_left_to_the_event_loop_of_launch(before: Any) -> None:
+    from launch import LaunchContext
+
+    from aerarm_ros.launch_parts import check_first
+
+    own = signal.signal(signal.SIGINT, before)
+    try:
+        check_first().execute(LaunchContext())
+        # Neither raised in what runs, nor ignored: Python writes it to the wakeup descriptor.
+        signal.raise_signal(signal.SIGINT)
+        assert callable(signal.getsignal(signal.SIGINT))
+    finally:
+        signal.signal(signal.SIGINT, own)

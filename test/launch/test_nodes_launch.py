@@ -11,6 +11,7 @@ from launched import (
     after_shutdown,
     description,
     launch_test,
+    parameter_file,
 )
 
 from aerarm_msgs_py import topics
@@ -43,7 +44,10 @@ def generate_test_description(executable):
         parameters=[parameters],
         output='screen',
     )
-    return description('bringup', {'enable': 'false'}, node, executable=executable, started=node)
+    # No motor is switched on, so nobody homes the arm: its angles are known from the start.
+    known = {'fake_hardware': {'encoders': 'absolute'}}
+    arguments = {'enable': 'false', 'params_file': parameter_file(**known)}
+    return description('bringup', arguments, node, executable=executable, started=node)
 
 
 class TestNode(ListeningTestCase):

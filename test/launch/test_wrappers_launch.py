@@ -1,11 +1,8 @@
 """The launch files that start more than the bring-up, and its page, by launch_testing."""
 
 import socket
-import tempfile
 from importlib.util import find_spec
-from pathlib import Path
 
-import yaml
 from launched import (
     NAMESPACE,
     LaunchedTestCase,
@@ -13,6 +10,7 @@ from launched import (
     after_shutdown,
     description,
     launch_test,
+    parameter_file,
 )
 
 from aerarm_msgs_py import topics
@@ -36,13 +34,6 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(('127.0.0.1', 0))
         return probe.getsockname()[1]
-
-
-def parameter_file(**nodes: dict) -> str:
-    path = Path(tempfile.mkdtemp()) / 'parameters.yaml'
-    content = {f'/**/{name}': {'ros__parameters': values} for name, values in nodes.items()}
-    path.write_text(yaml.safe_dump(content))
-    return str(path)
 
 
 @launch_test('case', list(CASES))
