@@ -115,8 +115,8 @@ class EncoderZeros:
     def refusal(self, motor_position: Array) -> str:
         """Return why an arm at motor angles (n,) [rad] may not be homed where it is, or ''.
 
-        Joints whose zero is known have to be at the rest posture; of the others the user has to
-        know it.
+        Each joint whose zero is known has to be at its home configuration; of the others only the
+        user knows it.
         """
         turns = (np.abs(motor_position - self.rest) / _TURN).tolist()
         rows = zip(self.names, turns, self.known, strict=True)

@@ -142,13 +142,21 @@ def bridge_settings(values: SimpleNamespace) -> BridgeSettings:
 
 
 def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | None:
-    """Return the file that keeps the zeros of the bridge of a full name, None if there is none."""
+    """Return the file that keeps the zeros of the bridge of a full name, None if there is none.
+
+    Raises ValueError if the user has no home directory to put it.
+    """
     if values.state_file != AUTO:
         return Path(values.state_file) if values.state_file else None
     if emulated:
         return None
-    home = os.environ.get('XDG_STATE_HOME') or Path.home() / '.local' / 'state'
-    return Path(home) / 'aerarm_ros' / f'{node.strip("/").replace("/", ".")}.json'
+    try:
+        folder = os.environ.get('XDG_STATE_HOME') or Path.home() / '.local' / 'state'
+    except RuntimeError:
+        raise ValueError(
+            "there is no home directory for the encoders' zeros: give state_file, or XDG_STATE_HOME"
+        ) from None
+    return Path(folder) / 'aerarm_ros' / f'{node.strip("/").replace("/", ".")}.json'
 
 
 def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:

@@ -73,7 +73,7 @@ def test_the_rest_posture_is_asked_for_once_the_zeros_are_known(zeros, config):
     assert zeros.refusal(zeros.rest + 0.3 * 2.0 * np.pi) == ''
     # A joint whose zero is unknown vouches for no other.
     zeros.lose([0], 'a jump')
-    assert zeros.refusal(away).startswith('joint3 is not at the rest posture')
+    assert zeros.refusal(away).startswith('joint3 is not at the home configuration')
     zeros.lose([2], 'a jump')
     assert zeros.refusal(away) == ''
     assert zeros.rest[1] == pytest.approx(

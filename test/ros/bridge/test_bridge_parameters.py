@@ -1,6 +1,8 @@
 """Parameters of a running bridge: gains, real-time requests, and a busy parameter client."""
 
 import re
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from bridge_client import BridgeClient, StartBridge, velocity_command
@@ -9,6 +11,7 @@ from rclpy.node import Node
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.hardware.emulation.emulated_heat import EmulatedHeat
+from aerarm_ros.ros.bridge.bridge_parameters import AUTO, state_file
 
 STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
 REJECTED = [
@@ -121,3 +124,20 @@ def test_energy_grows_while_the_arm_is_held(client: BridgeClient) -> None:
     # Stamped by the arm's time.
     stamp = client.states[-1].header.stamp
     assert stamp.sec + 1e-9 * stamp.nanosec - client.diagnosed < 5.0
+
+
+def test_the_state_file_is_in_the_home_directory_unless_it_is_given(monkeypatch) -> None:
+    values = SimpleNamespace(state_file=AUTO)
+    monkeypatch.setenv('XDG_STATE_HOME', '/state')
+    file = Path('/state/aerarm_ros/left.hardware_bridge.json')
+    assert state_file(values, '/left/hardware_bridge', False) == file
+    assert state_file(values, '/left/hardware_bridge', True) is None
+    monkeypatch.delenv('XDG_STATE_HOME')
+
+    def no_home() -> Path:
+        raise RuntimeError('Could not determine home directory.')
+
+    monkeypatch.setattr(Path, 'home', no_home)
+    with pytest.raises(ValueError, match='give state_file'):
+        state_file(values, '/left/hardware_bridge', False)
+    assert state_file(SimpleNamespace(state_file='/zeros'), '/bridge', False) == Path('/zeros')
