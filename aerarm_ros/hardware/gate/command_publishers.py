@@ -87,5 +87,5 @@ class CommandPublishers:
             return ''
         present = f'joint_command has {len(self.names)} publishers ({", ".join(self.names)})'
         if self._is_anonymous:
-            return f'{present}, and this ROS does not say who sent a command: {_STOP}'
+            return f'{present}, and this ROS does not name the sender of a command: {_STOP}'
         return f'{present}, the first to command is followed: {_STOP}'

@@ -98,8 +98,8 @@ BRIDGE_PARAMETERS = (
     Parameter(
         'state_file',
         AUTO,
-        "file that keeps the encoders' zeros while the bridge is restarted beside boards that stay "
-        'on; auto: with real boards aerarm_ros/NODE.json in $XDG_STATE_HOME (~/.local/state), none '
+        "file that keeps the encoders' zeros while the bridge restarts and the boards stay on; "
+        'auto: with real boards aerarm_ros/NODE.json in $XDG_STATE_HOME (~/.local/state), none '
         'with emulated ones; none if empty',
     ),
     *(

@@ -73,8 +73,8 @@ def test_where_no_message_names_its_publisher_two_publishers_are_rejected_and_na
     publishers.look({FIRST: '/a', SECOND: '/b'})
     assert publishers.judge(None, 1) == (None, True)  # the match comes later
     assert publishers.warning == (
-        'joint_command has 2 publishers (/a, /b), and this ROS does not say who sent a command: '
-        'stop all but one'
+        'joint_command has 2 publishers (/a, /b), and this ROS does not name the sender of a '
+        'command: stop all but one'
     )
 
 
