@@ -268,6 +268,19 @@ class BridgeCycle:
         align = '' if is_held else 'the motors align, then '
         return Answer(True, f'{align}{self._search.motion}; {zeros.vouched()}')
 
+    def take_pulse_offset(self, pulse_offset: ArrayLike) -> Answer:
+        """Expect the index pulses at other motor angles, n or one for all [rad], see `Homing`.
+
+        The zeros of joints that were homed by others are unknown from then on.
+        """
+        changed = self.recall.changed_pulses(pulse_offset)
+        if changed and self._enabled:
+            return Answer(False, 'the arm is enabled: other index pulses count after a restart')
+        self.recall.take_pulse_offset(pulse_offset)
+        self._search.pulse_offset = pulse_offset
+        self.zeros.lose(changed, 'commissioned since it was homed')
+        return Answer(True, 'the index pulses are known')
+
     def e_stop(self, reason: str) -> Answer:
         """Stop, damped and latched."""
         self.gate.trip(f'emergency stop: {reason}')

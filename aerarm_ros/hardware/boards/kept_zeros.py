@@ -203,7 +203,7 @@ class ZeroRecall:
         self._zeros = zeros
         self._links = tuple(links)
         self._zero = zero
-        self._pulses = np.broadcast_to(np.asarray(pulse_offset, dtype=float), config.n).tolist()
+        self.take_pulse_offset(pulse_offset)
         self._waiting: dict[str, KeptBoard] = {}
         if isinstance(kept, KeptZeros):
             self._waiting = {board.name: board for board in kept.boards}
@@ -235,6 +235,19 @@ class ZeroRecall:
             self._zeros.found(again)
             changed = True
         return changed
+
+    def take_pulse_offset(self, pulse_offset: ArrayLike) -> None:
+        """Take other motor angles of the index pulses, n or one for all [rad]."""
+        self._pulses = _each(pulse_offset, self._config.n)
+
+    def changed_pulses(self, pulse_offset: ArrayLike) -> list[int]:
+        """Return the joints with incremental encoders whose index pulses lie elsewhere then."""
+        rows = zip(self._pulses, _each(pulse_offset, self._config.n), strict=True)
+        return [
+            number
+            for number, (old, new) in enumerate(rows)
+            if abs(new - old) > _SAME_PULSE and not self._zeros.absolute[number]
+        ]
 
     def keep(self, arm: str, host: HostClock) -> KeptZeros | None:
         """Return what to keep of the zeros; None while kept ones wait to be judged."""
@@ -286,6 +299,11 @@ class ZeroRecall:
         if min(_from_pulse(before), _from_pulse(after)) < _PULSE:
             return True
         return toggled == bool((before // _TURN - after // _TURN) % 2)
+
+
+def _each(pulse_offset: ArrayLike, n: int) -> list[float]:
+    each: list[float] = np.broadcast_to(np.asarray(pulse_offset, dtype=float), n).tolist()
+    return each
 
 
 def _from_pulse(angle: float) -> float:

@@ -28,6 +28,8 @@ class ZeroSearch:
         Why this arm can never be homed, or ''.
     motion
         What homing does to the joints, in words.
+    pulse_offset
+        As given; the next search takes another one.
     """
 
     def __init__(
@@ -37,7 +39,7 @@ class ZeroSearch:
         self.motion = motion_in_words(config)
         self._config = config
         self._state = state
-        self._pulse_offset = pulse_offset
+        self.pulse_offset = pulse_offset
         self._homing: Homing | None = None
         self._waits = False
 
@@ -54,7 +56,7 @@ class ZeroSearch:
             state.reported_position,
             state.index_toggle,
             expected,
-            self._pulse_offset,
+            self.pulse_offset,
         )
         self._homing, self._waits = homing, False
         return homing

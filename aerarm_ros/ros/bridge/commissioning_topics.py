@@ -136,13 +136,21 @@ class CommissioningTopics:
                 return Answer(True, '')
 
             self._ask(action)
+            if request.kind == OFF:
+                self._use_record()
         except ValueError as error:
             self._node.get_logger().warning(str(error), throttle_duration_sec=10.0)
         except (RuntimeError, TimeoutError):
             return  # no cycle runs: the client says that it has no answer
         if not reports:
             return
-        if request.kind == OFF:
-            self._record.look()
         report = replace(reports[0], emulated=self._record.emulated)
         self._publisher.publish(String(data=report.text()))
+
+    def _use_record(self) -> None:
+        """Read the record again, and home by what it says from now on."""
+        self._record.look()
+        offset = self._record.pulse_offset
+        answer = self._ask(lambda cycle: cycle.take_pulse_offset(offset))
+        if not answer.accepted:
+            self._node.get_logger().warning(answer.message, throttle_duration_sec=10.0)
