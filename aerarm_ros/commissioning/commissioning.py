@@ -24,7 +24,7 @@ _STEPS = (BoardStep, TurnStep, DriveStep)
 class Commissioning:
     """Leads a person through the first power-on of an arm, without any input or output of its own.
 
-    Whoever runs it shows `prompt` and takes the answer, sends `request` to the bridge again and
+    The client shows `prompt` and takes the answer, sends `request` to the bridge again and
     again, and calls `update` with the bridge's reports.
 
     Parameters

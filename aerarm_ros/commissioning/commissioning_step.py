@@ -53,7 +53,7 @@ class CommissioningStep(ABC):
     kind
         What the bridge shall do, as in `ProbeRequest`.
     number
-        Counts up where the bridge shall begin anew.
+        Counts up where the bridge shall begin again.
     prompt
         What a person has to confirm, None while nothing is asked.
     findings, measured

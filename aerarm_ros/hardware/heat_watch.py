@@ -84,7 +84,7 @@ class HeatWatch:
             return  # the first cycle
         currents = state.motor_current.tolist()
         limits = self.limits
-        # A board that hears nothing for longer switches off.
+        # A board that receives nothing for longer switches off.
         driven = min(elapsed, self._board_timeout)
         for limit, current, (link, _) in zip(limits, currents, self._places, strict=True):
             if current != current:

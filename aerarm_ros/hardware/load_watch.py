@@ -91,7 +91,7 @@ class LoadCheck:
 class LoadWatch:
     """Takes means of the torques while the arm is held, and warns where the check fails.
 
-    The first second is left out: whoever supported the arm lets it go. A cycle adds a sample at
+    The first second is left out: the arm may still be supported by hand. A cycle adds a sample at
     most; the model is asked when the warnings are.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Watches motors that are turned by hand, and drives one motor of an arm that nobody knows yet."""
+"""Watches motors that are turned by hand, and drives one motor of an arm that is not known yet."""
 
 from __future__ import annotations
 

@@ -16,13 +16,13 @@ _TURN = 2.0 * np.pi
 
 
 class EncoderZeros:
-    """Remembers of each joint whether its angle can be believed, and where the arm rests.
+    """Remembers of each joint whether its zero is known, and the home configuration.
 
     An incremental encoder counts from where its board was switched on, so its zero is unknown at
     first. Homing finds it, by pulses that come once a motor turn; which turn it is follows from the
-    home configuration, for which somebody vouches who puts the arm there. A board that restarts, an
-    encoder that jumps or one that stood still while its joint turned has lost its
-    zero: then no limit and no load is known until the arm has been homed again.
+    home configuration, to which the user brings the arm. A board that restarts, an encoder that
+    jumps or one that stood still while its joint turned has lost its zero: then no limit and no
+    load is known until the arm has been homed again.
 
     An absolute encoder knows its angle whenever its board is switched on: the configuration's zero
     holds at first, and again after a restart.

@@ -213,7 +213,7 @@ class Homing:
             )
 
     def _give_up_after_a_long_hold_up(self, moved: Array) -> None:
-        """Fail if a motor moved by so many turns (n,) that its pulses are not told apart."""
+        """Fail if a motor moved by so many turns (n,) that its pulses are mixed up."""
         joint = int(np.argmax(moved))
         if moved[joint] > _SAME_PULSE:
             self._fail(

@@ -37,7 +37,7 @@ class ProbeRequest:
 
     @property
     def client(self) -> str:
-        """Who asks."""
+        """Name of the client."""
         return self.id.partition(':')[0]
 
     def text(self) -> str:

@@ -52,7 +52,7 @@ class BridgeSettings:
     ambient_temperature
         Temperature of the air about the motors [degC].
     start_temperature
-        Temperature of the motors when the bridge starts, which nobody knows [degC].
+        Assumed temperature of the motors when the bridge starts [degC].
     BOUNDS
         Smallest and largest allowed value of each, by name.
     """

@@ -12,11 +12,11 @@ class CommandPublishers:
     """Says of each message which publisher it is from, and whether that one may command.
 
     The middleware's message info holds the publisher's global identifier (GID), and the list of
-    the topic's endpoints names the node of each GID. That list is looked up now and then by
-    somebody else; until the first look that holds a GID, its node is unknown and not on any list.
+    the topic's endpoints names the node of each GID. `look` takes that list now and then. Until the
+    first look that holds a GID, its node is unknown and not on any list.
 
-    Where the message info has no GID nobody knows who sent a command. Then commands are accepted
-    while the topic has one publisher, and all are rejected while it has several.
+    Where the message info has no GID, the sender of a command is unknown. Then commands are
+    accepted while the topic has one publisher, and all are rejected while it has several.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class CommandPublishers:
         Returns
         -------
         source
-            The publisher; None if it cannot be told from another one.
+            The publisher; None if it cannot be distinguished from another one.
         allowed : bool
             Whether its node may command.
         """

@@ -85,8 +85,8 @@ class JointBarrier:
         Torque bounds for the coming cycle [Nm], unlimited in size: where they are beyond what
         the drive gives, the board saturates.
     lets_down
-        Whether the joint's limits of position are given up, for its motor is too warm to hold it
-        there: it goes on beyond them slowly, until its stop or its weight ends that.
+        Whether the joint's position limits no longer hold, because its motor is too warm to hold it
+        there. It goes on beyond them slowly, until its stop or its weight ends that.
     """
 
     __slots__ = (

@@ -5,7 +5,7 @@ from math import exp, inf, sqrt
 from aerarm_ros.description.motor_config import COPPER, RATED_AMBIENT, MotorConfig
 
 _COPPER_REFERENCE = 20.0  # [degC] of `COPPER`
-# A resistance that a board reports is believed within these multiples of the configuration's.
+# A resistance that a board reports is used within these multiples of the configuration's.
 _PLAUSIBLE = (0.5, 2.0)
 # No load lasts longer than this [s] in the forecast; it is halved this often, to 0.2 ms.
 _HORIZON = 3600.0
@@ -23,8 +23,8 @@ class MotorTemperature:
     microdrives", with winding and motor time constants.
 
     The resistance is the larger one of what the board reports and of what copper makes of the
-    configuration's: a board may report a constant of its firmware. Beside a resistance that a bench
-    has measured, the first one that the board reports shows a motor that is warm already.
+    configuration's: a board may report a constant of its firmware. If a bench has measured the
+    resistance, the first one that the board reports shows a motor that is warm already.
 
     Plain numbers, not arrays: for four motors that is faster.
 

@@ -12,7 +12,7 @@ from aerarm_ros.realtime.timing_assessment import WARN
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
 from aerarm_ros.realtime.timing_summary import TimingSummary
 
-# [s] Who compares the stamps with the system clock is wrong by more than that: a warning.
+# [s] A larger difference between the stamps and the system clock is a warning.
 _BEHIND_MAX = 0.02
 _LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 

@@ -55,7 +55,7 @@ class RecordWatch:
     emulated
         As given.
     problem
-        Why the arm counts as not commissioned, '' if it does or nobody wants to know.
+        Why the arm counts as not commissioned, '' if it does or no record is wanted.
     """
 
     def __init__(

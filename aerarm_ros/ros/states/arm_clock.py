@@ -19,8 +19,8 @@ _SILENCE = 1.0
 class ArmClock:
     """The time of the stamps of `joint_states`, between them and in any thread but one at a time.
 
-    The stamps do not follow a system clock that is set while the motors are on, and who compares
-    the system clock with them is wrong by the step. Without states this is the system time.
+    The stamps do not follow a system clock that is set while the motors are on. A comparison of the
+    system clock with them is wrong by the step. Without states this is the system time.
 
     Parameters
     ----------
