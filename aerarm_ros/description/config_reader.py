@@ -38,6 +38,11 @@ def read_yaml(path: Path) -> dict[str, Any]:
     return document
 
 
+def config_path(path: Path | str | None, packaged: str) -> Path:
+    """Return the file of a configuration: the packaged one in config/ if `path` is None."""
+    return resource('config', packaged) if path is None else find_file(path)
+
+
 def load(
     path: Path | str | None, packaged: str, make: Callable[[dict[str, Any]], Config]
 ) -> Config:
@@ -48,12 +53,12 @@ def load(
     ConfigError
         If the file can't be read or says something wrong; one line, with file and key.
     """
-    path = resource('config', packaged) if path is None else find_file(path)
-    document = read_yaml(path)
+    source = config_path(path, packaged)
+    document = read_yaml(source)
     try:
         return make(document)
     except ConfigError as error:
-        raise ConfigError(f'{path}: {error}') from None
+        raise ConfigError(f'{source}: {error}') from None
 
 
 def section(document: dict[str, Any], key: str, kind: type) -> Any:

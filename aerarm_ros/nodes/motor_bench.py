@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.storage.bag_error import BagError
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.resources import find_file
+from aerarm_ros.description.config_reader import config_path
 from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
 from aerarm_ros.excitation.planning.bench_motion import BenchMotion, bench_checker
 from aerarm_ros.excitation.planning.bench_plan import BenchPlan
@@ -105,7 +105,7 @@ class MotorBenchNode:
         self.status = 1
         self._node = rclpy.create_node(NAME)
         self._values = values = PARAMETERS.declare(self._node)
-        self._source = find_file(values.config or 'config/aerarm.yaml')
+        self._source = config_path(values.config or None, 'aerarm.yaml')
         arm, self._robot = load_arm(values)
         # What is measured is told, and written, by the names that the arm has in its files.
         self._config = load_arm_config(values.config or None)

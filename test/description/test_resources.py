@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from aerarm_ros.description import resources
+from aerarm_ros.description.config_reader import config_path
 from aerarm_ros.description.drone_config import load_drone_config
 
 
@@ -64,6 +65,15 @@ def test_ones_own_file_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.chdir(tmp_path)
     Path('drone.yaml').touch()
     assert resources.find_file('drone.yaml') == Path('drone.yaml')
+
+
+def test_a_default_is_packaged_wherever_a_program_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('config').mkdir()
+    Path('config', 'aerarm.yaml').touch()
+    assert config_path(None, 'aerarm.yaml') == resources.resource('config', 'aerarm.yaml')
 
 
 @pytest.mark.parametrize('name', ['nothing.yaml', '/drone.yaml', '../config/drone.yaml'])
