@@ -91,13 +91,13 @@ def _unnamed(limits: JointLimits, message: TrajectoryMessage) -> list[int]:
             f'joint names {names} are not those of the arm: give some of {list(limits.names)}, '
             'each once'
         )
-    for index, point in enumerate(message.points):
-        for what in ('positions', 'velocities', 'accelerations'):
-            count = len(getattr(point, what))
-            if count not in (0, len(names)):
+    for what in ('positions', 'velocities', 'accelerations'):
+        counts = [len(getattr(point, what)) for point in message.points]
+        for index, count in enumerate(counts):
+            if any(counts) and count != len(names):
                 raise RejectedInputError(
                     f'trajectory: point {index} has {count} {what}, but {len(names)} joints are '
-                    'named: give one for each'
+                    'named: give one for each, at every point or at none'
                 )
     return [joint for joint, name in enumerate(limits.names) if name not in names]
 

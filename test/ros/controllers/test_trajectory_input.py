@@ -50,6 +50,12 @@ def test_values_are_counted_by_the_joints_that_are_named() -> None:
         read_trajectory(LIMITS, wrong, 0.0, HERE)
 
 
+def test_velocities_are_given_at_every_point_or_at_none() -> None:
+    wrong = message(['joint1', 'joint3'], [[0.1, 0.2], [0.3, 0.4]], [[0.1, 0.2]])
+    with pytest.raises(RejectedInputError, match='point 1 has 0 velocities, but 2 joints are nam'):
+        read_trajectory(LIMITS, wrong, 0.0, HERE)
+
+
 def test_all_joints_are_named_where_none_may_stay() -> None:
     with pytest.raises(RejectedInputError, match='are not those of the arm'):
         read_trajectory(LIMITS, message(['joint1'], [[0.1]]), 0.0)
