@@ -188,12 +188,13 @@ class TrajectoryFollower:
         return JointReference(*map(np.array, zip(*rows, strict=True)))
 
     def _evaluate(self, now: float) -> JointReference:
-        return self._motion.evaluate(now - self._start)
+        motion, start = self._under_way
+        return motion.evaluate(now - start)
 
     def _after(self, now: float) -> Callable[[float], JointReference]:
         """Return what gives the reference a time [s] after now, if nothing new comes."""
-        motion, elapsed = self._motion, now - self._start
-        return lambda time: motion.evaluate(elapsed + time)
+        motion, start = self._under_way
+        return lambda time: motion.evaluate(now - start + time)
 
     def _moves(self) -> bool:
         return bool(np.any(self.reference.dq) or np.any(self.reference.ddq))
@@ -280,8 +281,8 @@ class TrajectoryFollower:
 
     def _begin(self, motion: FollowedMotion, start: float, zero: float, status: str) -> None:
         """Execute a motion from `start` on; `zero` is the time zero of its trajectory [s]."""
-        self._motion = motion
-        self._start = start
+        # One assignment: another thread may be checking a goal.
+        self._under_way = motion, start
         self._zero = zero
         self._until = start + motion.duration
         self._elapsed = 0.0
