@@ -10,9 +10,9 @@ from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.realtime.timing_assessment import OK
 from aerarm_ros.realtime.timing_summary import TimingSummary
 
-# What is later than this is told of as a host too slow for a real arm [share of real time].
+# Below this share of real time the account calls the host too slow for a real arm.
 _AS_GOOD_AS_REAL = 0.99
-# A bridge damps its arm after as long a silence [s]: less in all is no sign of a slow host.
+# A bridge damps its arm after a silence of this length [ns]: a smaller total slip is harmless.
 _NOTICED_SLIP_NS = 50_000_000
 
 
