@@ -17,6 +17,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
 STOPPED = 'emergency stop: service e_stop'
+WAITING = b'arm: waiting for a bridge in this ROS domain'
 LEFT = ('--ros-args', '-r', '__ns:=/left', '--')
 
 
@@ -97,7 +98,9 @@ def test_it_reaches_all_though_nobody_can_be_told(ros_node: Node) -> None:
     command = [sys.executable, '-m', 'aerarm_ros.nodes.arm', 'e_stop', '--timeout', '100']
     with BackgroundExecutor(bridges.node), open('/dev/full', 'w') as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=300)
-    assert (done.returncode, done.stderr) == (0, b'')
+    # A busy host may need seconds to discover the bridges, which is announced.
+    said = [line for line in done.stderr.splitlines() if not line.startswith(WAITING)]
+    assert (done.returncode, said) == (0, [])
     assert set(bridges.asked) == {'hardware_bridge', 'fake_hardware'}
 
 
