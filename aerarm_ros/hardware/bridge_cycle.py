@@ -127,10 +127,10 @@ class BridgeCycle:
         self._watch = FaultWatch(config, *watched, profile.errors_until_power_cycle)
         reported = (self.links, self.zeros, self.heat, self._loads)
         self._report = BridgeReport(self.intake, self.gate, *reported)
-        parts = (self.links, self.state, self._references, loads, self._probe_refusal)
+        parts = (self.links, self.state, self._references, loads, self._watch.refusal)
         self.probe = CommissioningProbe(config, *parts)
         self._standstill = CommandBuffer.standstill(config.n)
-        self._search = ZeroSearch(config, self.state, pulse_offset)
+        self._search = ZeroSearch(config, self.state, self.recall.pulse_offset)
         self._enabled = False
         self._aligned = False  # every motor in use, when its board last answered
         self._followed = False  # a command was followed since the arm became ready
@@ -189,7 +189,7 @@ class BridgeCycle:
         return Answer(True, 'the motors align now: the arm moves, keep it supported until ready')
 
     def _align(self) -> None:
-        self._enabled = True
+        self._enabled, self.mode = True, 'aligning'
         self._followed = False
         self.intake.forget()
         self._encoders.clear()
@@ -267,19 +267,6 @@ class BridgeCycle:
             self._search.wait()
         align = '' if is_held else 'the motors align, then '
         return Answer(True, f'{align}{self._search.motion}; {zeros.vouched()}')
-
-    def take_pulse_offset(self, pulse_offset: ArrayLike) -> Answer:
-        """Expect the index pulses at other motor angles, n or one for all [rad], see `Homing`.
-
-        The zeros of joints that were homed by others are unknown from then on.
-        """
-        changed = self.recall.changed_pulses(pulse_offset)
-        if changed and self._enabled:
-            return Answer(False, 'the arm is enabled: other index pulses count after a restart')
-        self.recall.take_pulse_offset(pulse_offset)
-        self._search.pulse_offset = pulse_offset
-        self.zeros.lose(changed, 'commissioned since it was homed')
-        return Answer(True, 'the index pulses are known')
 
     def e_stop(self, reason: str) -> Answer:
         """Stop, damped and latched."""
@@ -382,11 +369,6 @@ class BridgeCycle:
         """Let the motors' angles be zero where the boards report (n,) angles [rad]."""
         self._references.set_zero(zero)
         self.state.read(self.links, zero, self._references.gains)
-
-    def _probe_refusal(self) -> str:
-        """Return why no single motor may be driven, or ''."""
-        # Not by the mode: that is of the last cycle, and the arm may have been enabled since.
-        return 'the arm is enabled: disable first' if self._enabled else self._watch.refusal(False)
 
     def _look_for_faults(
         self, now: float, feed_forward: Sequence[float], noise: Sequence[float]

@@ -35,6 +35,7 @@ _CURRENT_MIN = 0.5  # [A]
 _SPEED_FACTOR = 4.0
 _TRAVEL_FACTOR = 2.0
 _CURRENT_FACTOR = 2.0
+_ON = ('aligning', 'ready', 'homing', 'running', 'damping')  # modes in which motors are driven
 _AT_REST = 0.05  # [rad/s] of a joint before its motor is switched on
 _BLURRED = 3e-3  # [s] between two frames, after which the place of a pulse is not known
 _SETTLING = 0.3  # [s] of a stroke before its means begin
@@ -72,7 +73,7 @@ class CommissioningProbe:
     loads
         Largest torques of gravity.
     problem
-        Returns why no motor may be switched on, '' if one may.
+        Returns why no motor may be switched on, '' if one may; see `FaultWatch.refusal`.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class CommissioningProbe:
         state: ArmMeasurements,
         references: MotorReferences,
         loads: JointLoads,
-        problem: Callable[[], str],
+        problem: Callable[[bool], str],
     ) -> None:
         self._config = config
         self._links = tuple(links)
@@ -131,7 +132,9 @@ class CommissioningProbe:
         if request.id != self._id:
             self.end('')
             self._id, self._reason = request.id, ''
-            self._begin(request)
+            is_on = mode in _ON
+            problem = f'the arm is {mode}: disable first' if is_on else self._problem(False)
+            self._begin(request, problem)
         return self._report(self._id, self._phase, self._reason, mode)
 
     def end(self, reason: str) -> None:
@@ -184,13 +187,13 @@ class CommissioningProbe:
             self._count.look()
             self._look_at_drive(now)
 
-    def _begin(self, request: ProbeRequest) -> None:
+    def _begin(self, request: ProbeRequest, problem: str) -> None:
         self._phase = {WATCH: 'watching', DRIVE: 'aligning', OFF: 'off'}[request.kind]
         self._drive = _Drive(0.0)
         self._count = _TravelCount(self._state)
         if request.kind != DRIVE:
             return
-        names, problem = self._config.joint_names, self._problem()
+        names = self._config.joint_names
         if not problem and request.joint not in names:
             problem = f'there is no joint {request.joint}: the arm has {", ".join(names)}'
         moving = np.abs(self._state.dq) > _AT_REST

@@ -188,6 +188,11 @@ class ZeroRecall:
         What was kept, or why nothing can be used; None if there is nothing.
     pulse_offset
         (n,) or one for all: motor angles of the index pulses modulo one turn [rad].
+
+    Attributes
+    ----------
+    pulse_offset
+        The same, (n,); updated in place.
     """
 
     def __init__(
@@ -203,7 +208,7 @@ class ZeroRecall:
         self._zeros = zeros
         self._links = tuple(links)
         self._zero = zero
-        self.take_pulse_offset(pulse_offset)
+        self.pulse_offset: Array = np.zeros(config.n) + np.asarray(pulse_offset, dtype=float)
         self._waiting: dict[str, KeptBoard] = {}
         if isinstance(kept, KeptZeros):
             self._waiting = {board.name: board for board in kept.boards}
@@ -236,25 +241,30 @@ class ZeroRecall:
             changed = True
         return changed
 
-    def take_pulse_offset(self, pulse_offset: ArrayLike) -> None:
-        """Take other motor angles of the index pulses, n or one for all [rad]."""
-        self._pulses = _each(pulse_offset, self._config.n)
+    def take_pulse_offset(self, pulse_offset: ArrayLike, motors_are_off: bool) -> str:
+        """Take other motor angles of the index pulses, n or one for all [rad].
 
-    def changed_pulses(self, pulse_offset: ArrayLike) -> list[int]:
-        """Return the joints with incremental encoders whose index pulses lie elsewhere then."""
-        rows = zip(self._pulses, _each(pulse_offset, self._config.n), strict=True)
-        return [
-            number
-            for number, (old, new) in enumerate(rows)
-            if abs(new - old) > _SAME_PULSE and not self._zeros.absolute[number]
-        ]
+        The zeros of joints that were homed by others are unknown from then on. Returns why the old
+        ones stay, or ''.
+        """
+        each = np.broadcast_to(np.asarray(pulse_offset, dtype=float), len(self.pulse_offset))
+        changed = np.flatnonzero(np.abs(each - self.pulse_offset) > _SAME_PULSE).tolist()
+        if not changed:
+            return ''
+        if not motors_are_off:
+            return 'the motors are on: other index pulses count after a restart of the bridge'
+        self.pulse_offset[:] = each
+        joints = (number for number in changed if not self._zeros.absolute[number])
+        self._zeros.lose(joints, 'commissioned since it was homed')
+        return ''
 
     def keep(self, arm: str, host: HostClock) -> KeptZeros | None:
         """Return what to keep of the zeros; None while kept ones wait to be judged."""
         if self._waiting:
             return None
         zero = self._zero.tolist()
-        boards = (_to_keep(link, self._zeros, zero, self._pulses) for link in self._links)
+        pulses = self.pulse_offset.tolist()
+        boards = (_to_keep(link, self._zeros, zero, pulses) for link in self._links)
         return KeptZeros(arm, host, tuple(board for board in boards if board is not None))
 
     def _problem(self, board: KeptBoard, link: BoardLink) -> str:
@@ -276,7 +286,7 @@ class ZeroRecall:
                 continue
             if joint.index_detected and not state.index_detected[channel]:
                 return 'was switched off and on while the bridge was away'
-            if abs(joint.pulse_offset - self._pulses[number]) > _SAME_PULSE:
+            if abs(joint.pulse_offset - self.pulse_offset[number]) > _SAME_PULSE:
                 return 'was homed by another index pulse of ' + joint.name
             toggled = state.index_toggle[channel] != joint.index_toggle
             if not self._went_on(number, joint, state.position[channel], toggled, away):
@@ -299,11 +309,6 @@ class ZeroRecall:
         if min(_from_pulse(before), _from_pulse(after)) < _PULSE:
             return True
         return toggled == bool((before // _TURN - after // _TURN) % 2)
-
-
-def _each(pulse_offset: ArrayLike, n: int) -> list[float]:
-    each: list[float] = np.broadcast_to(np.asarray(pulse_offset, dtype=float), n).tolist()
-    return each
 
 
 def _from_pulse(angle: float) -> float:

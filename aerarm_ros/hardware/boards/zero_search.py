@@ -20,7 +20,7 @@ class ZeroSearch:
     state
         What its boards report.
     pulse_offset
-        (n,) or one for all, as of `Homing` [rad].
+        (n,) or one for all, as of `Homing` [rad]; each search reads it.
 
     Attributes
     ----------
@@ -28,8 +28,6 @@ class ZeroSearch:
         Why this arm can never be homed, or ''.
     motion
         What homing does to the joints, in words.
-    pulse_offset
-        As given; the next search takes another one.
     """
 
     def __init__(
@@ -39,7 +37,7 @@ class ZeroSearch:
         self.motion = motion_in_words(config)
         self._config = config
         self._state = state
-        self.pulse_offset = pulse_offset
+        self._pulse_offset = pulse_offset
         self._homing: Homing | None = None
         self._waits = False
 
@@ -56,7 +54,7 @@ class ZeroSearch:
             state.reported_position,
             state.index_toggle,
             expected,
-            self.pulse_offset,
+            self._pulse_offset,
         )
         self._homing, self._waits = homing, False
         return homing

@@ -26,8 +26,11 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.ros.bridge.cycle_requests import Action
 from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.states.arm_modes import OFF as OFF_MODES
 
 AUTO = 'auto'
+# A mode is that of the last cycle: the drive of a client that has ended is over.
+_MOTORS_OFF = (*OFF_MODES, 'commissioning')
 COMMISSIONING_PARAMETER = Parameter(
     'commissioning_record',
     AUTO,
@@ -151,6 +154,11 @@ class CommissioningTopics:
         """Read the record again, and home by what it says from now on."""
         self._record.look()
         offset = self._record.pulse_offset
-        answer = self._ask(lambda cycle: cycle.take_pulse_offset(offset))
+
+        def action(cycle: BridgeCycle) -> Answer:
+            problem = cycle.recall.take_pulse_offset(offset, cycle.mode in _MOTORS_OFF)
+            return Answer(not problem, problem)
+
+        answer = self._ask(action)
         if not answer.accepted:
             self._node.get_logger().warning(answer.message, throttle_duration_sec=10.0)

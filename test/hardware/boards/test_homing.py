@@ -366,16 +366,15 @@ def test_pulses_that_are_commissioned_meanwhile_count_for_the_next_homing(make_r
     pulses = [1.0, 3.0, 5.0, 2.4]
     rig = make_rig(homed=False, pulse_offset=pulses)
     rig.run(0.02)
-    assert rig.bridge.take_pulse_offset(pulses).accepted
+    assert rig.bridge.recall.take_pulse_offset(pulses, True) == ''
     homing(rig)
     until_homed(rig)
     rig.run(0.1)
     assert rig.bridge.q == pytest.approx(rig.plant.position, abs=5e-4)
-    assert rig.bridge.take_pulse_offset(pulses).accepted
-    refused = rig.bridge.take_pulse_offset(0.0)
-    assert 'the arm is enabled' in refused.message
+    assert rig.bridge.recall.take_pulse_offset(pulses, False) == ''
+    assert 'the motors are on' in rig.bridge.recall.take_pulse_offset(0.0, False)
     assert not rig.bridge.zeros.are_lost
     rig.bridge.disable()
     rig.cycle()
-    assert rig.bridge.take_pulse_offset([1.0, 3.0, 0.0, 2.4]).accepted
+    assert rig.bridge.recall.take_pulse_offset([1.0, 3.0, 0.0, 2.4], True) == ''
     assert 'joint3 is unknown (commissioned since it was homed)' in rig.bridge.zeros.problem

@@ -12,31 +12,31 @@ from std_msgs.msg import String
 from aerarm_ros.commissioning.commissioning_record import CommissioningRecord, JointRecord
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.hardware.boards.probe_messages import OFF, WATCH, ProbeReport, ProbeRequest
-from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.ros.bridge.commissioning_topics import CommissioningTopics, RecordWatch
 
 
-class Cycle:
+class StubCycle:
     """What a cycle offers to commissioning."""
 
     mode = 'unhomed'
 
     def __init__(self) -> None:
-        self.probe = self
+        self.probe = self.recall = self
         self.offsets: list[np.ndarray] = []
 
     def ask(self, request: ProbeRequest, mode: str) -> ProbeReport:
         return ProbeReport(request.id, 'off', '', mode, (), (), (), (), (), ())
 
-    def take_pulse_offset(self, offset: np.ndarray) -> Answer:
+    def take_pulse_offset(self, offset: np.ndarray, motors_are_off: bool) -> str:
+        assert motors_are_off
         self.offsets.append(offset)
-        return Answer(True, '')
+        return ''
 
 
 def test_pulse_offsets_are_used_once_a_client_has_ended(ros_node: Node, tmp_path: Path) -> None:
     config, path = load_arm_config(), tmp_path / 'record.yaml'
     values = SimpleNamespace(tf_prefix='', config='', commissioning_record=str(path))
-    record, cycle = RecordWatch(ros_node, values, config, emulated=False), Cycle()
+    record, cycle = RecordWatch(ros_node, values, config, emulated=False), StubCycle()
     assert 'was never commissioned' in record.problem
     bridge = CommissioningTopics(ros_node, lambda action: action(cycle), record)
     now = datetime(2026, 3, 1, tzinfo=UTC)
