@@ -70,9 +70,8 @@ class CommandPublishers:
 
     def is_allowed(self, name: str) -> bool:
         """Whether the list of allowed names holds a publisher's full name."""
-        return not self._allowed or not self._allowed.isdisjoint(
-            (name, name.removeprefix('/'), name.rpartition('/')[2])
-        )
+        names = {name, name.removeprefix('/'), name.rpartition('/')[2]} - {''}
+        return not self._allowed or not self._allowed.isdisjoint(names)
 
     @property
     def warning(self) -> str:

@@ -90,3 +90,10 @@ def test_where_no_message_names_its_publisher_the_list_judges_all_of_them():
 def test_before_anybody_looked_there_is_no_publisher():
     assert CommandPublishers().names == ()
     assert CommandPublishers().warning == ''
+
+
+def test_an_empty_name_on_the_list_allows_nobody():
+    publishers = CommandPublishers([''])
+    assert publishers.judge(FIRST, 1) == (FIRST, False)
+    publishers.look({FIRST: '/a'})
+    assert publishers.judge(FIRST, 1) == (FIRST, False)
