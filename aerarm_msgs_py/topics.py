@@ -5,7 +5,9 @@ writing a name, a type and a profile again. The profiles are those of the suite'
 subscriptions; its publishers use `Topic.offered`, so that everybody can listen.
 """
 
+from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -17,7 +19,53 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
-from aerarm_msgs_py.live_topics.topic import Topic
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic as every node of the suite knows it.
+
+    Attributes
+    ----------
+    name
+        Relative name, so that a namespace moves the whole arm; `/diagnostics` is absolute
+        because the tools that read it expect it there.
+    type
+        Message class.
+    qos
+        Profile of the suite's subscriptions.
+    """
+
+    name: str
+    type: Any
+    qos: QoSProfile
+
+    def queued(self, depth: int) -> 'Topic':
+        """Return the topic for who wants every message, and may be late by so many."""
+        qos = QoSProfile(
+            depth=depth, reliability=self.qos.reliability, durability=self.qos.durability
+        )
+        return Topic(self.name, self.type, qos)
+
+    @property
+    def offered(self) -> QoSProfile:
+        """Profile of the suite's publishers: that of its subscriptions, but always reliable.
+
+        A reliable publisher reaches subscriptions of either kind, a best-effort one only its own.
+        With a last history it never waits for a slow subscriber: what that has not taken is
+        replaced. A best-effort subscription is served as before, and costs no more.
+        """
+        return QoSProfile(
+            history=self.qos.history,
+            depth=self.qos.depth,
+            reliability=ReliabilityPolicy.RELIABLE,
+            durability=self.qos.durability,
+        )
+
+    @property
+    def type_name(self) -> str:
+        """Type as ROS writes it, for example 'sensor_msgs/msg/JointState'."""
+        package, folder, *_ = self.type.__module__.split('.')
+        return f'{package}/{folder}/{self.type.__name__}'
 
 
 def _keep_last(
@@ -72,7 +120,7 @@ PAYLOAD = Topic('payload', InertiaStamped, NEWEST)
 JOINT_FRICTION = Topic('joint_friction', Float64MultiArray, NEWEST)
 ARM_MODE = Topic('arm_mode', String, LATCHED)
 # What a client that commissions the arm wants of the bridge, again and again, and the answer: JSON
-# objects, see `aerarm_ros.hardware.boards.probe_messages`.
+# objects, see `aerarm_ros.hardware.boards.commissioning_probe`.
 COMMISSIONING_REQUEST = Topic('commissioning_request', String, RELIABLE)
 COMMISSIONING_REPORT = Topic('commissioning_report', String, RELIABLE)
 TOOL_PATH = Topic('tool_path', Path, LATCHED)

@@ -17,9 +17,13 @@ from pathlib import Path
 from types import ModuleType
 
 from aerarm_ros.ros.process.die_with_parent import die_with_launch
-from aerarm_ros.ros.process.exit_limit import exit_within
-from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
-from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.process.process_end import (
+    INTERRUPTED,
+    USER_ERROR,
+    StopSignals,
+    exit_within,
+    print_error,
+)
 
 # They have something to finish, and are ended before that by a signal. All others serve until
 # they are asked to end, so that a signal is how they end well, at any time.

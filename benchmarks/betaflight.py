@@ -25,8 +25,8 @@ from flying.flight_results import FlightResults
 from flying.flight_way import FlightWay, load_drone
 from rclpy.node import Node
 
+from aerarm_ros.autopilot.betaflight_flight import BetaflightSetup
 from aerarm_ros.autopilot.betaflight_program import HOW, BetaflightProgram, find_betaflight
-from aerarm_ros.autopilot.betaflight_setup import BetaflightSetup
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 DRONE = 'hexarotor'

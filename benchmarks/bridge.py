@@ -25,11 +25,10 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.frames.board_command import BoardCommand
-from aerarm_ros.hardware.frames.board_state import BoardState
+from aerarm_ros.hardware.frames.board_messages import BoardCommand, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import load_profile
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError

@@ -30,9 +30,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
+from aerarm_ros.excitation.trajectory import MotionSequence, Stage
 from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 
 RAMP = 1.0  # [s]

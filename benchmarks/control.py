@@ -8,38 +8,30 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.base_motion import BaseMotion, ImuSample, Mount
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
-from aerarm_ros.control.base.base_reaction import BaseReaction
-from aerarm_ros.control.base.drone_in_base import carrier_parameters
-from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator
-from aerarm_ros.control.base.free_base_motion import FreeBaseMotion
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.base.mount import Mount
-from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.base.rotor_wrench import RotorWrench
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
-from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
+from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator, FreeBaseMotion
+from aerarm_ros.control.base.moving_base_dynamics import BaseReaction, MovingBaseDynamics
+from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
+from aerarm_ros.control.checks import JointLimits
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
 from aerarm_ros.control.laws.cartesian_impedance import CartesianImpedance
-from aerarm_ros.control.laws.cartesian_motion_control import CartesianMotionControl
-from aerarm_ros.control.laws.computed_torque import ComputedTorque
-from aerarm_ros.control.laws.damped_inverse import DampedInverse
+from aerarm_ros.control.laws.computed_torque import BoardComputedTorque, ComputedTorque
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
-from aerarm_ros.control.laws.joint_motion_control import JointMotionControl
-from aerarm_ros.control.laws.velocity_resolution import VelocityResolution
-from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
-from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.laws.kinematic_control import (
+    CartesianMotionControl,
+    DampedInverse,
+    JointMotionControl,
+    VelocityResolution,
+)
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_reference import JointReference
-from aerarm_ros.motion.task_reference import TaskReference
+from aerarm_ros.motion.signals import ArmState, JointReference, TaskReference
 
 UPDATES = 5000
 CYCLE = 1e-3

@@ -33,10 +33,10 @@ from rclpy.node import Node
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.energy.energy_model import EnergyModel
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.planner.motion_plan import PlanError
 from aerarm_ros.planner.motion_planner import MotionPlanner
-from aerarm_ros.planner.plan_error import PlanError
 
 BATCH = 10  # pairs of moves in one bag
 PACK = 100.0  # [Wh]

@@ -16,36 +16,35 @@ import sys
 import time
 from pathlib import Path
 
-from aerarm_ros.algebra_threads import use_one_thread
+from aerarm_ros.realtime.scheduling import use_one_thread
 
 use_one_thread()
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
-from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
-from aerarm_ros.excitation.design.design_result import DesignResult  # noqa: E402
-from aerarm_ros.excitation.design.design_specification import DesignSpecification  # noqa: E402
-from aerarm_ros.excitation.design.parallel_design import design_all  # noqa: E402
-from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner  # noqa: E402
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup  # noqa: E402
-from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory  # noqa: E402
-from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer  # noqa: E402
-from aerarm_ros.excitation.player.velocity_law import VelocityLaw  # noqa: E402
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config  # noqa: E402
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory  # noqa: E402
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation  # noqa: E402
-from aerarm_ros.hardware.bridge_cycle import BridgeCycle  # noqa: E402
-from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming  # noqa: E402
-from aerarm_ros.hardware.emulation.emulation import make_emulated_transport  # noqa: E402
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand  # noqa: E402
-from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402
-from aerarm_ros.identification.recording.recording import Recording  # noqa: E402
-from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
+from aerarm_ros.excitation.parallel_design import design_all
+from aerarm_ros.excitation.player import ExcitationPlayer, VelocityLaw
+from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
+from aerarm_ros.excitation.trajectory_designer import (
+    DesignResult,
+    DesignSpecification,
+    TrajectoryDesigner,
+)
+from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.gate.command_intake import OfferedCommand
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.stopwatch import Stopwatch
 
 sys.path.append(str(Path(__file__).parents[1] / 'test' / 'excitation'))
 
-from mujoco_arm import MujocoArm  # noqa: E402
+from mujoco_arm import MujocoArm
 
 RANDOM = 21
 IDENTIFIED_RANDOM = 5

@@ -13,18 +13,20 @@ from pathlib import Path
 
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
-import numpy as np  # noqa: E402
-from peers.peer import Peer  # noqa: E402
+import numpy as np
+from peers.peer import Peer
 
-from aerarm_ros.description.arm_config import load_arm_config  # noqa: E402
-from aerarm_ros.description.resources import resource  # noqa: E402
-from aerarm_ros.description.robot import load_robot  # noqa: E402
-from aerarm_ros.excitation.design.design_result import Quality  # noqa: E402
-from aerarm_ros.excitation.design.design_specification import DesignSpecification  # noqa: E402
-from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner  # noqa: E402
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup  # noqa: E402
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config  # noqa: E402
-from aerarm_ros.motion.joint_reference import JointReference  # noqa: E402
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.excitation.trajectory_designer import (
+    DesignSpecification,
+    Quality,
+    TrajectoryDesigner,
+)
+from aerarm_ros.motion.signals import JointReference
 
 FIGAROH = Peer(
     'FIGAROH',

@@ -15,15 +15,12 @@ from flying.flight_way import DRONES, height_frequency, load_drone
 from flying.rigid_flight import RigidFlight
 from scipy.optimize import minimize
 
-from aerarm_ros.autopilot.px4_flight import Px4Flight
-from aerarm_ros.autopilot.px4_gains import Px4Gains
+from aerarm_ros.autopilot.px4 import Px4Gains
+from aerarm_ros.autopilot.px4_loops import Px4Flight
 from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
-from aerarm_ros.flight.disturbance import Disturbance
-from aerarm_ros.flight.disturbance_observer import DisturbanceObserver
-from aerarm_ros.flight.flight_control import FlightControl
-from aerarm_ros.flight.flight_gains import FlightGains
-from aerarm_ros.flight.incremental_estimate import IncrementalEstimate
+from aerarm_ros.flight.arm_load import ArmFeedForward
+from aerarm_ros.flight.disturbances import Disturbance, DisturbanceObserver, IncrementalEstimate
+from aerarm_ros.flight.flight_control import FlightControl, FlightGains
 
 LEAD = 0.028  # [s]
 # From where the searches begin: position, attitude [rad/s], and the third number by kind.

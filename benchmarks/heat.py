@@ -14,11 +14,11 @@ import argparse
 from math import inf, sqrt
 
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.joint_config import JointConfig
+from aerarm_ros.description.drive_config import JointConfig
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.hardware.emulation.emulated_heat import CRITICAL, EmulatedHeat
-from aerarm_ros.hardware.gate.joint_loads import JointLoads
-from aerarm_ros.hardware.heat.thermal_limit import ThermalLimit
+from aerarm_ros.hardware.emulation.emulated_motor import CRITICAL, EmulatedHeat
+from aerarm_ros.hardware.gate.joint_barrier import JointLoads
+from aerarm_ros.hardware.heat_watch import ThermalLimit
 
 STEP = 0.1  # [s]
 LONGEST = 600.0  # [s]

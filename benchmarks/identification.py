@@ -23,29 +23,28 @@ from collections.abc import Iterator, Sequence
 from importlib.metadata import files
 from pathlib import Path
 
-from aerarm_ros.algebra_threads import use_one_thread
+from aerarm_ros.realtime.scheduling import use_one_thread
 
 use_one_thread()
 
-import numpy as np  # noqa: E402
-import yaml  # noqa: E402
-from rosbags.typesys import Stores, get_typestore  # noqa: E402
+import numpy as np
+import yaml
+from rosbags.typesys import Stores, get_typestore
 
-from aerarm_msgs_py.bags.bag_writer import BagWriter  # noqa: E402
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage  # noqa: E402
-from aerarm_msgs_py.bags.recorded_topic import RecordedTopic  # noqa: E402
-from aerarm_msgs_py.codecs.float64_array_cdr import Float64ArrayCdr  # noqa: E402
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr  # noqa: E402
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
-from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
-from aerarm_ros.identification.assessment.truth import inertial_torque_errors, load_truth  # noqa: E402
-from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402
-from aerarm_ros.identification.payload.identify_payload import identify_payload  # noqa: E402
-from aerarm_ros.identification.recording.recording import JointMapping, Recording  # noqa: E402
-from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
-from aerarm_ros.model.dynamics import Dynamics  # noqa: E402
-from aerarm_ros.ros.programs.identifier_bags import IdentifierBags  # noqa: E402
-from aerarm_ros.simulation.plant_parameters import PlantParameters  # noqa: E402
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
+from aerarm_msgs_py.bags.bag_writer import BagWriter
+from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.payload import identify_payload
+from aerarm_ros.identification.recording.recording import JointMapping, Recording
+from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
+from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.ros.programs.identifier_bags import IdentifierBags
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 RATE = 1000
 PAYLOAD = 0.2  # [kg]

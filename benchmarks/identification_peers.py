@@ -16,19 +16,19 @@ from xml.etree import ElementTree
 
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
-import numpy as np  # noqa: E402
-from peers.peer import Peer  # noqa: E402
+import numpy as np
+from peers.peer import Peer
 
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config  # noqa: E402
-from aerarm_ros.description.robot import Robot, load_robot  # noqa: E402
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult  # noqa: E402
-from aerarm_ros.identification.identify import IdentificationOptions, identify  # noqa: E402
-from aerarm_ros.identification.recording.recording import JointMapping  # noqa: E402
-from aerarm_ros.identification.regression.sample_columns import SampleColumns  # noqa: E402
-from aerarm_ros.identification.solvers.solvers import SOLVERS  # noqa: E402
-from aerarm_ros.identification.stopwatch import Stopwatch  # noqa: E402
-from aerarm_ros.ros.programs.identifier_bags import IdentifierBags  # noqa: E402
-from aerarm_ros.simulation.plant_parameters import PlantParameters  # noqa: E402
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.recording.recording import JointMapping
+from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.solvers.solvers import SOLVERS
+from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.ros.programs.identifier_bags import IdentifierBags
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 TRAINING = 0.6
 

@@ -30,7 +30,7 @@ from sensor_msgs.msg import JointState
 from timing.node_run import EMULATED, EXCITATION, REAL, measure, median, why_not
 
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_msgs_py.topics import JOINT_COMMAND, JOINT_STATES
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.dynamics import Dynamics

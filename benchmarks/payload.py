@@ -20,14 +20,14 @@ import numpy as np
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.inertia import minimum_eigenvalue
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_estimator import PayloadEstimator
-from aerarm_ros.simulation.plant_parameters import PlantParameters, Spread
+from aerarm_ros.simulation.arm_plant import PlantParameters, Spread
 
 for folder in ('identification', 'online'):
     sys.path.append(str(Path(__file__).parents[1] / 'test' / folder))
 
-from carrying_run import CarryingRun  # noqa: E402
+from carrying_run import CarryingRun
 
 KNOWN = Spread(0.01, 0.005, 0.0005, 0.15, 0.15, 0.02, 0.0)
 EARLY, LATE = 2.0, 10.0  # [s] after a pick-up

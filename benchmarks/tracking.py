@@ -20,21 +20,19 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.joint_sample import JointSample
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.codecs.joint_state_cdr import JointSample, JointStateCdr
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.control.base.base_motion_estimator import FULL, NONE
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
+from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.excitation.trajectory import RampedExcitation
 from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
+from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.base_profile import MOVING, STILL
-from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 FUNDAMENTAL, HARMONICS, AMPLITUDE = 0.1, 5, 0.15
 # feedback, base_motion_profile of fake_hardware, base_motion of the controller

@@ -3,19 +3,89 @@
 import re
 import warnings
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from aerarm_msgs_py.bags import bag_information
 from aerarm_msgs_py.bags.bag_information import BagInformation, read_information
-from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
 from aerarm_msgs_py.storage.compressed_file import SUFFIX, BagFile, CompressedFile, decompressed
-from aerarm_msgs_py.storage.damage_report import DamageReport
 from aerarm_msgs_py.storage.mcap_file import McapFile
-from aerarm_msgs_py.storage.message_block import MessageBlock
-from aerarm_msgs_py.storage.read_limits import ReadBudget, ReadLimits
+from aerarm_msgs_py.storage.read_limits import (
+    BagError,
+    BagWarning,
+    DamageReport,
+    MessageBlock,
+    ReadBudget,
+    ReadLimits,
+)
 from aerarm_msgs_py.storage.ros1_file import SUFFIX as ROS1_SUFFIX
 from aerarm_msgs_py.storage.ros1_file import Ros1File
 from aerarm_msgs_py.storage.sqlite_file import SqliteFile
+
+
+class RecordedMessage(NamedTuple):
+    """A serialized message.
+
+    Attributes
+    ----------
+    topic
+        Index of its topic in the writer's list.
+    payload
+        Serialized message.
+    log_time
+        Time of reception [ns].
+    publish_time
+        Time of publication [ns].
+    sequence
+        Publication sequence number, 0 if unknown.
+    """
+
+    topic: int
+    payload: bytes
+    log_time: int
+    publish_time: int
+    sequence: int
+
+
+# rosbag2 writes "no limit" as the largest number of nanoseconds, split like this.
+_INFINITE = {'sec': 9223372036, 'nsec': 854775807}
+
+
+@dataclass(frozen=True)
+class RecordedTopic:
+    """A topic to be written into a bag.
+
+    Attributes
+    ----------
+    name
+        Full name, for example '/arm/joint_states'.
+    type
+        For example 'sensor_msgs/msg/JointState'.
+    depth, reliable, latched
+        Quality of service its publishers offer; `ros2 bag play` publishes with it.
+    """
+
+    name: str
+    type: str
+    depth: int = 10
+    reliable: bool = True
+    latched: bool = False
+
+    def qos_profile(self) -> dict[str, object]:
+        """Return the quality of service as rosbag2's metadata (version 9) has it."""
+        return {
+            'history': 'keep_last',
+            'depth': self.depth,
+            'reliability': 'reliable' if self.reliable else 'best_effort',
+            'durability': 'transient_local' if self.latched else 'volatile',
+            'deadline': dict(_INFINITE),
+            'lifespan': dict(_INFINITE),
+            'liveliness': 'automatic',
+            'liveliness_lease_duration': dict(_INFINITE),
+            'avoid_ros_namespace_conventions': False,
+        }
+
 
 _METADATA = bag_information.FILE
 _OTHER_STORAGES = ('.db3', f'.mcap{SUFFIX}', f'.db3{SUFFIX}')

@@ -1,17 +1,399 @@
 """What the suite asks of a bag: joint states as arrays, topics, lost messages."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from aerarm_msgs_py.bags.bag import Bag
-from aerarm_msgs_py.bags.bag_contents import JOINT_STATE, read_contents
-from aerarm_msgs_py.bags.joint_state_series import JointStateSeries
-from aerarm_msgs_py.bags.topic_summary import TopicSummary
-from aerarm_msgs_py.codecs.joint_state_decoder import JointStateDecoder
-from aerarm_msgs_py.live_topics.sequence_gaps import SequenceGaps
-from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
-from aerarm_msgs_py.storage.read_limits import ReadLimits
+from aerarm_msgs_py.codecs.cdr import CdrReader, Payloads, diagnostic_values
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateDecoder
+from aerarm_msgs_py.live_topics import SequenceGaps
+from aerarm_msgs_py.storage.read_limits import (
+    BagError,
+    BagWarning,
+    MessageBlock,
+    ReadBudget,
+    ReadLimits,
+)
+
+
+@dataclass(frozen=True)
+class JointStateSeries:
+    """M JointState messages of n joints, in the order they were recorded.
+
+    Attributes
+    ----------
+    names
+        n joint names, the order of the columns.
+    stamp
+        (M,) `header.stamp` [s]; equal or jumping stamps are left as they are.
+    log_time
+        (M,) time of reception by the recorder [s].
+    position, velocity, effort
+        (M, n) [rad], [rad/s], [Nm]; NaN where a message hasn't the joint or leaves the
+        field empty.
+    sequence
+        (M,) publication sequence numbers, 0 where unknown.
+    """
+
+    names: tuple[str, ...]
+    stamp: NDArray[np.float64]
+    log_time: NDArray[np.float64]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    effort: NDArray[np.float64]
+    sequence: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.stamp)
+
+    def columns(self, names: Sequence[str]) -> 'JointStateSeries':
+        """Return the series with joints chosen and ordered by name.
+
+        Raises
+        ------
+        KeyError
+            If a joint isn't in the series.
+        """
+        index = {name: k for k, name in enumerate(self.names)}
+        missing = [name for name in names if name not in index]
+        if missing:
+            raise KeyError(f'joints {missing} are not among {list(self.names)}')
+        order = [index[name] for name in names]
+        return JointStateSeries(
+            tuple(names),
+            self.stamp,
+            self.log_time,
+            self.position[:, order],
+            self.velocity[:, order],
+            self.effort[:, order],
+            self.sequence,
+        )
+
+
+@dataclass(frozen=True)
+class TopicSummary:
+    """One topic of a bag.
+
+    Attributes
+    ----------
+    type
+        Message type, for example 'sensor_msgs/msg/JointState'.
+    messages
+        Messages in the bag.
+    lost
+        Messages that were published between the first and the last one and aren't in the
+        bag; None where the recorder stored no publication sequence numbers.
+    """
+
+    type: str
+    messages: int
+    lost: int | None
+
+
+_GROWTH = 1.125  # small: numpy fills with zeros, so unused room takes memory too
+_FIRST = 4096  # messages
+_SINGLE_BYTES = 3000  # counted for a message that is decoded by itself, as that takes time
+
+
+class JointStateBuilder:
+    """Arrays that grow with every block.
+
+    They grow in place, which the system does without copying where they are large: at no
+    time are the messages in memory twice.
+
+    Parameters
+    ----------
+    most
+        Messages to keep; those beyond are left out and counted.
+    thinned
+        Keep no more than twice as many messages, evenly spread over the bag: enough for a
+        picture of a topic.
+    budget
+        What the arrays, and the time to fill them, are taken from.
+
+    Attributes
+    ----------
+    left_out
+        Messages beyond `most`.
+    irregular
+        Fields left out because their length was neither 0 nor that of the names.
+    """
+
+    def __init__(
+        self,
+        most: int | None = None,
+        thinned: int | None = None,
+        budget: ReadBudget | None = None,
+    ) -> None:
+        self.left_out = 0
+        self._most = most
+        self._thinned = thinned
+        self._stride, self._seen = 1, 0  # of the messages kept; messages that came
+        self._decoder = JointStateDecoder()
+        self._budget = budget
+        self._count = 0
+        self._times = np.empty((0, 2), np.int64)  # stamp, reception [ns]
+        self._sequence = np.empty(0, np.int64)
+        self._values = np.empty((0, 3, 0))
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def irregular(self) -> int:
+        """See the class."""
+        return self._decoder.irregular
+
+    def add(self, block: MessageBlock) -> None:
+        """Decode and append messages.
+
+        Raises
+        ------
+        ValueError
+            If one is no JointState.
+        BagError
+            If the budget is spent.
+        """
+        if self._thinned is not None:
+            self._thin_out(2 * self._thinned)
+        payloads, log_time, sequence = self._kept(block)
+        if self._most is not None and self._count + len(payloads) > self._most:
+            self.left_out += len(payloads) - (self._most - self._count)
+            payloads = payloads[: self._most - self._count]
+        if not len(payloads):
+            return
+        singly = self._decoder.singly
+        stamp_ns, values = self._decoder.decode(payloads)
+        if self._budget:
+            self._budget.spend(values.nbytes + _SINGLE_BYTES * (self._decoder.singly - singly))
+        first, last = self._count, self._count + len(stamp_ns)
+        self._reserve(last, values.shape[2])
+        self._times[first:last, 0] = stamp_ns
+        self._times[first:last, 1] = log_time[: last - first]
+        self._sequence[first:last] = sequence[: last - first]
+        self._values[first:last] = values
+        self._count = last
+
+    def series(self) -> JointStateSeries:
+        """Return everything collected, in order of reception, and collect no more."""
+        for array in (self._times, self._sequence, self._values):
+            array.resize((self._count, *array.shape[1:]), refcheck=False)
+        self._sort()
+        return JointStateSeries(
+            names=tuple(self._decoder.names),
+            stamp=self._times[:, 0] / 1e9,
+            log_time=self._times[:, 1] / 1e9,
+            position=self._values[:, 0],
+            velocity=self._values[:, 1],
+            effort=self._values[:, 2],
+            sequence=self._sequence,
+        )
+
+    def _sort(self) -> None:
+        """Put messages in order of reception, if a file has them otherwise."""
+        log_time = self._times[:, 1]
+        if (np.diff(log_time) < 0).any():
+            order = np.argsort(log_time, kind='stable')
+            self._times, self._sequence = self._times[order], self._sequence[order]
+            self._values = self._values[order]
+
+    def _kept(self, block: MessageBlock) -> tuple[Payloads, NDArray[np.int64], NDArray[np.int64]]:
+        """Return every so many messages of a block, with reception and sequence number."""
+        part = slice(-self._seen % self._stride, None, self._stride)
+        self._seen += len(block.payloads)
+        if self._stride == 1:
+            return block.payloads, block.log_time, block.sequence
+        return block.payloads[part], block.log_time[part], block.sequence[part]
+
+    def _thin_out(self, limit: int) -> None:
+        """Leave out every second message, also of those to come, once there are too many."""
+        if self._count < limit:
+            return
+        before, self._count = self._count, (self._count + 1) // 2
+        for array in (self._times, self._sequence, self._values):
+            array[: self._count] = array[:before:2].copy()
+        self._stride *= 2
+
+    def _reserve(self, count: int, joints: int) -> None:
+        known = self._values.shape[2]
+        if joints > known:  # rare: a joint that was not in the messages before
+            wider: NDArray[np.float64] = np.full((len(self._values), 3, joints), np.nan)
+            wider[:, :, :known] = self._values
+            self._values = wider
+        if count > len(self._values):
+            capacity = max(count, _FIRST, int(_GROWTH * len(self._values)))
+            for array in (self._times, self._sequence, self._values):
+                array.resize((capacity, *array.shape[1:]), refcheck=False)
+
+
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+_STRING = 'std_msgs/msg/String'
+_DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+_MISSED = 'missed cycles'
+_LONGEST = 2**16  # bytes of diagnostics that are looked at
+_TEXT_BYTES = 500  # what a text takes beside its characters, and the time to make one
+_ENOUGH = 50_000  # messages of a topic that is only looked at beside the required one
+
+
+@dataclass
+class BagContents:
+    """Joint states and what the bridge said meanwhile.
+
+    Attributes
+    ----------
+    joint_states
+        Series of each JointState topic that was asked for and has messages.
+    texts
+        Time of reception [s] and text of the messages of each String topic asked for.
+    missed_cycles
+        Cycles that the bridge missed during the recording; None if no diagnostics say so.
+    damaged
+        Whether some of the bag could not be read: its end is missing, or a part is damaged.
+    expected
+        Messages of the required topic that the bag's own account lists; None without one.
+    left_out
+        Messages of the required topic beyond the most that were asked for.
+    """
+
+    joint_states: dict[str, JointStateSeries] = field(default_factory=dict)
+    texts: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
+    missed_cycles: int | None = None
+    damaged: bool = False
+    expected: int | None = None
+    left_out: int = 0
+
+
+def read_contents(
+    path: Path | str,
+    required: str,
+    others: Collection[str] = (),
+    most: int | None = None,
+    limits: ReadLimits | None = None,
+) -> BagContents:
+    """Read several topics of a bag at once, each by its type.
+
+    Parameters
+    ----------
+    path
+        rosbag2 directory, .mcap, .db3 or .bag file.
+    required
+        A JointState topic.
+    others
+        Topics that may be missing: JointState, String or DiagnosticArray; those of other
+        types are passed over. Of very many JointStates only some are kept, evenly spread.
+    most
+        Messages to keep of the required topic, the first ones: bounds the memory that a bag
+        of any size takes.
+    limits
+        What reading may take, whatever the bag holds.
+
+    Raises
+    ------
+    BagError
+        If the bag or the required topic can't be read; the message says what to check.
+    """
+    bag = Bag(path, limits)
+    name = '/' + required.lstrip('/')
+    builders: dict[str, JointStateBuilder] = {}
+    contents = BagContents()
+    diagnostics: list[bytes] = []
+    for block in bag.messages_and(name, JOINT_STATE, others):
+        if block.type == JOINT_STATE:
+            if block.topic not in builders:
+                thinned = None if block.topic == name else _ENOUGH
+                builders[block.topic] = JointStateBuilder(most, thinned, bag.budget)
+            _add(builders[block.topic], block, path)
+        elif block.type == _STRING:
+            _add_texts(contents.texts.setdefault(block.topic, []), block, bag.budget)
+        elif block.type == _DIAGNOSTICS:
+            diagnostics += [
+                message
+                for message in block.payloads
+                if len(message) < _LONGEST and _MISSED.encode() in message
+            ]
+            del diagnostics[1:-1]
+    contents.joint_states = {topic: builder.series() for topic, builder in builders.items()}
+    for texts in contents.texts.values():
+        texts.sort(key=itemgetter(0))
+    irregular = builders[name].irregular
+    if irregular:
+        warnings.warn(
+            f'{irregular} fields of topic {name} of {path} were left out: their length '
+            'was not that of the names',
+            BagWarning,
+            stacklevel=2,
+        )
+    contents.left_out = builders[name].left_out
+    contents.missed_cycles = _missed_between(diagnostics)
+    contents.damaged = bag.damaged
+    contents.expected = bag.recorded_count(name)
+    count = len(contents.joint_states[name]) + contents.left_out
+    if contents.expected is None or contents.expected < count:  # no account, or an early one
+        _tell_lost(contents.joint_states[name], name, path)
+    return contents
+
+
+def lost_messages(sequence: NDArray[np.int64]) -> int | None:
+    """Return how many numbers are missing from (M,) publication sequence numbers.
+
+    None if the recorder stored no numbers.
+    """
+    if len(sequence) and sequence[0] > 0 and np.all(np.diff(sequence) == 1):
+        return 0
+    gaps = SequenceGaps()
+    gaps.add_all(sequence.tolist())
+    return gaps.lost
+
+
+def _tell_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
+    """Warn of messages that are missing by their numbers, where no account tells."""
+    if lost := lost_messages(states.sequence):
+        warnings.warn(
+            f'{path}: {lost} messages of {topic} are missing between its first and its last one, '
+            'by their numbers: the recorder lost them, or the bag was damaged',
+            BagWarning,
+            stacklevel=3,
+        )
+
+
+def _add(builder: JointStateBuilder, block: MessageBlock, path: Path | str) -> None:
+    try:
+        builder.add(block)
+    except ValueError as error:
+        raise BagError(f'topic {block.topic} of {path} cannot be decoded: {error}') from error
+
+
+def _add_texts(texts: list[tuple[float, str]], block: MessageBlock, budget: ReadBudget) -> None:
+    times = (block.log_time / 1e9).tolist()
+    for time, payload in zip(times, block.payloads, strict=True):
+        budget.spend(_TEXT_BYTES + len(payload))
+        texts.append((time, _text(payload)))
+
+
+def _text(payload: bytes) -> str:
+    try:
+        return CdrReader(payload).string()
+    except ValueError:
+        return ''
+
+
+def _missed_between(diagnostics: list[bytes]) -> int | None:
+    """Return by how much the bridge's count grew from the first to the last message."""
+    counts = []
+    for payload in diagnostics:
+        try:
+            values = diagnostic_values(payload).values()
+            counts += [int(status[_MISSED]) for status in values if _MISSED in status]
+        except ValueError:
+            continue
+    return counts[-1] - counts[0] if counts and counts[-1] >= counts[0] else None
+
 
 __all__ = [
     'BagError',

@@ -6,17 +6,150 @@ instead of 30 us. Standard: OMG DDSI-RTPS 2.3, section 10 (CDR, little-endian).
 """
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Generator, Iterator, Sequence
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sensor_msgs.msg import JointState
 
-from aerarm_msgs_py.codecs.cdr_prefix import ENCAPSULATION_SIZE, LITTLE_ENDIAN, CdrPrefix
-from aerarm_msgs_py.codecs.joint_sample import JointSample
-from aerarm_msgs_py.codecs.joint_state_layout import JointStateLayout
+from aerarm_msgs_py.codecs.cdr import (
+    ENCAPSULATION_SIZE,
+    LITTLE_ENDIAN,
+    CdrPrefix,
+    CdrReader,
+    Payloads,
+)
 
+
+class JointSample(NamedTuple):
+    """One JointState without its names, in the joint order of whoever made it.
+
+    Attributes
+    ----------
+    stamp_ns
+        `header.stamp` [ns].
+    position, velocity, effort
+        (n,) [rad], [rad/s], [Nm]; None where the message leaves the field empty.
+    """
+
+    stamp_ns: int
+    position: NDArray[np.float64] | None
+    velocity: NDArray[np.float64] | None
+    effort: NDArray[np.float64] | None
+
+
+_COUNT = struct.Struct('<I')
+_DOUBLE = 8
+_DOUBLES = np.dtype('<f8')
+_STAMP_SIZE = 8
 _NANOSECONDS = 1_000_000_000
+_EMPTY = np.empty(0)
+
+
+class JointStateLayout:
+    """Offsets of position, velocity and effort for one choice of which are empty.
+
+    Each field is a count (4 bytes) and, unless empty, the numbers, aligned to 8 bytes
+    from the end of the encapsulation.
+
+    Parameters
+    ----------
+    start
+        Offset of the first count.
+    n
+        Joints.
+    full
+        Which of position, velocity, effort hold n numbers; the others hold none.
+
+    Attributes
+    ----------
+    size
+        Bytes up to the end of the last field.
+    """
+
+    def __init__(self, start: int, n: int, full: tuple[bool, ...]) -> None:
+        self.n = n
+        self.full = full
+        self._count_offsets: list[int] = []
+        self._data_offsets: list[int] = []
+        numbers = f'{ENCAPSULATION_SIZE}xiI'  # the stamp; then each count, the rest skipped
+        end, offset = ENCAPSULATION_SIZE + _STAMP_SIZE, start
+        for is_full in full:
+            numbers += f'{offset - end}xI'
+            self._count_offsets.append(offset)
+            end = offset = offset + _COUNT.size
+            if is_full:
+                offset += -(offset - ENCAPSULATION_SIZE) % _DOUBLE
+            self._data_offsets.append(offset)
+            offset += n * _DOUBLE * is_full
+        self.size = offset
+        self._numbers = struct.Struct('<' + numbers)
+        self._counts = tuple(n * is_full for is_full in full)
+        # What stands between two full fields fills whole doubles: they are parts of one array.
+        self._first = self._data_offsets[full.index(True)] if any(full) else self.size
+        self._span = (self.size - self._first) // _DOUBLE
+        places = [(offset - self._first) // _DOUBLE for offset in self._data_offsets]
+        self._parts = [
+            slice(place, place + n) if is_full else None
+            for place, is_full in zip(places, full, strict=True)
+        ]
+
+    def stamp_of(self, payload: bytes) -> int | None:
+        """Return the stamp [ns] of a payload, None if its counts aren't this layout's."""
+        if len(payload) < self.size:
+            return None
+        numbers = self._numbers.unpack_from(payload)
+        if numbers[2:] != self._counts:
+            return None
+        return int(numbers[0] * _NANOSECONDS + numbers[1])
+
+    def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return which of the (M, size) rows have this layout's counts, (M,)."""
+        if rows.shape[1] < self.size:
+            return np.zeros(len(rows), bool)
+        same = np.ones(len(rows), bool)
+        for offset, count in zip(self._count_offsets, self._counts, strict=True):
+            found = np.ascontiguousarray(rows[:, offset : offset + _COUNT.size])
+            same &= found.view('<u4')[:, 0] == count
+        return same
+
+    def fields(
+        self, payload: bytes
+    ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None, NDArray[np.float64] | None]:
+        """Return position, velocity, effort as (n,) views of a payload that matches."""
+        numbers = np.frombuffer(payload, _DOUBLES, self._span, self._first)
+        position, velocity, effort = self._parts
+        return (
+            None if position is None else numbers[position],
+            None if velocity is None else numbers[velocity],
+            None if effort is None else numbers[effort],
+        )
+
+    def values_of_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """Return (M, 3, n) numbers of rows that match, NaN for an empty field."""
+        values = np.full((len(rows), 3, self.n), np.nan)
+        for k, (offset, is_full) in enumerate(zip(self._data_offsets, self.full, strict=True)):
+            if is_full:
+                data = np.ascontiguousarray(rows[:, offset : offset + self.n * _DOUBLE])
+                values[:, k] = data.view('<f8')
+        return values
+
+    def write_counts(self, buffer: bytearray) -> None:
+        """Write the three counts into a payload."""
+        for offset, count in zip(self._count_offsets, self._counts, strict=True):
+            _COUNT.pack_into(buffer, offset, count)
+
+    def views(self, buffer: bytearray) -> list[NDArray[np.float64]]:
+        """Return writable views of position, velocity, effort; (0,) where empty."""
+        return [
+            np.frombuffer(buffer, '<f8', self.n, offset) if is_full else _EMPTY
+            for offset, is_full in zip(self._data_offsets, self.full, strict=True)
+        ]
+
+
 _STAMP = struct.Struct('<iI')
 _STAMP_OFFSET = ENCAPSULATION_SIZE
 _PREFIX_OFFSET = _STAMP_OFFSET + _STAMP.size
@@ -171,3 +304,236 @@ class JointStateCdr:
         buffer[self._prefix.start : self._prefix.end] = self._prefix.content
         layout.write_counts(buffer)
         return buffer, layout.views(buffer)
+
+
+def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
+    """Return names and numbers of a serialized JointState of any layout and byte order.
+
+    Raises
+    ------
+    ValueError
+        If the payload is no JointState, or a field has neither no numbers nor one a name.
+    """
+    return _checked(*decode_as_sent(payload))
+
+
+def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
+    """Return what `decode_joint_state` does, fields that do not fit the names among it.
+
+    For who has its own word for such a message. Raises ValueError if the payload is no
+    JointState.
+    """
+    reader = CdrReader(payload)
+    stamp_ns = reader.int32() * _NANOSECONDS + reader.uint32()
+    reader.string()  # frame_id
+    names = tuple(reader.strings())
+    return names, _sample(stamp_ns, [reader.doubles() for _ in range(3)])
+
+
+def from_message(message: JointState) -> tuple[tuple[str, ...], JointSample]:
+    """Return names and numbers of a message object; raises as `decode_joint_state`."""
+    stamp = message.header.stamp
+    names = tuple(message.name)
+    fields = [np.array(x) for x in (message.position, message.velocity, message.effort)]
+    return _checked(names, _sample(stamp.sec * _NANOSECONDS + stamp.nanosec, fields))
+
+
+def to_message(names: Sequence[str], sample: JointSample) -> JointState:
+    """Return a message object; None becomes an empty field."""
+    message = JointState(name=list(names))
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(sample.stamp_ns, _NANOSECONDS)
+    for field in ('position', 'velocity', 'effort'):
+        values = getattr(sample, field)
+        if values is not None:
+            setattr(message, field, np.asarray(values, float).tolist())
+    return message
+
+
+def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -> JointSample:
+    """Return the numbers of some joints in a given order.
+
+    Raises
+    ------
+    ValueError
+        If a joint is missing.
+    """
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        raise ValueError(f'joints {missing} are missing among {list(names)}')
+    order = [list(names).index(name) for name in wanted]
+    return JointSample(
+        sample.stamp_ns, *(None if field is None else field[order] for field in sample[1:])
+    )
+
+
+def _sample(stamp_ns: int, fields: Sequence[NDArray[np.float64]]) -> JointSample:
+    return JointSample(stamp_ns, *(field if len(field) else None for field in fields))
+
+
+def _checked(names: tuple[str, ...], sample: JointSample) -> tuple[tuple[str, ...], JointSample]:
+    lengths = [0 if field is None else len(field) for field in sample[1:]]
+    if any(length not in (0, len(names)) for length in lengths):
+        raise ValueError(
+            f'{len(names)} names with {lengths[0]} positions, {lengths[1]} velocities and '
+            f'{lengths[2]} efforts: each must be empty or have one number a name'
+        )
+    return names, sample
+
+
+# Which messages, (k, 3, m) numbers, and the columns of the m joints.
+_Decoded = tuple[NDArray[np.intp], NDArray[np.float64], list[int]]
+
+_KNOWN_LAYOUTS = 8
+_LEARNT_LAYOUTS = 64  # in all: learning one takes a while
+_MOST_JOINTS = 256  # of one topic: more than any robot's, and memory has an end
+_LONGEST_NAME = 255  # characters
+_LONGEST_PREFIX = 2**14  # bytes of names that are worth learning
+
+
+class JointStateDecoder:
+    """Decodes blocks of payloads, and remembers joint names from block to block.
+
+    Messages of equal names, frame and size are decoded together by `JointStateCdr`; any
+    other one by itself. Columns are joints by name: a joint met for the first time gets a
+    new column.
+
+    Attributes
+    ----------
+    names
+        Joint names met so far, in the order of the columns.
+    irregular
+        Fields left out because their length was neither 0 nor that of the names.
+    singly
+        Messages that were decoded by themselves, which takes a hundred times as long.
+    """
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+        self.irregular = 0
+        self.singly = 0
+        self._columns: dict[str, int] = {}
+        self._codecs: list[tuple[JointStateCdr, list[int]]] = []
+        self._learnt = 0
+
+    def decode(self, payloads: Payloads) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Decode K messages.
+
+        Returns
+        -------
+        stamp_ns : (K,) `header.stamp` [ns]
+        values : (K, 3, n) position, velocity, effort [rad, rad/s, Nm] of all joints met so
+            far; NaN where missing
+
+        Raises
+        ------
+        ValueError
+            If a payload is no JointState, names a joint twice, or there are more joints than a
+            robot has.
+        """
+        stamp_ns = np.zeros(len(payloads), np.int64)
+        decoded: list[_Decoded] = []
+        for index in _groups_of_size(payloads.sizes):
+            decoded += self._decode_group(payloads, index, stamp_ns)
+        values = np.full((len(payloads), 3, len(self.names)), np.nan)
+        for index, numbers, columns in decoded:
+            values[index[:, None], :, columns] = numbers.transpose(0, 2, 1)
+        return stamp_ns, values
+
+    def _decode_group(
+        self, payloads: Payloads, index: NDArray[np.intp], stamp_ns: NDArray[np.int64]
+    ) -> Iterator[_Decoded]:
+        """Yield messages of equal size, decoded."""
+        rows = payloads.rows(index)
+        left = np.arange(len(rows))  # of them
+        for codec, columns in self._codecs:
+            left = yield from self._rows(codec, columns, rows, left, index, stamp_ns)
+        while len(left):
+            learnt = self._learnt
+            k = index[left[0]]
+            stamp_ns[k], numbers, columns = self._decode_one(payloads[int(k)])
+            yield index[left[:1]], numbers[None], columns
+            left = left[1:]
+            if self._learnt > learnt:
+                # A message shows the layout that the others usually have.
+                codec, columns = self._codecs[-1]
+                left = yield from self._rows(codec, columns, rows, left, index, stamp_ns)
+
+    def _rows(
+        self,
+        codec: JointStateCdr,
+        columns: list[int],
+        rows: NDArray[np.uint8],
+        left: NDArray[np.intp],
+        index: NDArray[np.intp],
+        stamp_ns: NDArray[np.int64],
+    ) -> Generator[_Decoded, None, NDArray[np.intp]]:
+        """Yield those of the rows left that are of a codec; return the others."""
+        if not len(left):
+            return left
+        mine, stamps, numbers = codec.unpack_rows(rows if len(left) == len(rows) else rows[left])
+        if mine.any():
+            found = index[left[mine]]
+            stamp_ns[found] = stamps
+            yield found, numbers, columns
+        return left[~mine]
+
+    def _decode_one(self, payload: bytes) -> tuple[int, NDArray[np.float64], list[int]]:
+        """Return stamp [ns], (3, m) numbers and the m columns they belong to."""
+        self.singly += 1
+        reader = CdrReader(payload)
+        stamp_ns = reader.int32() * 1_000_000_000 + reader.uint32()
+        frame_id = reader.string()
+        names = reader.strings()
+        self._check_names(names)
+        fields = [reader.doubles() for _ in range(3)]
+        numbers = np.full((3, len(names)), np.nan)
+        for row, field in zip(numbers, fields, strict=True):
+            if len(field) == len(names):
+                row[:] = field
+            else:
+                self.irregular += len(field) > 0
+        columns = [self._column(name) for name in names]
+        self._remember(names, frame_id, columns)
+        return stamp_ns, numbers, columns
+
+    def _check_names(self, names: list[str]) -> None:
+        if len(names) > _MOST_JOINTS:
+            raise ValueError(f'a message names {len(names)} joints, more than {_MOST_JOINTS}')
+        if any(len(name) > _LONGEST_NAME for name in names):
+            raise ValueError(f'a joint has a name of more than {_LONGEST_NAME} characters')
+        repeated = [name for name, count in Counter(names).items() if count > 1]
+        if repeated:
+            raise ValueError(
+                f'a message names joint {", ".join(repeated)} more than once: check the joint '
+                'names of the node that publishes it'
+            )
+
+    def _column(self, name: str) -> int:
+        if name not in self._columns:
+            if len(self.names) == _MOST_JOINTS:
+                raise ValueError(f'the messages name more than {_MOST_JOINTS} joints')
+            self._columns[name] = len(self.names)
+            self.names.append(name)
+        return self._columns[name]
+
+    def _remember(self, names: list[str], frame_id: str, columns: list[int]) -> None:
+        known = any(
+            codec.names == tuple(names) and codec.frame_id == frame_id for codec, _ in self._codecs
+        )
+        short = len(frame_id) + sum(map(len, names)) < _LONGEST_PREFIX
+        if names and short and not known and self._learnt < _LEARNT_LAYOUTS:
+            self._codecs.append((JointStateCdr(names, frame_id), columns))
+            self._learnt += 1
+            del self._codecs[:-_KNOWN_LAYOUTS]
+
+
+def _groups_of_size(sizes: NDArray[np.int64]) -> Iterator[NDArray[np.intp]]:
+    """Yield which messages are of each size, in order."""
+    if not len(sizes):
+        return
+    if (sizes == sizes[0]).all():
+        yield np.arange(len(sizes))
+        return
+    order = np.argsort(sizes, kind='stable')
+    firsts = np.unique(sizes[order], return_index=True)[1]
+    yield from sorted(np.split(order, firsts[1:]), key=lambda index: int(index[0]))

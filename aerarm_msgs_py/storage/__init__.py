@@ -4,18 +4,3 @@ In comes a file that anybody may have written, cut or damaged; out go blocks of 
 warning for each thing that is missing, and the file's own account of what it holds. Reading
 takes no more memory and time than the limits allow, and no message twice.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        'bag_error': ['BagError', 'BagWarning'],
-        'compressed_file': ['CompressedFile', 'decompressed'],
-        'mcap_file': ['McapFile'],
-        'message_block': ['MessageBlock'],
-        'read_limits': ['ReadBudget', 'ReadLimits'],
-        'ros1_file': ['Ros1File'],
-        'sqlite_file': ['SqliteFile'],
-    },
-)

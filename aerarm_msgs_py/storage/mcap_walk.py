@@ -1,14 +1,254 @@
 """From record to record through an MCAP file, over damage where there is a way."""
 
+import struct
+import zlib
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import BinaryIO, NamedTuple
 
+import numpy as np
 from mcap.opcode import Opcode
+from numpy.typing import NDArray
 
-from aerarm_msgs_py.storage.damage_report import DamageReport
-from aerarm_msgs_py.storage.mcap_messages import MESSAGE_HEADER, RECORD
-from aerarm_msgs_py.storage.mcap_summary import FOOTER_SIZE, MAGIC
+from aerarm_msgs_py.codecs.cdr import elements_at
+from aerarm_msgs_py.storage.mcap_records import RecordFields
+from aerarm_msgs_py.storage.read_limits import DamageReport, ReadBudget
+
+RECORD = struct.Struct('<BQ')
+"""Opcode and length in front of every record."""
+MESSAGE_HEADER = np.dtype(
+    [
+        ('opcode', 'u1'),
+        ('length', '<u8'),
+        ('channel', '<u2'),
+        ('sequence', '<u4'),
+        ('log_time', '<u8'),
+        ('publish_time', '<u8'),
+    ]
+)
+"""Beginning of a message record, the payload follows."""
+
+_INDEX_HEADER = struct.Struct('<HI')  # channel, bytes of the entries
+_INDEX_ENTRY = np.dtype([('log_time', '<u8'), ('offset', '<u8')])
+_DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
+_DEFINITION_COST = 500  # bytes that reading one takes, and as long as reading so many of messages
+
+
+class WalkedRecords(NamedTuple):
+    """What a walk through records found.
+
+    Attributes
+    ----------
+    starts
+        (K,) where complete messages begin.
+    definitions
+        Opcode and content of the complete schema and channel records.
+    unread
+        Bytes at the end that are no complete record of a kind that may be there.
+    """
+
+    starts: NDArray[np.int64]
+    definitions: list[tuple[int, bytes]]
+    unread: int
+
+
+@dataclass
+class ChunkIndexes:
+    """The index records behind one chunk.
+
+    Attributes
+    ----------
+    channels
+        With messages in the chunk.
+    complete
+        Whether every index could be read.
+    """
+
+    channels: set[int] = field(default_factory=set)
+    complete: bool = True
+    _offsets: list[NDArray[np.uint64]] = field(default_factory=list)
+
+    @property
+    def messages(self) -> int:
+        """How many messages the indexes list."""
+        return sum(map(len, self._offsets))
+
+    def add(self, content: bytes) -> None:
+        """Take the content of a MessageIndex record."""
+        if len(content) < _INDEX_HEADER.size:
+            self.complete = False
+            return
+        channel, size = _INDEX_HEADER.unpack_from(content)
+        if size % _INDEX_ENTRY.itemsize or _INDEX_HEADER.size + size != len(content):
+            self.complete = False
+            return
+        entries = np.frombuffer(
+            content, _INDEX_ENTRY, size // _INDEX_ENTRY.itemsize, _INDEX_HEADER.size
+        )
+        if len(entries):
+            self.channels.add(channel)
+            self._offsets.append(entries['offset'])
+
+    def message_starts(self, records: bytes) -> NDArray[np.int64] | None:
+        """Return where the messages of the chunk begin, in order.
+
+        Returns
+        -------
+        (K,) offsets, or None if the index doesn't account for every byte of the chunk: it is
+        damaged, or the chunk holds other records too.
+        """
+        last = len(records) - MESSAGE_HEADER.itemsize
+        if not (self.complete and self._offsets) or last < 0:
+            return None
+        offsets = np.sort(np.concatenate(self._offsets))
+        if offsets[0] != 0 or offsets[-1] > last:
+            return None
+        starts = offsets.astype(np.int64)
+        headers = elements_at(records, MESSAGE_HEADER, starts)
+        follows = np.append(starts[1:], len(records))
+        lengths = (follows - starts - RECORD.size).astype(np.uint64)
+        whole = (headers['opcode'] == Opcode.MESSAGE) & (headers['length'] == lengths)
+        return starts if whole.all() and _have_headers(headers) else None
+
+    def agree_with(self, starts: NDArray[np.int64]) -> bool:
+        """Tell whether they list the messages that begin there, or nothing at all."""
+        if not self.complete:
+            return False
+        if not self._offsets:
+            return True
+        return np.array_equal(np.sort(np.concatenate(self._offsets)), starts.astype(np.uint64))
+
+
+def walk(records: bytes, budget: ReadBudget) -> WalkedRecords:
+    """Go through records one by one.
+
+    Raises
+    ------
+    BagError
+        If they define more than the limits allow.
+    """
+    starts: list[int] = []
+    definitions: list[tuple[int, bytes]] = []
+    position = 0
+    size = len(records)
+    last = size - RECORD.size
+    unpack = RECORD.unpack_from
+    message = int(Opcode.MESSAGE)  # comparing with the enumeration takes longer
+    while position <= last:
+        opcode, length = unpack(records, position)
+        end = position + RECORD.size + length
+        if end > size:
+            break
+        if opcode == message:
+            if end < position + MESSAGE_HEADER.itemsize:
+                break
+            starts.append(position)
+        elif opcode in _DEFINITIONS:
+            budget.spend(_DEFINITION_COST)
+            definitions.append((opcode, records[position + RECORD.size : end]))
+        else:
+            break
+        position = end
+    return WalkedRecords(np.array(starts, np.int64), definitions, size - position)
+
+
+def _have_headers(headers: NDArray[np.void]) -> bool:
+    return bool((headers['length'] >= MESSAGE_HEADER.itemsize - RECORD.size).all())
+
+
+MAGIC = b'\x89MCAP0\r\n'
+"""First and last bytes of a file."""
+FOOTER_SIZE = 20
+"""Bytes of the content of the footer record."""
+
+
+@dataclass
+class McapSummary:
+    """The summary of a file; empty if there is none, or it is damaged.
+
+    Attributes
+    ----------
+    channels
+        Topic of each channel.
+    counts
+        Messages of each channel; None without an account.
+    chunks
+        Where chunks begin, in order.
+    """
+
+    channels: dict[int, str] = field(default_factory=dict)
+    counts: dict[int, int] | None = None
+    chunks: list[int] = field(default_factory=list)
+
+
+def read_summary(stream: BinaryIO, size: int, most: int) -> McapSummary:
+    """Read the summary of a file, wherever the stream is.
+
+    Parameters
+    ----------
+    stream
+        The file.
+    size
+        Its bytes.
+    most
+        Bytes that a summary may have; a larger one is not read.
+    """
+    end = size - RECORD.size - FOOTER_SIZE - len(MAGIC)
+    if end < len(MAGIC):
+        return McapSummary()
+    stream.seek(end)
+    footer = stream.read(RECORD.size + FOOTER_SIZE)
+    fields = RecordFields(footer[RECORD.size :])
+    start, _, crc = fields.number(8), fields.number(8), fields.number(4)
+    is_footer = RECORD.unpack_from(footer) == (Opcode.FOOTER, FOOTER_SIZE)
+    if not is_footer or stream.read() != MAGIC or not len(MAGIC) < start < end <= start + most:
+        return McapSummary()
+    stream.seek(start)
+    content = stream.read(end - start)
+    # The checksum covers the footer up to itself.
+    if crc and zlib.crc32(content + footer[:-4]) != crc:
+        return McapSummary()
+    try:
+        return _summary(content)
+    except ValueError:
+        return McapSummary()
+
+
+def _summary(content: bytes) -> McapSummary:
+    summary = McapSummary()
+    records = RecordFields(content)
+    while records.left:
+        opcode, length = records.number(1), records.number(8)
+        fields = RecordFields(records.take(length))
+        if opcode == Opcode.CHANNEL:
+            number, _ = fields.number(2), fields.number(2)
+            summary.channels[number] = fields.text()
+        elif opcode == Opcode.CHUNK_INDEX:
+            fields.take(16)  # first and last time
+            summary.chunks.append(fields.number(8))
+        elif opcode == Opcode.STATISTICS:
+            summary.counts = read_counts(fields)
+    summary.chunks.sort()
+    return summary
+
+
+def read_counts(fields: RecordFields) -> dict[int, int]:
+    """Return the messages of each channel by the content of a statistics record.
+
+    Raises
+    ------
+    ValueError
+        If it is damaged.
+    """
+    fields.take(42)  # counts of other things, first and last time
+    entries = RecordFields(fields.take(fields.number(4)))
+    counts = {}
+    while entries.left:
+        channel = entries.number(2)
+        counts[channel] = entries.number(8)
+    return counts
+
 
 _PRIVATE = 128  # from here on, opcodes are anybody's
 _SMALLEST_CHUNK = 40  # bytes of its fields

@@ -1,10 +1,113 @@
 """How much reading a bag may take, whatever its files claim to hold."""
 
 import math
-from dataclasses import dataclass
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from aerarm_msgs_py.storage.bag_error import BagError
+import numpy as np
+from numpy.typing import NDArray
+
+from aerarm_msgs_py.codecs.cdr import Payloads
+
+
+class BagError(ValueError):
+    """A bag that can't be read or written; the message says what to check."""
+
+
+class BagWarning(UserWarning):
+    """A bag that was read, but not all of it."""
+
+
+_TOLD = 5  # one by one; a file may be damaged at many thousand places
+
+
+class DamageReport:
+    """Warnings about one file.
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+
+    Attributes
+    ----------
+    places
+        How often something was missing or damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.places = 0
+        self._path = path
+        self._lost = 0
+
+    def tell(self, what: str, lost: int = 0) -> None:
+        """Warn of damage, and of the bytes that are lost by it."""
+        self.places += 1
+        self._lost += lost
+        if self.places <= _TOLD:
+            warnings.warn(f'{self._path} {what}', BagWarning, stacklevel=2)
+
+    def finish(self) -> None:
+        """Sum up what was not told one by one."""
+        if self.places > _TOLD:
+            warnings.warn(
+                f'{self._path} is damaged at {self.places} places in all, where {self._lost} '
+                'bytes are left out',
+                BagWarning,
+                stacklevel=2,
+            )
+
+
+_MOST = 8192  # messages of a block, so that what is made of one stays small
+
+
+@dataclass(frozen=True)
+class MessageBlock:
+    """Serialized messages of one topic as they lie next to each other in a bag.
+
+    Attributes
+    ----------
+    topic, type
+        Topic and message type, for example '/joint_states', 'sensor_msgs/msg/JointState'.
+    log_time
+        (K,) time each message was received by the recorder [ns].
+    sequence
+        (K,) publication sequence numbers, 0 where the recorder didn't store them.
+    payloads
+        K serialized messages.
+    """
+
+    topic: str
+    type: str
+    log_time: NDArray[np.int64]
+    sequence: NDArray[np.int64]
+    payloads: Payloads
+
+    def chosen(self, which: NDArray[np.bool_]) -> 'MessageBlock':
+        """Return some of the messages, by a (K,) mask."""
+        return replace(
+            self,
+            log_time=self.log_time[which],
+            sequence=self.sequence[which],
+            payloads=self.payloads.chosen(which),
+        )
+
+    def parts(self) -> Iterator['MessageBlock']:
+        """Yield the messages as blocks of bounded length."""
+        if len(self.payloads) <= _MOST:
+            yield self
+            return
+        for start in range(0, len(self.payloads), _MOST):
+            part = slice(start, start + _MOST)
+            yield replace(
+                self,
+                log_time=self.log_time[part],
+                sequence=self.sequence[part],
+                payloads=self.payloads[part],
+            )
+
 
 _FREE = 2**22  # bytes that any bag may take: constant messages compress well
 _MIB = 2**20

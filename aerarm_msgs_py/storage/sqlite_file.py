@@ -7,12 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from aerarm_msgs_py.codecs.payloads import Payloads
-from aerarm_msgs_py.storage.bag_error import BagError
-from aerarm_msgs_py.storage.damage_report import DamageReport
-from aerarm_msgs_py.storage.mcap_topics import MOST_TOPICS
-from aerarm_msgs_py.storage.message_block import MessageBlock
-from aerarm_msgs_py.storage.read_limits import ReadBudget
+from aerarm_msgs_py.codecs.cdr import Payloads
+from aerarm_msgs_py.storage.mcap_records import MOST_TOPICS
+from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
 
 _BLOCK = 1000  # messages
 _BLOCK_BYTES = 2**20

@@ -11,9 +11,8 @@ from types import TracebackType
 
 import numpy as np
 
-from aerarm_ros.autopilot.betaflight_link import BetaflightLink
-from aerarm_ros.autopilot.betaflight_packets import HIGH, LOW, MIDDLE
-from aerarm_ros.autopilot.betaflight_setup import BetaflightSetup
+from aerarm_ros.autopilot.betaflight_flight import BetaflightSetup
+from aerarm_ros.autopilot.betaflight_link import HIGH, LOW, MIDDLE, BetaflightLink
 from aerarm_ros.description.drone_config import DroneConfig
 
 HOW = (

@@ -1,16 +1,14 @@
 """The acceleration that a set point takes with it against the arm's motion."""
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from aerarm_ros.control.checks.gains import non_negative_number
+from aerarm_ros.control.checks import non_negative_number
 from aerarm_ros.description.drone_config import GRAVITY
-from aerarm_ros.flight.feed_forward import FeedForward
-from aerarm_ros.flight.flight_target import yaw_of
-from aerarm_ros.model.cross_product import cross
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.flight.arm_load import FeedForward
+from aerarm_ros.flight.flight_state import yaw_of
+from aerarm_ros.model.inertia import cross
+from aerarm_ros.motion.signals import Array
 
 _UP = np.array([0.0, 0.0, 1.0])
 _LEAN_MAX = 0.35  # [rad] that may be asked for besides what the force takes

@@ -2,21 +2,248 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 
+import numpy as np
+from numpy.typing import NDArray
+
 from aerarm_ros.commissioning.commissioning_record import CommissioningRecord, JointRecord
-from aerarm_ros.commissioning.commissioning_step import (
-    BoardStep,
-    CommissioningStep,
-    DriveStep,
-    Prompt,
-    TurnStep,
+from aerarm_ros.commissioning.joint_verdicts import (
+    Findings,
+    Measured,
+    drive_findings,
+    pulse_offset,
+    return_findings,
+    turn_findings,
 )
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.hardware.boards.probe_messages import OFF, ProbeReport, ProbeRequest
+from aerarm_ros.hardware.boards.commissioning_probe import (
+    DRIVE,
+    OFF,
+    REACH,
+    WATCH,
+    ProbeReport,
+    ProbeRequest,
+)
+from aerarm_ros.model.drive_train import DriveTrain
+from aerarm_ros.model.kinematics import Kinematics
+
+_TURN = 0.5 * np.pi  # [rad] that a hand turns a joint by, against a set square
+_TURN_MIN = 0.5
+_ROOM = 0.05  # [rad] that stay to the limit
+_TOOL_MOVES = 0.02  # [m/rad]
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """What a person is asked to do and to confirm.
+
+    Attributes
+    ----------
+    text
+        What to do; the answer is yes once it is done, or no to leave the step out.
+    hand
+        Joint's name and angle [rad] to which its hand turns it; None if nothing is turned.
+    """
+
+    text: str
+    hand: tuple[str, float] | None = None
+
+
+class CommissioningStep(ABC):
+    """A step of one joint.
+
+    Attributes
+    ----------
+    kind
+        What the bridge shall do, as in `ProbeRequest`.
+    number
+        Counts up where the bridge shall begin again.
+    prompt
+        What a person has to confirm, None while nothing is asked.
+    findings, measured
+        What is wrong, and what was measured.
+    is_done
+        Whether the step is over.
+    is_fatal
+        Whether the joint's other steps make no sense after it.
+    """
+
+    kind = WATCH
+
+    def __init__(self, config: ArmConfig, robot: Robot, joint: int) -> None:
+        self.number = 0
+        self.prompt: Prompt | None = None
+        self.findings: Findings = []
+        self.measured: Measured = {}
+        self.is_done = self.is_fatal = False
+        self._config, self._robot, self._joint = config, robot, joint
+        self._name = config.joint_names[joint]
+
+    @abstractmethod
+    def update(self, report: ProbeReport) -> None:
+        """Take what the bridge reports on the step's last request."""
+
+    def answer(self, yes: bool) -> None:
+        """Take the answer to the prompt."""
+        self.prompt = None
+        if not yes:
+            self.findings.append(f'{self._name}: left out by the user')
+            self._end()
+
+    def _end(self, fatal: bool = False) -> None:
+        self.is_done, self.is_fatal = True, fatal
+
+
+class BoardStep(CommissioningStep):
+    """Looks whether the board of the joint answers."""
+
+    def update(self, report: ProbeReport) -> None:
+        """End with the first report."""
+        if report.phase != 'watching':
+            problem = report.reason or f'the bridge is {report.mode}'
+        else:
+            problem = report.boards[self._joint]
+        if not problem and report.mode == 'fault':
+            problem = "the bridge is in fault: see its console, 'arm clear_fault'"
+        if problem:
+            self.findings.append(f'{self._name}: {problem}')
+        self._end(bool(problem))
+
+
+class TurnStep(CommissioningStep):
+    """A hand turns the joint by a known angle and back, the motors off.
+
+    That tells the encoder's channel, its direction, the gear, and where its index pulses are.
+    """
+
+    def __init__(self, config: ArmConfig, robot: Robot, joint: int) -> None:
+        super().__init__(config, robot, joint)
+        home = config.rest_position[joint]
+        self._turn = turn = _turn(config, joint)
+        self._home_angle = float(
+            DriveTrain(config).joint_to_motor_position(np.array(config.rest_position))[joint]
+        )
+        self._prompts = [
+            Prompt(
+                f'Motors are off. Put {self._name} at its home configuration, {home:.4g} rad, '
+                'as exactly as you can.',
+                (self._name, home),
+            ),
+            Prompt(
+                f'Turn {self._name} by {np.degrees(turn):+.0f} degrees, to {home + turn:.4g} rad, '
+                f'within 3 degrees, and keep it there: {_direction(config, robot, joint, turn)}.',
+                (self._name, home + turn),
+            ),
+            Prompt(f'Turn {self._name} back to {home:.4g} rad.', (self._name, home)),
+        ]
+        self._stage = 0
+        self._is_confirmed = False
+        self._ask()
+
+    def answer(self, yes: bool) -> None:
+        """Take the answer; the next report ends what was asked for."""
+        super().answer(yes)
+        self._is_confirmed = yes
+        if yes and self._stage == 0:
+            self.number += 1  # count from here
+
+    def update(self, report: ProbeReport) -> None:
+        """Judge what was confirmed."""
+        if not self._is_confirmed or self.is_done:
+            return
+        if report.phase != 'watching':
+            self.findings.append(f'{self._name}: {report.reason or "the bridge stopped to watch"}')
+            self._end(fatal=True)
+            return
+        self._is_confirmed = False
+        if self._stage == 1:
+            self._judge_turn(report)
+        elif self._stage == 2:
+            self.findings += return_findings(self._config, self._joint, report)
+            self._end()
+        if not self.is_done:
+            self._stage += 1
+            self._ask()
+
+    def _judge_turn(self, report: ProbeReport) -> None:
+        findings, measured = turn_findings(self._config, self._joint, self._turn, report)
+        self.findings += findings
+        self.measured |= measured
+        if not measured:  # another motor's encoder: what that motor would turn nobody knows
+            self._end(fatal=True)
+            return
+        offset = pulse_offset(self._config, self._joint, self._home_angle, report)
+        if offset is not None:
+            self.measured['pulse_offset'] = offset
+
+    def _ask(self) -> None:
+        self.prompt = self._prompts[self._stage]
+
+
+class DriveStep(CommissioningStep):
+    """The motor turns its joint forth and back, at low torque and speed."""
+
+    def __init__(self, config: ArmConfig, robot: Robot, joint: int) -> None:
+        super().__init__(config, robot, joint)
+        self.prompt = Prompt(
+            f'The motor of {self._name} aligns now, and turns it by {REACH:g} rad to either side. '
+            'Support the arm, keep your hands off the joint. THE ARM MOVES. Drive it?'
+        )
+
+    def answer(self, yes: bool) -> None:
+        """Take the answer; yes starts the motor."""
+        super().answer(yes)
+        if yes:
+            self.kind = DRIVE
+            self.number += 1
+
+    def update(self, report: ProbeReport) -> None:
+        """Judge the drive once it is over."""
+        if self.kind != DRIVE or report.phase not in ('done', 'failed'):
+            return
+        findings, measured = drive_findings(self._config, self._joint, report)
+        self.findings += findings
+        self.measured |= measured
+        self._end()
+
+
+def _turn(config: ArmConfig, joint: int) -> float:
+    """Return the angle by which a hand turns a joint from its home configuration [rad]."""
+    this, home = config.joints[joint], config.rest_position[joint]
+    up, down = this.position_max - home - _ROOM, home - this.position_min - _ROOM
+    room = up if up >= min(_TURN, down) else -down
+    turn = float(np.clip(room, -_TURN, _TURN))
+    if abs(turn) < _TURN_MIN:
+        raise ValueError(
+            f'{this.name} has {abs(turn):.2f} rad to turn from its home configuration: '
+            f'commissioning needs {_TURN_MIN:g} rad, choose another rest_position'
+        )
+    return turn
+
+
+def _direction(config: ArmConfig, robot: Robot, joint: int, turn: float) -> str:
+    """Return which way a joint turns, for a person beside the arm in its home configuration."""
+    try:
+        tool = Kinematics(robot)
+    except ValueError:  # an arm without a frame of that name
+        tool = Kinematics(robot, robot.link_names[-1])
+    speed = np.sign(turn) * tool.jacobian(np.array(config.rest_position))[:, joint]
+    if np.linalg.norm(speed[:3]) > _TOOL_MOVES:
+        return f'the tool sets out towards {_axis(speed[:3])} of the base'
+    axis = _axis(speed[3:])
+    return f'counter-clockwise for an eye that the axis {axis} of the base points at'
+
+
+def _axis(vector: NDArray[np.float64]) -> str:
+    """Return the base's axis that is nearest to a vector, as '+x'."""
+    along = int(np.argmax(np.abs(vector)))
+    return f'{"+" if vector[along] > 0.0 else "-"}{"xyz"[along]}'
+
 
 _STEPS = (BoardStep, TurnStep, DriveStep)
 

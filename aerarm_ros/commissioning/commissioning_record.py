@@ -14,10 +14,9 @@ import yaml
 from numpy.typing import NDArray
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.config_error import ConfigError
-from aerarm_ros.description.config_reader import read_yaml
-from aerarm_ros.description.joint_config import JointConfig
-from aerarm_ros.description.whole_file import write_whole
+from aerarm_ros.description.config_reader import ConfigError, read_yaml
+from aerarm_ros.description.drive_config import JointConfig
+from aerarm_ros.description.resources import write_whole
 
 _FORMAT = 1
 _HEADER = (

@@ -5,8 +5,7 @@ from __future__ import annotations
 from math import pi
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.hardware.boards.commissioning_probe import REACH, SPEED
-from aerarm_ros.hardware.boards.probe_messages import ProbeReport
+from aerarm_ros.hardware.boards.commissioning_probe import REACH, SPEED, ProbeReport
 
 RATIO_TOLERANCE = 0.05
 _NOT_TURNED = 0.2  # share of the turn that an encoder has to count at least

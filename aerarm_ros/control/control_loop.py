@@ -1,23 +1,48 @@
 """One cycle of a controller: reference, law, disturbance compensation, limits."""
 
 from math import isfinite
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
 from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator
-from aerarm_ros.control.checks.gains import non_negative
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.compensation.fade import Fade
-from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
-from aerarm_ros.control.laws.control_law import ControlLaw
-from aerarm_ros.control.references.reference_source import ReferenceSource
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.control.checks import JointLimits, non_negative
+from aerarm_ros.control.compensation import Fade, MomentumObserver
+from aerarm_ros.motion.signals import ArmState, Array, JointCommand
 
-Array = npt.NDArray[np.float64]
+Followed = TypeVar('Followed', contravariant=True)
+
+
+class ControlLaw(Protocol[Followed]):
+    """Turns state and reference into a command."""
+
+    def take_over(self, q: Array) -> None:
+        """Start at the present posture (n,) [rad]."""
+
+    def update(
+        self, state: ArmState, reference: Followed, dt: float, base: BaseMotion | None = None
+    ) -> JointCommand:
+        """Return the command for this cycle of `dt` [s]."""
+        ...
+
+
+Produced = TypeVar('Produced', covariant=True)
+
+
+class ReferenceSource(Protocol[Produced]):
+    """Says what to follow at each instant."""
+
+    def take_over(self, q: Array) -> None:
+        """Start at the present posture (n,) [rad]."""
+
+    def update(self, q: Array, now: float, dt: float) -> Produced:
+        """Return the reference at `now` [s], `dt` [s] after the last."""
+        ...
+
+
 Reference = TypeVar('Reference')
 
 # After a longer silence [s] the arm may have been moved by others.

@@ -9,13 +9,103 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.description.board_config import BoardConfig
-from aerarm_ros.description.config_error import ConfigError, check_name, check_range
-from aerarm_ros.description.config_reader import build, check_keys, load, section
-from aerarm_ros.description.gear_config import GearConfig
-from aerarm_ros.description.joint_config import JointConfig
-from aerarm_ros.description.motor_config import MotorConfig, ThermalConfig, torque_constant
-from aerarm_ros.description.power_stage_config import PowerStageConfig
+from aerarm_ros.description.config_reader import (
+    ConfigError,
+    build,
+    check_choice,
+    check_keys,
+    check_name,
+    check_range,
+    load,
+    section,
+)
+from aerarm_ros.description.drive_config import (
+    GearConfig,
+    JointConfig,
+    MotorConfig,
+    ThermalConfig,
+    torque_constant,
+)
+
+ENCODERS = ('incremental', 'absolute')
+
+
+@dataclass(frozen=True, slots=True)
+class BoardConfig:
+    """A dual-motor control board on its SPI bus.
+
+    Attributes
+    ----------
+    name : str
+    device : str
+        Device file, e.g. '/dev/spidev0.0' (bus 0, chip select 0).
+    clock_hz : int
+        SPI clock [Hz].
+    mode : int
+        SPI mode 0-3 (clock polarity and phase).
+    encoders : str
+        'incremental' if they count from where the board was switched on, 'absolute' if they know
+        their angle then; '' for what the frame profile says.
+
+    Raises
+    ------
+    ConfigError
+        If a value lies outside its range.
+    """
+
+    name: str
+    device: str
+    clock_hz: int
+    mode: int
+    encoders: str = ''
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_name('board', 'name', self.name)
+        owner = f'board {self.name}'
+        check_name(owner, 'device', self.device)
+        check_range(owner, 'clock_hz', self.clock_hz, 100_000, 50_000_000, 'Hz')
+        check_choice(owner, 'mode', self.mode, (0, 1, 2, 3))
+        check_choice(owner, 'encoders', self.encoders, ('', *ENCODERS))
+
+
+@dataclass(frozen=True, slots=True)
+class PowerStageConfig:
+    """What the boards take for themselves, and what becomes of braking energy.
+
+    Attributes
+    ----------
+    recovery : float
+        Share of a braking motor's electrical power that the supply takes back, 0 to 1; the rest
+        is burnt.
+    standby : float
+        Power of all boards with no current in any motor [W].
+    voltage_min, voltage_max : float
+        Supply voltages [V] beyond which the arm is stopped, where the boards report them.
+
+    Raises
+    ------
+    ConfigError
+        If a value lies outside its range.
+    """
+
+    recovery: float = 0.0
+    standby: float = 0.0
+    voltage_min: float = 0.0
+    voltage_max: float = 1e3
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_range('power_stage', 'recovery', self.recovery, 0.0, 1.0, '')
+        check_range('power_stage', 'standby', self.standby, 0.0, 1e3, 'W')
+        check_range('power_stage', 'voltage_min', self.voltage_min, 0.0, 1e3, 'V')
+        check_range('power_stage', 'voltage_max', self.voltage_max, 0.0, 1e3, 'V')
+        if self.voltage_min >= self.voltage_max:
+            raise ConfigError(
+                f'power_stage: voltage_min = {self.voltage_min} must be below voltage_max = '
+                f'{self.voltage_max}'
+            )
+
 
 __all__ = [
     'ArmConfig',

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aerarm_ros.description.description_error import DescriptionError
-from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.description.pose_config import PoseConfig
+from aerarm_ros.description.config_reader import DescriptionError
+from aerarm_ros.description.drone_config import DroneConfig, PoseConfig
 
 BODY_LINK, IMU_LINK = 'drone', 'drone_imu'
 

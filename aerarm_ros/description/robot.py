@@ -12,14 +12,12 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from aerarm_ros.description.description_error import DescriptionError
-from aerarm_ros.description.name_prefix import check_prefix
+from aerarm_ros.description.config_reader import DescriptionError, check_prefix
 from aerarm_ros.description.resources import find_file, resource
 from aerarm_ros.description.urdf_document import LARGEST, UrdfDocument, UrdfJoint
+from aerarm_ros.motion.signals import Array
 
 __all__ = ['DescriptionError', 'Robot', 'load_robot']
-
-Array = npt.NDArray[np.float64]
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 

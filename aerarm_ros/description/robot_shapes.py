@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pinocchio as pin
 
-from aerarm_ros.description.description_error import DescriptionError
+from aerarm_ros.description.config_reader import DescriptionError
 from aerarm_ros.description.robot import Robot
 
 _MIB = 2**20

@@ -8,7 +8,7 @@ import math
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
-from aerarm_ros.description.description_error import DescriptionError
+from aerarm_ros.description.config_reader import DescriptionError
 
 LOAD_FRICTION = 'load_friction'
 """Attribute of <dynamics>: dry friction per torque that a gear passes on [-]."""

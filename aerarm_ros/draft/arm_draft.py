@@ -2,29 +2,340 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.board_config import BoardConfig
+from aerarm_ros.description.arm_config import ArmConfig, BoardConfig
+from aerarm_ros.description.config_reader import DescriptionError
+from aerarm_ros.description.drive_config import (
+    GearConfig,
+    JointConfig,
+    MotorConfig,
+    ThermalConfig,
+    torque_constant,
+)
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.draft.drive_draft import DriveDraft, require_turning
-from aerarm_ros.draft.gains_draft import draft_gains
-from aerarm_ros.draft.rest_posture import RestPosture
-from aerarm_ros.excitation.settings.excitation_config import ExcitationConfig
+from aerarm_ros.excitation.clearance import ClearanceChecker
+from aerarm_ros.excitation.settings import ExcitationConfig, ExcitationError
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.joint_loads import JointLoads
+from aerarm_ros.hardware.gate.joint_barrier import JointLoads
 from aerarm_ros.model.drive_train import DriveTrain
-from aerarm_ros.model.gravity_load import largest_gravity_load
+from aerarm_ros.model.dynamics import Dynamics, largest_gravity_load
+from aerarm_ros.motion.signals import Array
 
-Array = npt.NDArray[np.float64]
+_RATIO = 1.0 / 50.0  # of printed and of harmonic gears: 1/27 to 1/101
+_CURRENT_MAX = 10.0  # [A]; frames hold 32
+_POLE_PAIRS = 12
+_RESISTANCE = 0.2  # [ohm]
+# Of the effort limit: rotors as joints feel them [s^2], dry friction, friction that grows with
+# speed, at full speed. The drives of config/aerarm.yaml have 0.001, 0.011 to 0.016 and 0.002.
+_ROTOR_SHARE, _COULOMB_SHARE, _VISCOUS_SHARE = 0.002, 0.015, 0.005
+_EFFORT_RISE = 1.0 / 60.0  # [s] from nothing to all
+_ACCELERATION_TIME = 0.1  # [s] to full speed, at least
+# Where a URDF gives no limit, or one that no drive has.
+_RANGE, _VELOCITY, _LOAD_FACTOR = 3.14, 2.0, 3.0
+_WIDEST, _FASTEST, _STRONGEST = 12.6, 20.0, 1000.0
+
+GEAR = 'guessed'
+# What a URDF may say of a joint; all else of `JointConfig` but the name is a guess.
+OF_URDF = ('position_min', 'position_max', 'velocity_max', 'effort_max', 'viscous', 'coulomb')
+
+
+@dataclass(frozen=True)
+class DriveDraft:
+    """A joint, and which of its values are guesses.
+
+    Attributes
+    ----------
+    joint : JointConfig
+        Gains and acceleration limit are placeholders, to be replaced once the whole arm is known.
+    guesses : frozenset of str
+        Names of its fields.
+    """
+
+    joint: JointConfig
+    guesses: frozenset[str]
+
+    @classmethod
+    def of(cls, robot: Robot, number: int, load: float) -> DriveDraft:
+        """Return what the URDF says of a joint, and guesses of the rest.
+
+        Parameters
+        ----------
+        robot : Robot
+        number : int
+            Of the joint, from 0 at the base; two joints share a board.
+        load : float
+            The most that gravity asks of it [Nm].
+
+        Raises
+        ------
+        DescriptionError
+            If its effort limit does not hold the arm.
+        ConfigError
+            If a limit of the URDF can be no joint's.
+        """
+        joint = robot.joints[number]
+        found = {
+            'velocity_max': _usable(robot.velocity_max[number], _FASTEST),
+            'effort_max': _usable(robot.effort_max[number], _STRONGEST),
+            'viscous': _usable(joint.damping, math.inf),
+            'coulomb': _usable(joint.friction, math.inf),
+        }
+        low, high = float(robot.position_min[number]), float(robot.position_max[number])
+        if abs(low) <= _WIDEST and abs(high) <= _WIDEST:
+            found |= {'position_min': low, 'position_max': high}
+        known = {key: value for key, value in found.items() if value is not None}
+        effort = known.setdefault('effort_max', _two_digits(max(_LOAD_FACTOR * load, 0.1)))
+        if effort <= load:
+            raise DescriptionError(
+                f'joint {joint.name}: its effort limit of {effort:g} Nm does not hold the arm '
+                f'stretched out, {load:.3g} Nm: check its <limit> and the masses'
+            )
+        guesses = {field for field in JointConfig.__dataclass_fields__ if field != 'name'}
+        guesses -= found.keys() - {key for key, value in found.items() if value is None}
+        return cls(_joint(joint.name, number, known), frozenset(guesses))
+
+
+def require_turning(robot: Robot) -> None:
+    """Raise DescriptionError unless all joints turn."""
+    for joint in robot.joints:
+        if joint.kind == 'prismatic':
+            raise DescriptionError(
+                f'joint {joint.name} slides, the drives here turn: hold it with --locked '
+                f'{joint.name}'
+            )
+
+
+def _joint(name: str, number: int, known: dict[str, float]) -> JointConfig:
+    effort = known['effort_max']
+    velocity = known.get('velocity_max', _VELOCITY)
+    return JointConfig(
+        name=name,
+        motor=_motor(effort),
+        gear=GearConfig(GEAR, _RATIO),
+        board=number // 2,
+        channel=number % 2,
+        sign=1,
+        offset=0.0,
+        position_min=known.get('position_min', -_RANGE),
+        position_max=known.get('position_max', _RANGE),
+        velocity_max=velocity,
+        acceleration_max=velocity / _ACCELERATION_TIME,
+        effort_max=effort,
+        effort_rate_max=_two_digits(effort / _EFFORT_RISE),
+        viscous=known.get('viscous', _two_digits(_VISCOUS_SHARE * effort / velocity)),
+        coulomb=known.get('coulomb', _two_digits(_COULOMB_SHARE * effort)),
+        board_kp=0.0,
+        board_kd=0.0,
+    )
+
+
+def _motor(effort: float) -> MotorConfig:
+    """Return a motor that gives a joint this torque [Nm] through the guessed gear."""
+    constant = effort * _RATIO / _CURRENT_MAX
+    return MotorConfig(
+        name=f'for_{effort:g}_Nm',
+        pole_pairs=_POLE_PAIRS,
+        kv=float(f'{torque_constant(1.0) / constant:.4g}'),
+        current_max=_CURRENT_MAX,
+        rotor_inertia=_two_digits(_ROTOR_SHARE * effort * _RATIO**2),
+        resistance=_RESISTANCE,
+        thermal=ThermalConfig.guessed(_CURRENT_MAX),
+    )
+
+
+def _usable(value: float, most: float) -> float | None:
+    """Return a number that a URDF gives, None where it stands for nothing."""
+    return float(value) if 0.0 < value <= most else None
+
+
+def _two_digits(value: float) -> float:
+    return float(f'{value:.2g}')
+
+
+_POSTURES = 200
+# The boards measure speed behind a low-pass of 100 Hz: a velocity loop (4.5) of less than half of
+# it is damped, and 0.4 leaves something for links that are lighter than drawn.
+_BANDWIDTH = 0.4 * 2.0 * math.pi * 100.0  # [1/s]
+_BANDWIDTH_MAX = 0.5 / 0.4 * _BANDWIDTH
+_FASTEST_RATE = 25.0  # [1/s] at which positions are corrected
+_AMPLE = 1.1  # of the least damping, which frames round
+
+
+def draft_gains(robot: Robot, rotor_inertia: Array, damping_min: Array) -> tuple[Array, Array]:
+    """Return stiffness K [Nm/rad] and damping D [Nms/rad] of n joints, (n,) each.
+
+    With M(q) the inertia, D is as large as lets all eigenvalues of M^-1 D stay below the
+    bandwidth in every posture tried, and K = r D with r at most a quarter of the smallest: then
+    M ddq + D dq + K q = 0 does not overshoot.
+
+    Parameters
+    ----------
+    robot
+        The arm as drawn.
+    rotor_inertia
+        (n,) reflected to the joints [kg m^2].
+    damping_min
+        (n,) least damping of an arm that is stopped [Nms/rad], see `JointLoads`.
+
+    Raises
+    ------
+    ValueError
+        If no damping is both enough and slow enough, as with links that weigh nothing.
+    """
+    dynamics = Dynamics(robot, rotor_inertia)
+    low, high = np.maximum(robot.position_min, -math.pi), np.minimum(robot.position_max, math.pi)
+    postures = np.random.default_rng(0).uniform(low, high, (_POSTURES, robot.n))
+    mobility: Array = np.array([dynamics.mobility_matrix(q) for q in postures])
+    shares = 1.0 / np.diagonal(mobility, axis1=1, axis2=2).max(axis=0)
+    damping = shares * _BANDWIDTH / _rates(mobility, shares)[1]
+    damping = np.maximum(damping, _AMPLE * damping_min)
+    slowest, fastest = _rates(mobility, damping)
+    if fastest > _BANDWIDTH_MAX:
+        raise ValueError(
+            f'an arm that is damped enough not to fall would have a velocity loop of '
+            f'{fastest / (2.0 * math.pi):.0f} Hz, more than boards can: check the masses and '
+            'inertias of the last links, and velocity limits'
+        )
+    return min(_FASTEST_RATE, 0.25 * slowest) * damping, damping
+
+
+def _rates(mobility: Array, damping: Array) -> tuple[float, float]:
+    """Return the smallest and the largest eigenvalue of M^-1 D over all postures [1/s]."""
+    root = np.sqrt(damping)
+    rates = np.linalg.eigvalsh(root[:, None] * mobility * root)
+    return float(rates.min()), float(rates.max())
+
+
+_TRIED_POSTURES = 400
+_SHARE = 0.6  # of each joint's range, about its middle: an excitation needs room on both sides
+_CLEAR_ENOUGH = 0.5  # of the widest clearance found
+_NARROW = 0.01  # [m]
+
+
+class RestPosture:
+    """Looks for the posture that an excitation moves about.
+
+    Of postures drawn about the middle of the joints' ranges, those count that are at least half as
+    clear of everything as the clearest; of these, the one whose motors have least to hold.
+
+    Parameters
+    ----------
+    robot
+        The arm, its joints limited.
+    effort_max
+        (n,) [Nm]
+    limits
+        (n,) and (n,) positions [rad].
+    surroundings
+        Ground and clearances that are wished for.
+    package_directories
+        Where `package://` meshes are looked for, besides the folders above the URDF.
+
+    Attributes
+    ----------
+    posture
+        (n,) [rad], to a tenth, within the limits.
+    surroundings
+        Those wished for, clearances of 0.01 m if the arm is built closer, or no ground if even
+        these cannot be kept.
+    problem
+        Why clearances had to be cut or could not be looked at, or that no posture is clear; else
+        ''.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        effort_max: Array,
+        limits: tuple[Array, Array],
+        surroundings: ExcitationConfig,
+        package_directories: Sequence[Path] = (),
+    ) -> None:
+        self.problem = ''
+        low, high = np.maximum(limits[0], -math.pi), np.minimum(limits[1], math.pi)
+        self._limits = low, high
+        self._dynamics = Dynamics(robot, np.zeros(robot.n))
+        self._effort_max = effort_max
+        self.surroundings = surroundings
+        self._checker: ClearanceChecker | None = None
+        for narrower in _narrower(surroundings):
+            try:
+                self._checker = _checker(robot, narrower, package_directories)
+                self.surroundings = narrower
+                break
+            except ExcitationError as error:
+                self.problem = self.problem or str(error)
+        self.posture = self._search()
+
+    def _search(self) -> Array:
+        low, high = self._limits
+        middle, half = 0.5 * (low + high), 0.5 * _SHARE * (high - low)
+        drawn = np.random.default_rng(0).uniform(-half, half, (_TRIED_POSTURES, len(low)))
+        postures = [self._rounded(q) for q in (middle, *(middle + drawn))]
+        margins = np.array([self._margin(q) for q in postures])
+        best = float(margins.max())
+        if best < 0.0:
+            self.problem = (
+                f'none of {len(postures)} postures keeps its clearance, the best one misses it by '
+                f'{-best:.2g} m: check the collision shapes, and ground_height'
+            )
+        clear = [
+            q for q, margin in zip(postures, margins, strict=True) if margin >= self._enough(best)
+        ]
+        found = min(clear, key=self._load)
+        # What changes neither is left in the middle, as a base that turns about the vertical.
+        for joint in range(len(found)):
+            other = found.copy()
+            other[joint] = self._rounded(middle)[joint]
+            if self._margin(other) >= self._enough(best) and (
+                self._load(other) <= self._load(found) + 1e-6
+            ):
+                found = other
+        return found
+
+    def _margin(self, q: Array) -> float:
+        return 0.0 if self._checker is None else self._checker.margin(q)
+
+    @staticmethod
+    def _enough(best: float) -> float:
+        return _CLEAR_ENOUGH * best if best > 0.0 else best
+
+    def _load(self, q: Array) -> float:
+        """Return the largest share of a joint's torque that gravity takes."""
+        return float(np.max(np.abs(self._dynamics.gravity(q)) / self._effort_max))
+
+    def _rounded(self, q: Array) -> Array:
+        rounded: Array = np.clip(np.round(q, 1) + 0.0, *self._limits)
+        return rounded
+
+
+def _narrower(surroundings: ExcitationConfig) -> tuple[ExcitationConfig, ...]:
+    """Return surroundings that ask for less and less."""
+    near_ground = replace(surroundings, ground_clearance=_NARROW)
+    near = replace(near_ground, self_clearance=_NARROW)
+    return surroundings, near_ground, near, replace(near, ground_height=None)
+
+
+def _checker(
+    robot: Robot, surroundings: ExcitationConfig, package_directories: Sequence[Path]
+) -> ClearanceChecker:
+    return ClearanceChecker(
+        robot,
+        surroundings.self_clearance,
+        surroundings.ground_clearance,
+        surroundings.ground_height,
+        package_directories,
+    )
+
 
 PROFILE = 'uomodri_v3'
 _CLOCK, _MODE = 8_000_000, 0

@@ -8,9 +8,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
 
-from aerarm_ros.description.gear_config import GearConfig
-from aerarm_ros.description.joint_config import JointConfig
-from aerarm_ros.description.motor_config import MotorConfig, ThermalConfig
+from aerarm_ros.description.drive_config import GearConfig, JointConfig, MotorConfig, ThermalConfig
 from aerarm_ros.draft.arm_draft import ArmDraft
 
 MARK = '# guess'

@@ -2,10 +2,8 @@
 
 import numpy as np
 
-from aerarm_ros.energy.energy_balance import EnergyBalance
-from aerarm_ros.energy.energy_model import EnergyModel
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.energy.energy_model import EnergyBalance, EnergyModel
+from aerarm_ros.motion.signals import ArmState, Array
 
 LONGEST_GAP = 0.1  # [s] states further apart are not neighbours
 
@@ -83,7 +81,7 @@ class BalanceMeter:
         rows = (dq, tau, rigid - weight, weight, friction)
         interval = model.split(dt, *(row[np.newaxis] for row in rows))
         # What varies within the interval heats, too.
-        ripple: FloatArray = model.drives.copper_per_torque2 * (self._square - dt * tau**2)
+        ripple: Array = model.drives.copper_per_torque2 * (self._square - dt * tau**2)
         interval.copper[:] += ripple
         self.total = self.total + interval
         self._start(time, state)

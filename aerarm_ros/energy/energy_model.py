@@ -1,18 +1,138 @@
 """What a motion costs, by the model of an arm."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.energy.drive_power import DrivePower
-from aerarm_ros.energy.energy_balance import EnergyBalance
 from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.motion.float_array import FloatArray
-from aerarm_ros.motion.joint_motion import JointMotion
+from aerarm_ros.motion.signals import Array, JointMotion
+
+
+class DrivePower:
+    """Electrical power of n drives by the torque and velocity of their joints, thesis (4.1).
+
+    With a quadrature current alone a motor takes ``3/2 R i^2 + K_i i omega_m``: copper loss and
+    the power of its shaft, of which a gear with an efficiency below one passes on a part. While
+    that sum is negative the motor brakes; of this the power stage lets the supply take back a
+    share, and burns the rest.
+
+    Arguments are (..., n) arrays: torques of the drives at the joints [Nm], as in `joint_states`,
+    and velocities [rad/s].
+
+    Parameters
+    ----------
+    config : ArmConfig
+
+    Attributes
+    ----------
+    copper_per_torque2 : (n,) ndarray
+        Copper loss over the torque squared [W/Nm^2].
+    shaft : (n,) ndarray
+        Power of the shaft over that of the joint, 1 / eta [-].
+    recovery : float
+        Share of the braking power that the supply takes back.
+    """
+
+    def __init__(self, config: ArmConfig) -> None:
+        per_ampere = config.column('torque_per_ampere')
+        self.copper_per_torque2 = 1.5 * config.column('motor.resistance') / per_ampere**2
+        self.shaft = 1.0 / config.column('gear.efficiency')
+        self.recovery = config.power_stage.recovery
+
+    def copper(self, tau: Array) -> Array:
+        """Return the copper loss [W]."""
+        loss: Array = self.copper_per_torque2 * tau**2
+        return loss
+
+    def electrical(self, tau: Array, dq: Array) -> Array:
+        """Return the power into the motors [W], negative where they brake."""
+        power: Array = self.copper(tau) + self.shaft * tau * dq
+        return power
+
+    def from_supply(self, electrical: npt.ArrayLike) -> Array:
+        """Return what the supply gives for electrical powers [W], negative for what it takes."""
+        power = np.asarray(electrical, dtype=float)
+        return np.where(power < 0.0, self.recovery * power, power)
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyBalance:
+    """Where the energy of n joints went, in some time.
+
+    All but `seconds` are (n,) [J] and add up: what the supply gave is the sum of `parts`.
+
+    Attributes
+    ----------
+    seconds : float
+        [s]
+    copper : heat of the windings.
+    friction : heat of joints and gears, by the friction model.
+    gravity : work against the weight of links and payload, negative where they sank.
+    inertia : work into the motion, Coriolis and centrifugal torques included; zero in sum over the
+        joints from rest to rest.
+    unexplained : work of the drives that the model does not know; zero for a planned motion.
+    burnt : braking energy that the power stage burns.
+    standby : of the boards, a joint's share.
+    recovered : braking energy that the supply took back; part of none of the others.
+    """
+
+    seconds: float
+    copper: Array
+    friction: Array
+    gravity: Array
+    inertia: Array
+    unexplained: Array
+    burnt: Array
+    standby: Array
+    recovered: Array
+
+    PARTS = ('copper', 'friction', 'gravity', 'inertia', 'unexplained', 'burnt', 'standby')
+
+    @classmethod
+    def nothing(cls, n: int) -> EnergyBalance:
+        """Return the balance of no time."""
+        return cls(0.0, *(np.zeros(n) for _ in fields(cls)[1:]))
+
+    def __add__(self, other: EnergyBalance) -> EnergyBalance:
+        """Return the balance of both times together."""
+        values = (getattr(self, f.name) + getattr(other, f.name) for f in fields(self))
+        return EnergyBalance(*values)
+
+    @cached_property
+    def parts(self) -> Array:
+        """(7, n) what the supply's energy became [J], rows as named by `PARTS`."""
+        return np.array([getattr(self, name) for name in self.PARTS])
+
+    @property
+    def motors(self) -> Array:
+        """(n,) what the supply gave for each motor [J]: all parts but standby."""
+        return self.supplied - self.standby
+
+    @property
+    def supplied(self) -> Array:
+        """(n,) what the supply gave, less what it took back [J]."""
+        total: Array = self.parts.sum(axis=0)
+        return total
+
+    def as_text(self, joint_names: tuple[str, ...]) -> str:
+        """Return a table of joules: a line a joint, and their sum."""
+        heads = [*self.PARTS, 'supplied', 'recovered']
+        columns = np.vstack([self.parts, self.supplied, self.recovered])
+        table = np.column_stack([columns, columns.sum(axis=1)])
+        width = max(map(len, (*joint_names, 'all')))
+        lines = [' ' * width + ''.join(f'{head:>12}' for head in heads) + '   [J]']
+        for name, column in zip((*joint_names, 'all'), table.T, strict=True):
+            lines.append(f'{name:{width}}' + ''.join(f'{value:12.3f}' for value in column))
+        return '\n'.join(lines)
+
 
 _STEP = 2e-3  # [s]
 
@@ -71,7 +191,7 @@ class EnergyModel:
         """Return the same friction, spread over other velocities about rest [rad/s]."""
         return FrictionCompensation(*self._dry_and_viscous, width, load_share=self.load_friction)
 
-    def friction_torque(self, dq: FloatArray, ddq: FloatArray, rigid: FloatArray) -> FloatArray:
+    def friction_torque(self, dq: Array, ddq: Array, rigid: Array) -> Array:
         """Return the friction (..., n) [Nm] of a motion.
 
         Gears pass on what the links take: what turns the rotors does not go through them.
@@ -85,7 +205,7 @@ class EnergyModel:
         """
         return self.friction.torque(dq, rigid - self.dynamics.rotor_inertia * ddq)
 
-    def power(self, motion: JointMotion, times: FloatArray) -> FloatArray:
+    def power(self, motion: JointMotion, times: Array) -> Array:
         """Return the electrical power of each motor (M, n) [W] at times (M,) [s]."""
         q, dq, ddq = motion.evaluate(times)
         rigid = np.array([self.dynamics.inverse(*row) for row in zip(q, dq, ddq, strict=True)])
@@ -104,11 +224,11 @@ class EnergyModel:
     def split(
         self,
         dt: float,
-        dq: FloatArray,
-        tau: FloatArray,
-        inertia: FloatArray,
-        weight: FloatArray,
-        friction: FloatArray,
+        dq: Array,
+        tau: Array,
+        inertia: Array,
+        weight: Array,
+        friction: Array,
     ) -> EnergyBalance:
         """Return the balance of M intervals.
 
@@ -126,8 +246,8 @@ class EnergyModel:
         gear = (self.drives.shaft - 1.0) * tau * dq
         recovery, stage = self.drives.recovery, self.config.power_stage
 
-        def joules(power: FloatArray) -> FloatArray:
-            total: FloatArray = dt * power.sum(axis=0)
+        def joules(power: Array) -> Array:
+            total: Array = dt * power.sum(axis=0)
             return total
 
         seconds = dt * len(dq)
@@ -143,14 +263,37 @@ class EnergyModel:
             recovered=recovery * joules(braking),
         )
 
-    def torques(
-        self, q: FloatArray, dq: FloatArray, ddq: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def torques(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
         """Return inverse dynamics and gravity, (M, n) [Nm] each."""
 
-        def rows() -> Iterator[tuple[FloatArray, FloatArray]]:
+        def rows() -> Iterator[tuple[Array, Array]]:
             for motion in zip(q, dq, ddq, strict=True):
                 yield self.dynamics.inverse(*motion), self.dynamics.gravity(motion[0])
 
         rigid, weight = zip(*rows(), strict=True)
         return np.array(rigid), np.array(weight)
+
+
+class HoldingLoss:
+    """Copper loss of the torques that hold the arm's weight, thesis (4.1) at rest.
+
+    Parameters
+    ----------
+    model : EnergyModel
+    """
+
+    def __init__(self, model: EnergyModel) -> None:
+        self._dynamics = model.dynamics
+        self._drives = model.drives
+        self._rest = np.zeros(model.n)
+
+    def watts(self, q: Array) -> float:
+        """Return the loss at q (n,) [rad] in watts."""
+        return float(self._drives.copper(self._dynamics.gravity(q)).sum())
+
+    def gradient(self, q: Array) -> Array:
+        """Return its derivative by q, (n,) [W/rad]."""
+        rest = self._rest
+        weight, slopes, _, _ = self._dynamics.inverse_with_slopes(q, rest, rest)
+        gradient: Array = 2.0 * (self._drives.copper_per_torque2 * weight) @ slopes
+        return gradient

@@ -5,38 +5,89 @@ cycle with its frames, the boards' laws, quantised encoders and filtered velocit
 is left out, so that a run is the same every time.
 """
 
-from dataclasses import dataclass
+import multiprocessing
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.base.base_motion_estimator import FULL, NONE, BaseMotionEstimator
-from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.base.feedback_check import OscillationWatch
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.base.oscillation_watch import OscillationWatch
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
-from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
+from aerarm_ros.control.checks import JointLimits
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
-from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.control.laws.computed_torque import BoardComputedTorque, ComputedTorque
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
-from aerarm_ros.experiment.experiment_case import CAD, GRAVITY, HOST, ExperimentCase
+from aerarm_ros.excitation.parallel_design import interrupts_held_back
+from aerarm_ros.excitation.trajectory import RampedExcitation
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulation.emulated_base import mount_on_base
-from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_reference import JointReference
-from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
-from aerarm_ros.simulation.moving_base_plant import MovingBasePlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport, mount_on_base
+from aerarm_ros.hardware.gate.command_intake import OfferedCommand
+from aerarm_ros.motion.signals import ArmState, Array, JointReference
+from aerarm_ros.simulation.arm_plant import PlantParameters
+from aerarm_ros.simulation.base_profile import BASE_PROFILES, MOVING, STILL, TILTED
+from aerarm_ros.simulation.flying_plant import MovingBasePlant
 
-Array = npt.NDArray[np.float64]
+GRAVITY, HOST, BOARDS = 'gravity compensation', 'computed torque, host', 'computed torque, boards'
+CAD, TRUE = 'CAD', 'true'
+
+
+@dataclass(frozen=True)
+class ExperimentCase:
+    """One run.
+
+    Attributes
+    ----------
+    law
+        `GRAVITY`, `HOST` or `BOARDS`.
+    parameters
+        Parameters that the controller knows: `CAD`, or `TRUE`, which are the plant's own.
+    observer
+        Whether the momentum observer compensates.
+    base
+        What the drone does: `STILL`, `TILTED` or `MOVING`.
+    aware
+        Whether the controller listens to the IMU.
+    """
+
+    law: str
+    parameters: str
+    observer: bool = False
+    base: str = STILL
+    aware: bool = False
+
+    @property
+    def name(self) -> str:
+        """Description for tables."""
+        observer = ' + observer' if self.observer else ''
+        imu = '' if self.base == STILL else ', IMU' if self.aware else ', no IMU'
+        return f'{self.law}{observer}; {self.parameters}; {self.base}{imu}'
+
+
+def all_cases() -> list[ExperimentCase]:
+    """Return the runs of the experiment."""
+    still = [
+        ExperimentCase(law, parameters, observer)
+        for law in (GRAVITY, HOST, BOARDS)
+        for parameters in (CAD, TRUE)
+        for observer in (False, True)
+    ]
+    host, cad = ExperimentCase(HOST, TRUE), ExperimentCase(HOST, CAD)
+    compared = [host, ExperimentCase(BOARDS, TRUE), cad, replace(cad, observer=True)]
+    moved = [
+        replace(case, base=base, aware=aware)
+        for base in (TILTED, MOVING)
+        for case in compared
+        for aware in (False, True)
+    ]
+    return [*still, *moved]
+
 
 CYCLE = 1e-3
 SETTLE = 1.0  # [s] at rest before the motion begins, and after it has ended
@@ -192,3 +243,32 @@ class ExperimentBench:
         observer = MomentumObserver(dynamics, 30.0, friction) if case.observer else None
         limit = 0.5 * self._limits.effort_max
         return ControlLoop(self._limits, source, law, observer, estimator, limit)
+
+
+def run_all(
+    bench: ExperimentBench, cases: Sequence[ExperimentCase], workers: int
+) -> Generator[ExperimentRun, None, None]:
+    """Yield the run of each case, in their order, the same whatever the number of workers.
+
+    Leaving the iteration early ends the workers.
+
+    Parameters
+    ----------
+    bench
+    cases
+    workers
+        Processes; with one, it is this one.
+
+    Raises
+    ------
+    RuntimeError
+        If the arm was stopped.
+    """
+    if workers == 1:
+        yield from map(bench.run, cases)
+        return
+    # Started afresh rather than forked: MuJoCo and Pinocchio may have threads.
+    with interrupts_held_back():
+        pool = multiprocessing.get_context('spawn').Pool(workers)
+    with pool:
+        yield from pool.imap(bench.run, cases)

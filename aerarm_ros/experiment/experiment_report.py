@@ -6,19 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from aerarm_ros.description.resources import write_whole
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.description.whole_file import write_whole
-from aerarm_ros.experiment.experiment_bench import ExperimentRun
-from aerarm_ros.experiment.experiment_case import ExperimentCase
+from aerarm_ros.experiment.experiment_bench import ExperimentCase, ExperimentRun
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.pages.html_text import Html, page, paragraph, section, table
-from aerarm_ros.pages.page_origin import origin
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.pages.html_text import Html, origin, page, paragraph, section, table
 from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 from aerarm_ros.simulation.base_profile import STILL
-
-Array = npt.NDArray[np.float64]
 
 HEADINGS = (
     'law; model of the controller; drone',

@@ -1,15 +1,89 @@
 """What the arm adds to its drone, in a form that may be fed forward."""
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.control.compensation import Fade
 from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.flight.mass_properties import MassProperties
-from aerarm_ros.model.cross_product import cross
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.flight.flight_state import StampedValues
+from aerarm_ros.model.inertia import cross, joined
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import Array, JointReference
 
-Array = npt.NDArray[np.float64]
+
+@dataclass(frozen=True, eq=False)
+class MassProperties:
+    """Mass of drone and arm in one posture.
+
+    Attributes
+    ----------
+    mass : float
+        [kg]
+    centre : (3,) ndarray
+        Centre of mass in the body frame [m].
+    inertia : (3, 3) ndarray
+        About the centre of mass in body axes [kg m^2].
+    """
+
+    mass: float
+    centre: Array
+    inertia: Array
+
+    @classmethod
+    def of(
+        cls, drone: DroneConfig, arm_mass: float, arm_centre: Array, arm_inertia: Array
+    ) -> 'MassProperties':
+        """Return those of a drone with an arm.
+
+        Parameters
+        ----------
+        drone : DroneConfig
+        arm_mass : float
+            [kg]
+        arm_centre : (3,) ndarray
+            In the arm's base frame [m].
+        arm_inertia : (3, 3) ndarray
+            About that, in the base frame's axes [kg m^2].
+        """
+        rotation, mount = drone.mount.rotation, np.array(drone.mount.position)
+        body = drone.mass, np.array(drone.centre_of_mass), drone.inertia_matrix
+        arm = arm_mass, mount + rotation @ arm_centre, rotation @ arm_inertia @ rotation.T
+        return cls(*joined(body, arm))
+
+
+class FeedForward(NamedTuple):
+    """Mass properties of drone and arm, and what the arm's motion does to the drone.
+
+    In body axes, moments about the body frame's origin.
+
+    Attributes
+    ----------
+    body : MassProperties
+        When a command of now acts.
+    wrench, wrench_now : (6,) ndarray
+        Of the joints' motion on the drone when a command of now acts, and now: force [N], moment
+        [Nm].
+    force_rate, force_curvature : (3,) ndarray
+        Derivatives of its force by time, now [N/s] and when a command acts [N/s^2]: a drone leans
+        for such a force, which it does by turning.
+    """
+
+    body: MassProperties
+    wrench: Array
+    wrench_now: Array
+    force_rate: Array
+    force_curvature: Array
+
+    @classmethod
+    def at_rest(cls, body: MassProperties) -> 'FeedForward':
+        """Return what an arm at rest does: nothing but weigh."""
+        zero = np.zeros(3)
+        return cls(body, np.zeros(6), np.zeros(6), zero, zero)
 
 
 class ArmLoad(NamedTuple):
@@ -65,3 +139,261 @@ def at_drone_centre(acceleration: Array, drone: DroneConfig) -> Array:
     linear, spin = rotation @ acceleration[:3], rotation @ acceleration[3:]
     lever = np.array(drone.centre_of_mass) - drone.mount.position
     return np.concatenate([linear + cross(spin, lever), spin])
+
+
+_STILL = np.zeros(3)
+
+
+class ArmLoadModel:
+    """Computes an `ArmLoad` from the motion of the joints.
+
+    Parameters
+    ----------
+    robot : Robot
+        With everything the arm adds to the drone; its gravity is that of a level drone.
+
+    Attributes
+    ----------
+    dynamics : WholeBodyDynamics
+        The model, to be told of a payload.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.dynamics = WholeBodyDynamics(robot)
+        self._gravity = np.array(robot.gravity_in_base, dtype=float)
+
+    def evaluate(self, motion: JointReference) -> ArmLoad:
+        """Return the load of a motion of n joints at one instant."""
+        mass, com, inertia = self.dynamics.composite_inertia(motion.q)
+        force = mass * self._gravity
+        weight = np.concatenate([force, cross(com, force)])
+        return ArmLoad(mass, com, inertia, weight, -self.dynamics.forces(*motion, _STILL)[:6])
+
+
+# A plan that the arm is further off [rad], [rad/s] is not what it does.
+_POSTURE, _SPEED = 0.3, 1.5
+_FADE = 0.05  # [s] between plan and measurement
+_LONGEST = 10.0  # [s] of a plan
+_TOO_OLD = 0.5  # [s] a plan that begins that long before the newest state is of another time
+
+
+class ArmForecast:
+    """The joints' motion a lead ahead of now: as planned, or else as measured.
+
+    A controller says what it will do in the next moments, and then no observer could be as early.
+    From where the arm is, its posture goes on as the plan's does. Without a plan, or with one that
+    is not what the arm does, the measured motion serves: the posture goes on with its velocity.
+    From one to the other it fades. Times are those of the stamps of joint states [s].
+
+    Parameters
+    ----------
+    n : int
+        Number of joints.
+    lead : float
+        How far ahead [s].
+    """
+
+    def __init__(self, n: int, lead: float = 0.0) -> None:
+        self.lead = lead
+        self._n = n
+        self._path: PolynomialPath | None = None
+        self._begin = -np.inf
+        self._fade = Fade(_FADE, share=0.0)
+        self._time = -np.inf
+        self._trust_problem = 'no plan'
+
+    @property
+    def problem(self) -> str:
+        """Why the plan is not used, '' if it is."""
+        return self._trust_problem
+
+    def offer(self, begin: float, times: Array, q: Array, dq: Array, ddq: Array) -> None:
+        """Take a plan: points (M, n) at times (M,) after `begin` [s], rising from 0.
+
+        Raises
+        ------
+        RejectedInputError
+            If it has fewer than two points, a number is missing or not finite, or times do not
+            rise from 0.
+        """
+        if q.ndim != 2 or len(times) < 2 or not q.shape == dq.shape == ddq.shape:
+            raise RejectedInputError(
+                'planned motion: it needs two points or more, each with positions, velocities '
+                'and accelerations'
+            )
+        if q.shape != (len(times), self._n):
+            raise RejectedInputError(f'planned motion: each point needs {self._n} joints')
+        if not np.isfinite(times.sum() + q.sum() + dq.sum() + ddq.sum()):
+            raise RejectedInputError('planned motion: its numbers must be finite')
+        if times[0] != 0.0 or np.any(np.diff(times) <= 0.0) or times[-1] > _LONGEST:
+            raise RejectedInputError(
+                f'planned motion: its times must rise from 0 to {_LONGEST:g} s at most'
+            )
+        self._path = PolynomialPath.quintic(times, q, dq, ddq)
+        self._begin = begin
+
+    def motion(self, now: float, measured: JointReference) -> JointReference:
+        """Return the motion at `now + lead` [s] of an arm measured at `now`, (n,) each."""
+        step = now - self._time
+        self._time = now
+        seen = measured.q + self.lead * measured.dq, measured.dq, measured.ddq
+        self._trust_problem = self._problem(now, measured)
+        if not 0.0 <= step < _TOO_OLD:
+            # At first, or after a gap, nothing can jump.
+            self._fade.share = 0.0 if self._trust_problem else 1.0
+            step = 0.0
+        share = self._fade.update(step, not self._trust_problem)
+        if share == 0.0 or self._path is None:
+            return JointReference(*seen)
+        end = (1.0 - 1e-9) * self._path.duration  # at which the motion still goes on
+        here = self._path.evaluate(min(now - self._begin, end))
+        ahead = self._path.evaluate(min(now + self.lead - self._begin, end))
+        planned = measured.q + ahead.q - here.q, ahead.dq, ahead.ddq
+        mixed = (share * p + (1.0 - share) * s for p, s in zip(planned, seen, strict=True))
+        return JointReference(*mixed)
+
+    def _problem(self, now: float, measured: JointReference) -> str:
+        if self._path is None:
+            return 'no plan'
+        elapsed = now - self._begin
+        if elapsed < 0.0 or elapsed + self.lead > self._path.duration:
+            if elapsed < -_TOO_OLD or elapsed > self._path.duration + _TOO_OLD:
+                self._path = None
+            return 'no plan for this time'
+        here = self._path.evaluate(elapsed)
+        if np.any(np.abs(here.q - measured.q) > _POSTURE):
+            return 'the arm is not where it was planned to be'
+        if np.any(np.abs(here.dq - measured.dq) > _SPEED):
+            return 'the arm does not move as planned'
+        return ''
+
+
+HOLD = 0.05  # [s] for which the last that was told stands for what comes after it
+_FEED_FADE = 0.1  # [s]
+_SPACING = 0.012  # [s] of the differences that are derivatives
+_STEP_MAX = 0.05  # [s]
+_MASS_MAX = 3.0  # of the drone's; of an arm that is heavier something is wrong
+_ROUNDING = 1e-9  # [m^2]
+_REACH = 3.0  # [m] its centre is nearer, or was told in another unit
+
+
+class ArmFeedForward:
+    """Takes stamped mass properties and wrenches of the arm, and tells those of a time.
+
+    What is told of a posture is kept until it is told anew; a motion that is no longer told fades.
+
+    Parameters
+    ----------
+    drone : DroneConfig
+    body : MassProperties
+        Of drone and arm, until the arm's are told, and where the posture is not used.
+    use_posture, use_motion : bool
+    lead : float
+
+    Attributes
+    ----------
+    use_posture, use_motion : bool
+        What is used; may be changed.
+    lead : float
+        From a command until it acts [s]; may be changed.
+    """
+
+    def __init__(
+        self,
+        drone: DroneConfig,
+        body: MassProperties,
+        use_posture: bool = True,
+        use_motion: bool = True,
+        lead: float = 0.0,
+    ) -> None:
+        self._drone = drone
+        self.use_posture, self.use_motion = use_posture, use_motion
+        self.lead = lead
+        self._body = body
+        self._rotation = drone.mount.rotation
+        self._mount = np.array(drone.mount.position)
+        self._arm = StampedValues(HOLD)
+        self._motion = StampedValues(HOLD)
+        self._fade = Fade(_FEED_FADE, share=0.0)
+        self._last = FeedForward.at_rest(body)
+        self._time = -np.inf
+
+    def offer_inertia(self, stamp: float, mass: float, com: Array, inertia: Array) -> None:
+        """Take mass properties of the arm about a time [s], in its base's frame.
+
+        Raises
+        ------
+        RejectedInputError
+            If no body has them.
+        """
+        numbers = np.concatenate([[mass], com, inertia.ravel()])
+        if not np.isfinite(numbers.sum()) or not 0.0 < mass < _MASS_MAX * self._drone.mass:
+            raise RejectedInputError(f'arm_inertia: {mass:.3g} kg under a drone, or NaN')
+        if np.linalg.norm(com) > _REACH or np.linalg.eigvalsh(inertia)[0] < -_ROUNDING * mass:
+            raise RejectedInputError(
+                f'arm_inertia: its centre is more than {_REACH:g} m away, or it has less than no '
+                'moment of inertia'
+            )
+        self._arm.add(stamp, numbers)
+
+    def offer_motion(self, stamp: float, wrench: Array) -> None:
+        """Take the wrench (6,) of the joints' motion about a time [s], in the arm's base frame.
+
+        Raises
+        ------
+        RejectedInputError
+            If it is not finite, or larger than any motion's.
+        """
+        if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > 100.0 * self._drone.mass:
+            raise RejectedInputError('base_wrench_motion: NaN, or no force or moment of this arm')
+        force, moment = self._rotation @ wrench[:3], self._rotation @ wrench[3:]
+        self._motion.add(stamp, np.concatenate([force, moment + cross(self._mount, force)]))
+
+    @property
+    def newest(self) -> float | None:
+        """Time of the newest that was told of the arm [s], None before the first."""
+        times = [told.newest for told in (self._arm, self._motion) if told.newest is not None]
+        return max(times, default=None)
+
+    def is_late(self, now: float) -> bool:
+        """Return whether the arm is told, but not yet as far ahead as `now` [s] needs."""
+        ahead = now + self.lead
+        needs = (
+            (self.use_posture, self._arm.newest, ahead),
+            (self.use_motion, self._motion.newest, ahead + _SPACING),
+        )
+        return any(used and newest is not None and newest < need for used, newest, need in needs)
+
+    def at(self, now: float) -> FeedForward:
+        """Return what is to be fed forward at `now` [s]."""
+        step = min(max(now - self._time, 0.0), _STEP_MAX)
+        self._time = now
+        last = self._last
+        body = last.body if self.use_posture else self._body
+        if self.use_posture and (numbers := self._arm.at(now + self.lead)) is not None:
+            mass, com, inertia = numbers[0], numbers[1:4], numbers[4:].reshape(3, 3)
+            body = MassProperties.of(self._drone, float(mass), com, inertia)
+        known = self._motion_at(now) if self.use_motion else None
+        share = self._fade.update(step, known is not None)
+        wrench, *forces = last[1:] if known is None else known
+        self._last = FeedForward(body, wrench, *forces)
+        if share == 1.0:
+            return self._last
+        return FeedForward(body, share * wrench, *(share * force for force in forces))
+
+    def _motion_at(self, now: float) -> tuple[Array, Array, Array, Array] | None:
+        """Return the wrench then and now, its force's derivatives, None if they are not told."""
+        ahead, motion = now + self.lead, self._motion
+        wrench = motion.at(ahead)
+        if wrench is None:
+            return None
+        h = _SPACING
+        here = motion.at(now)
+        parts = [motion.between(time) for time in (now - h, now + h, ahead - h, ahead + h)]
+        if here is None or any(part is None for part in parts):
+            # Not told far enough ahead: it leans for what is, and turns for nothing.
+            return wrench, wrench, np.zeros(3), np.zeros(3)
+        before, after, earlier, later = (part[:3] for part in parts if part is not None)
+        rate = (after - before) / (2.0 * h)
+        curvature = (earlier - 2.0 * wrench[:3] + later) / h**2
+        return wrench, here, rate, curvature

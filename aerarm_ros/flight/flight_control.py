@@ -1,21 +1,179 @@
 """Position and attitude of a drone with its arm, on SE(3)."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.control.checks import non_negative_number, positive
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
-from aerarm_ros.flight.allocation import Allocation
-from aerarm_ros.flight.disturbance import Disturbance
-from aerarm_ros.flight.feed_forward import FeedForward
-from aerarm_ros.flight.flight_gains import FlightGains
-from aerarm_ros.flight.flight_state import FlightState
-from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
-from aerarm_ros.flight.mass_properties import MassProperties
-from aerarm_ros.flight.rotor_estimate import RotorEstimate
-from aerarm_ros.model.cross_product import cross
-from aerarm_ros.motion.limited import limited
+from aerarm_ros.flight.arm_load import FeedForward, MassProperties
+from aerarm_ros.flight.disturbances import Disturbance
+from aerarm_ros.flight.flight_state import FlightState, FlightTarget, yaw_of
+from aerarm_ros.model.inertia import cross
+from aerarm_ros.motion.signals import Array, limited
 
-Array = npt.NDArray[np.float64]
+# What a drone needs first: lift, and the moments that keep it upright.
+_FIRST = np.array([False, False, True, True, True, False])
+_HALVINGS = 10
+_TURN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1e3])  # [Nm] more than any rotors give
+
+
+class Allocation:
+    """Distributes a wrench to the rotors, within their limits.
+
+    Where they cannot give it all, the moments about the horizontal axes come first, then lift, then
+    the moment about the vertical and forces sideways, which are scaled down together.
+
+    Parameters
+    ----------
+    drone : DroneConfig
+        A drone whose rotors cannot push sideways gets no force sideways.
+
+    Attributes
+    ----------
+    matrix : (6, n) ndarray
+        Wrench per thrust on the body at its frame's origin.
+    """
+
+    def __init__(self, drone: DroneConfig) -> None:
+        self.matrix = matrix = drone.allocation
+        rows = np.ones(6, dtype=bool)
+        if not drone.is_fully_actuated:
+            rows[:2] = False
+        inverse = np.zeros((drone.n, 6))
+        inverse[:, rows] = np.linalg.pinv(matrix[rows])
+        self._lift = inverse[:, 2]
+        self._tilt = inverse[:, 3:5]
+        self._rest = inverse[:, ~_FIRST]
+        self._min, self._max = drone.column('thrust_min'), drone.column('thrust_max')
+
+    def thrusts(self, wrench: Array) -> Array:
+        """Return the thrusts (n,) [N] for a wrench (6,) on the body at its frame's origin."""
+        first = self._first(wrench[2] * self._lift, self._tilt @ wrench[3:5])
+        rest = self._rest @ wrench[~_FIRST]
+        low, high = self._min - first, self._max - first
+        with np.errstate(divide='ignore', invalid='ignore'):
+            shares = np.where(rest > 0.0, high / rest, np.where(rest < 0.0, low / rest, 1.0))
+        share = min(1.0, max(0.0, float(shares.min())))
+        thrusts: Array = np.clip(first + share * rest, self._min, self._max)
+        return thrusts
+
+    def turning_moment(self, body: MassProperties) -> float:
+        """Return the largest moment about the vertical that a body that hovers gets [Nm]."""
+        weight = body.mass * GRAVITY
+        force = np.array([0.0, 0.0, weight])
+        hover = np.concatenate([force, cross(body.centre, force)])
+        most = [abs(self.matrix[5] @ self.thrusts(hover + turn)) for turn in (-_TURN, _TURN)]
+        return float(min(most))
+
+    def _first(self, lift: Array, tilt: Array) -> Array:
+        """Return lift and tilting moment, as much as can be given of them."""
+        if (scale := self._scale(lift, tilt)) is not None:
+            return scale * lift + tilt
+        thrusts: Array = np.clip(lift, self._min, self._max)
+        share, step = 0.0, 0.5
+        for _ in range(_HALVINGS):
+            if (scale := self._scale(lift, (share + step) * tilt)) is not None:
+                share += step
+                thrusts = scale * lift + share * tilt
+            step *= 0.5
+        return thrusts
+
+    def _scale(self, lift: Array, tilt: Array) -> float | None:
+        """Return the factor nearest to 1 on the lift that leaves room for the moment."""
+        used = np.abs(lift) > 1e-9
+        if np.any(tilt[~used] > self._max[~used]) or np.any(tilt[~used] < self._min[~used]):
+            return None
+        ends = np.array([self._min - tilt, self._max - tilt])[:, used] / lift[used]
+        low, high = float(ends.min(axis=0).max()), float(ends.max(axis=0).min())
+        return None if low > high else min(max(1.0, low), high)
+
+
+@dataclass(frozen=True)
+class FlightGains:
+    """Poles of position and attitude; the gains follow with mass and inertia.
+
+    The attitude's loop closes through the rotors' lag, some 25 ms, so its frequency times that lag
+    stays well below one; the position's loop closes through the attitude's, so it is some four
+    times slower. Lift needs no lean: the height can be held more stiffly.
+
+    Attributes
+    ----------
+    position_frequency, height_frequency, attitude_frequency : float
+        Undamped natural frequency [rad/s]; that of the position is the horizontal one.
+    position_damping, attitude_damping : float
+        Damping ratio [-].
+    position_integral, attitude_integral : float
+        Rate at which what stays is integrated, as a share of the frequency [-].
+    speed_max : float
+        With which a far set point is approached [m/s].
+    tilt_max : float
+        Largest tilt that is asked for [rad].
+
+    Raises
+    ------
+    ValueError
+        If one isn't positive (an integral: is negative).
+    """
+
+    position_frequency: float = 2.0
+    height_frequency: float = 3.0
+    attitude_frequency: float = 9.0
+    position_damping: float = 0.9
+    attitude_damping: float = 0.8
+    position_integral: float = 0.3
+    attitude_integral: float = 0.2
+    speed_max: float = 1.0
+    tilt_max: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        for name, value in vars(self).items():
+            if name.endswith('_integral'):
+                non_negative_number(name, value)
+            else:
+                positive(name, value)
+
+    @property
+    def position_frequencies(self) -> npt.NDArray[np.float64]:
+        """Those along the axes of the world, (3,) [rad/s]."""
+        return np.array([self.position_frequency, self.position_frequency, self.height_frequency])
+
+
+class RotorEstimate:
+    """Thrusts that follow commands with each rotor's first-order lag.
+
+    Parameters
+    ----------
+    drone : DroneConfig
+    """
+
+    def __init__(self, drone: DroneConfig) -> None:
+        self._allocation = drone.allocation
+        self._time_constant = drone.column('time_constant')
+        self._command: Array | None = None
+        self._thrust = np.zeros(drone.n)
+
+    def reset(self) -> None:
+        """Forget what was commanded."""
+        self._command = None
+
+    def command(self, thrust: Array) -> None:
+        """Take the commanded thrusts (n,) [N]; the first are taken as given."""
+        if self._command is None:
+            self._thrust = thrust
+        self._command = thrust
+
+    def advance(self, dt: float) -> Array:
+        """Return the mean wrench (6,) on the body over the next `dt` [s], about its origin."""
+        if self._command is None:
+            return np.asarray(self._allocation @ self._thrust)
+        before = self._thrust
+        gain = 1.0 - np.exp(-dt / self._time_constant)
+        self._thrust = before + gain * (self._command - before)
+        return np.asarray(self._allocation @ (0.5 * (before + self._thrust)))
+
 
 _UP = np.array([0.0, 0.0, 1.0])
 _SIDEWAYS = np.array([1.0, 1.0, 0.0])

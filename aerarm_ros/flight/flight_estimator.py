@@ -1,17 +1,34 @@
 """Where the drone is, from odometry and IMU, and which of the two cannot be believed."""
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.control.base.frame_conversion import rotation_matrix
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.base.base_motion import ImuSample, rotation_matrix
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.flight.flight_state import FlightState
-from aerarm_ros.flight.freeze_watch import FreezeWatch
-from aerarm_ros.flight.odometry_sample import OdometrySample
+from aerarm_ros.flight.flight_state import FlightState, OdometrySample
+from aerarm_ros.motion.signals import Array
 
-Array = npt.NDArray[np.float64]
+
+class FreezeWatch:
+    """Follows how long a reading has not changed by a single bit.
+
+    Parameters
+    ----------
+    patience : float
+        Time [s] after which a reading that stays counts as frozen, if the drone moves.
+    """
+
+    def __init__(self, patience: float) -> None:
+        self._patience = patience
+        self._last: Array | None = None
+        self._since = 0.0
+
+    def is_frozen(self, reading: Array, now: float, is_moving: bool) -> bool:
+        """Take a reading at `now` [s]; return whether it has stayed while the drone moved."""
+        if self._last is None or not np.array_equal(reading, self._last) or not is_moving:
+            self._last, self._since = reading, now
+        return now - self._since > self._patience
+
 
 SILENCE = 0.1
 """[s]; a sensor without a good sample for that long is not used."""

@@ -1,11 +1,16 @@
 """Where the drone is and how it moves."""
 
+from bisect import bisect_right
+from collections import deque
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import Array
 
 
 class FlightState(NamedTuple):
@@ -28,3 +33,233 @@ class FlightState(NamedTuple):
     rotation: Array
     rate: Array
     specific_force: Array | None = None
+
+
+_ZERO = np.zeros(3)
+
+
+class FlightTarget(NamedTuple):
+    """A place to hover at or to pass.
+
+    Attributes
+    ----------
+    position : (3,) ndarray
+        Of the body frame's origin in the world [m].
+    yaw : float
+        Turn of the body about the vertical [rad].
+    velocity, acceleration : (3,) ndarray
+        Of that origin in the world [m/s], [m/s^2].
+    """
+
+    position: Array
+    yaw: float
+    velocity: Array = _ZERO
+    acceleration: Array = _ZERO
+
+    @classmethod
+    def here(cls, state: FlightState) -> 'FlightTarget':
+        """Return the place where a drone is, with its heading."""
+        return cls(np.array(state.position), yaw_of(state.rotation))
+
+
+def yaw_of(rotation: Array) -> float:
+    """Return the heading [rad] of an attitude: where the body's x axis points to."""
+    return float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+
+
+# Beyond these an odometry is wrong rather than a flight bold.
+_POSITION_MAX, _SPEED_MAX, _RATE_MAX = 1e5, 100.0, 40.0
+
+
+@dataclass(frozen=True, eq=False)
+class OdometrySample:
+    """A checked sample with the conventions of nav_msgs/Odometry.
+
+    Attributes
+    ----------
+    stamp : float
+        [s]
+    position : (3,) ndarray
+        Of the body frame's origin in the world [m].
+    attitude : (4,) ndarray
+        Quaternion (x, y, z, w), body to world. Normalised when made.
+    velocity, rate : (3,) ndarray
+        In body axes [m/s], [rad/s].
+
+    Raises
+    ------
+    RejectedInputError
+        If a number isn't finite, the quaternion is none, or a value can't be in the unit
+        expected.
+    """
+
+    stamp: float
+    position: Array
+    attitude: Array
+    velocity: Array
+    rate: Array
+
+    def __post_init__(self) -> None:
+        """Check every number."""
+        numbers = [self.stamp, *self.position, *self.attitude, *self.velocity, *self.rate]
+        if not np.all(np.isfinite(numbers)):
+            raise RejectedInputError('odometry: a value is NaN or infinite: check its source')
+        norm = float(np.linalg.norm(self.attitude))
+        if not 0.9 < norm < 1.1:
+            raise RejectedInputError(
+                f'odometry: the orientation quaternion has length {norm:.3g}, not 1'
+            )
+        for name, vector, limit, unit in (
+            ('position', self.position, _POSITION_MAX, 'm'),
+            ('velocity', self.velocity, _SPEED_MAX, 'm/s'),
+            ('angular velocity', self.rate, _RATE_MAX, 'rad/s'),
+        ):
+            if np.linalg.norm(vector) > limit:
+                raise RejectedInputError(
+                    f'odometry: the {name} is above {limit:g} {unit}: check its unit'
+                )
+        object.__setattr__(self, 'attitude', self.attitude / norm)
+
+
+_KEPT = 256
+SET_BACK = 1.0  # [s] a stamp that far before the last is of a clock that was set back
+
+
+class StampedValues:
+    """The last values of a stream, to be asked for at any time between them.
+
+    Parameters
+    ----------
+    hold_time : float
+        How long the last value stands for what comes after it [s].
+    """
+
+    def __init__(self, hold_time: float) -> None:
+        self._hold_time = hold_time
+        self._times: deque[float] = deque(maxlen=_KEPT)
+        self._values: deque[Array] = deque(maxlen=_KEPT)
+
+    @property
+    def newest(self) -> float | None:
+        """Time of the last value [s], None before the first."""
+        return self._times[-1] if self._times else None
+
+    def add(self, time: float, value: Array) -> None:
+        """Take a value of a time [s]; one that is not newer than the last is ignored."""
+        times = self._times
+        if times and time <= times[-1]:
+            if time > times[-1] - SET_BACK:
+                return
+            times.clear()
+            self._values.clear()
+        times.append(time)
+        self._values.append(value)
+
+    def between(self, time: float) -> Array | None:
+        """Return the value at a time [s], None if it does not lie between two."""
+        times = self._times
+        return self.at(time) if times and times[0] <= time <= times[-1] else None
+
+    def at(self, time: float) -> Array | None:
+        """Return the value at a time [s], straight between two; None if it is not known."""
+        times, values = self._times, self._values
+        if not times or time > times[-1] + self._hold_time:
+            return None
+        after = bisect_right(times, time)
+        if after == len(times):
+            return values[-1]
+        if after == 0:
+            return values[0] if time > times[0] - self._hold_time else None
+        share = (time - times[after - 1]) / (times[after] - times[after - 1])
+        return values[after - 1] + share * (values[after] - values[after - 1])
+
+
+_PATH_SPEED_MAX = 20.0  # [m/s]
+_ACCELERATION_MAX = 20.0  # [m/s^2]
+
+
+class FlightPath:
+    """Quintics through places and headings; where it ends the drone stays.
+
+    Parameters
+    ----------
+    times : (M,) array_like
+        Of the points, from the start [s], rising, the first not negative.
+    positions : (M, 3) array_like
+        Of the body frame's origin in the world [m].
+    yaws : (M,) array_like
+        [rad]
+    velocities, accelerations : (M, 3) array_like, optional
+        [m/s], [m/s^2]; without them the slopes between neighbours, zero at both ends.
+    start : FlightTarget, optional
+        From where the way leads to a first point that lies ahead in time.
+
+    Raises
+    ------
+    RejectedInputError
+        If a number is missing or not finite, times do not rise, or no drone is as fast.
+    """
+
+    def __init__(
+        self,
+        times: npt.ArrayLike,
+        positions: npt.ArrayLike,
+        yaws: npt.ArrayLike,
+        velocities: npt.ArrayLike | None = None,
+        accelerations: npt.ArrayLike | None = None,
+        start: FlightTarget | None = None,
+    ) -> None:
+        t, p, yaw = (np.array(values, dtype=float) for values in (times, positions, yaws))
+        if t.ndim != 1 or not len(t) or p.shape != (len(t), 3) or yaw.shape != t.shape:
+            raise RejectedInputError('flight path: each point needs a time and a pose')
+        v, a = (_rows(values, p.shape) for values in (velocities, accelerations))
+        given = [rows for rows in (t, p, yaw, v, a) if rows is not None]
+        if not all(np.all(np.isfinite(rows)) for rows in given):
+            raise RejectedInputError('flight path: its numbers must be finite')
+        if t[0] < 0.0 or np.any(np.diff(t) <= 0.0):
+            raise RejectedInputError('flight path: its times must rise, and not begin before zero')
+        if t[0] > 0.0 and start is not None:
+            t = np.concatenate([[0.0], t])
+            p, yaw = np.vstack([start.position, p]), np.concatenate([[start.yaw], yaw])
+            v, a = (None if rows is None else np.vstack([np.zeros(3), rows]) for rows in (v, a))
+        if len(t) == 1:
+            t, p, yaw = np.array([t[0], t[0] + 1.0]), np.repeat(p, 2, axis=0), np.repeat(yaw, 2)
+            v = a = None
+        values = np.column_stack([p, np.unwrap(yaw)])
+        slopes = _slopes(t, values)
+        if v is not None:
+            slopes[:, :3] = v
+        curvatures = _slopes(t, slopes)
+        if a is not None:
+            curvatures[:, :3] = a
+        self._path = PolynomialPath.quintic(t - t[0], values, slopes, curvatures)
+        self._begin = float(t[0])
+        samples = self._path.sample()
+        fastest = float(np.linalg.norm(samples.dq[:, :3], axis=1).max())
+        hardest = float(np.linalg.norm(samples.ddq[:, :3], axis=1).max())
+        if fastest > _PATH_SPEED_MAX or hardest > _ACCELERATION_MAX:
+            raise RejectedInputError(
+                f'flight path: it takes {fastest:.1f} m/s and {hardest:.1f} m/s^2 (at most '
+                f'{_SPEED_MAX:g} and {_ACCELERATION_MAX:g}): give its points more time'
+            )
+
+    def at(self, time: float) -> FlightTarget:
+        """Return where the drone shall be `time` [s] after the start."""
+        q, dq, ddq = self._path.evaluate(float(time - self._begin))
+        return FlightTarget(q[:3], float(q[3]), dq[:3], ddq[:3])
+
+
+def _rows(values: npt.ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
+    if values is None:
+        return None
+    rows = np.array(values, dtype=float)
+    if rows.shape != shape:
+        raise RejectedInputError('flight path: every point has a velocity, or none; so with others')
+    return rows
+
+
+def _slopes(times: Array, values: Array) -> Array:
+    """Return the slope at each point from its neighbours, zero at both ends."""
+    slopes = np.zeros_like(values)
+    slopes[1:-1] = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, np.newaxis]
+    return slopes

@@ -7,31 +7,101 @@ from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
-from aerarm_ros.hardware.boards.board_link import make_links
-from aerarm_ros.hardware.boards.board_mode import BoardMode
+from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements, MotorPower
+from aerarm_ros.hardware.boards.board_link import BoardLink, make_links
+from aerarm_ros.hardware.boards.board_monitor import BoardMode
 from aerarm_ros.hardware.boards.commissioning_probe import CommissioningProbe
 from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
-from aerarm_ros.hardware.boards.encoder_zeros import EncoderZeros
+from aerarm_ros.hardware.boards.homing import EncoderZeros, ZeroSearch
 from aerarm_ros.hardware.boards.kept_zeros import KeptZeros, ZeroRecall
-from aerarm_ros.hardware.boards.motor_power import MotorPower
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
-from aerarm_ros.hardware.boards.zero_search import ZeroSearch
-from aerarm_ros.hardware.bridge_report import BridgeReport
-from aerarm_ros.hardware.fault_watch import FaultWatch
+from aerarm_ros.hardware.fault_watch import FaultWatch, way_out
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
-from aerarm_ros.hardware.gate.answer import Answer
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.command_buffer import Array, CommandBuffer
-from aerarm_ros.hardware.gate.command_intake import CommandIntake
-from aerarm_ros.hardware.gate.joint_loads import JointLoads
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
-from aerarm_ros.hardware.gate.safety_gate import SafetyGate
+from aerarm_ros.hardware.gate.command_intake import (
+    REJECTIONS,
+    Answer,
+    CommandBuffer,
+    CommandIntake,
+    OfferedCommand,
+)
+from aerarm_ros.hardware.gate.joint_barrier import JointLoads
+from aerarm_ros.hardware.gate.safety_gate import LIMITED, SafetyGate
 from aerarm_ros.hardware.heat_watch import HeatWatch
 from aerarm_ros.hardware.load_watch import LoadWatch
-from aerarm_ros.hardware.stopped_arm import way_out
 from aerarm_ros.hardware.transports.transport import Transport
-from aerarm_ros.model.gravity_load import largest_gravity_load
+from aerarm_ros.model.dynamics import largest_gravity_load
+from aerarm_ros.motion.signals import Array
+
+_RECENT = 1.0  # [s] how long a rejection or a limit stays in the list of faults
+
+
+class BridgeReport:
+    """Puts faults and counts of the bridge's parts into words.
+
+    Parameters
+    ----------
+    intake, gate, links, zeros, heat, loads
+        The parts.
+    """
+
+    def __init__(
+        self,
+        intake: CommandIntake,
+        gate: SafetyGate,
+        links: Sequence[BoardLink],
+        zeros: EncoderZeros,
+        heat: HeatWatch,
+        loads: LoadWatch,
+    ) -> None:
+        self._heat = heat
+        self._loads = loads
+        self._zeros = zeros
+        self._intake = intake
+        self._gate = gate
+        self._links = tuple(links)
+        self._monitors = [link.monitor for link in links]
+
+    def faults(self, mode: str, now: float) -> list[str]:
+        """Return what is wrong, the latched stop first; rejections and limits for a second."""
+        intake, gate = self._intake, self._gate
+        texts = [gate.stop, *(monitor.fault for monitor in self._monitors)]
+        for link in self._links:
+            monitor = link.monitor
+            if link.is_damped_unheard:
+                texts.append(
+                    f'{monitor.name} is not heard, and told to damp its joints in case it hears; '
+                    f'disable switches it off: {monitor.problem}'
+                )
+            elif monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
+                texts.append(f'{monitor.name} does not answer: {monitor.problem}')
+            elif not monitor.fault:
+                texts.append(monitor.echo.warning)
+        if mode in ('unhomed', 'fault'):
+            texts.append(self._zeros.problem)
+        if mode == 'damping':
+            texts.append(
+                f'no good command for {intake.age(now):.2f} s, the arm is damped: is the '
+                'controller running?'
+            )
+        texts += [*self._heat.warnings(), *self._loads.warnings()]
+        if now - intake.last_rejection_time < _RECENT:
+            texts.append(f'a command was rejected: {REJECTIONS[intake.last_rejection]}')
+        if now - gate.last_limited_time < _RECENT:
+            texts.append(LIMITED[gate.last_limited])
+        return list(dict.fromkeys(filter(None, texts)))
+
+    def counters(self) -> dict[str, int]:
+        """Return everything that is counted, by a name for diagnostics."""
+        # Copies, because a diagnostics thread may ask while the loop counts on.
+        rejections, limited = dict(self._intake.rejections), dict(self._gate.limited)
+        counts = {'commands accepted': self._intake.accepted}
+        counts |= {f'rejected {key}': count for key, count in rejections.items()}
+        counts |= {f'limited {key}': count for key, count in limited.items()}
+        for monitor in self._monitors:
+            counts |= {f'{monitor.name} {key}': n for key, n in monitor.counters().items()}
+        return counts
+
 
 _STEP_MAX = 0.005  # [s] longest time over which a reference is moved in one cycle
 

@@ -3,18 +3,418 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf
+from math import exp, inf, sqrt
 
-from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.arm_config import ArmConfig, PowerStageConfig
+from aerarm_ros.description.drive_config import COPPER, RATED_AMBIENT, JointConfig, MotorConfig
 from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
 from aerarm_ros.hardware.boards.board_link import BoardLink
-from aerarm_ros.hardware.boards.board_mode import BoardMode
+from aerarm_ros.hardware.boards.board_monitor import BoardMode
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
-from aerarm_ros.hardware.heat.supply_watch import SupplyWatch
-from aerarm_ros.hardware.heat.thermal_limit import ThermalLimit
+
+_COPPER_REFERENCE = 20.0  # [degC] of `COPPER`
+# A resistance that a board reports is used within these multiples of the configuration's.
+_PLAUSIBLE = (0.5, 2.0)
+# No load lasts longer than this [s] in the forecast; it is halved this often, to 0.2 ms.
+_HORIZON = 3600.0
+_HALVINGS = 24
+
+
+class MotorTemperature:
+    """Two thermal nodes: the winding with its stator, and the housing with its mount.
+
+    Copper loss ``3/2 R i^2`` (thesis section 4.1, amplitude of the phase current) enters the
+    winding; it leaves through ``R_wh`` into the housing and through ``R_ha`` into the air. The sum
+    of both follows from the continuous current, with which the winding just reaches its largest
+    temperature, at 25 degC; ``tau_w = R_wh C_w``, ``tau_h = R_ha C_h``. This is the two-body model
+    that motor manufacturers state, for example maxon in "The selection of high-precision
+    microdrives", with winding and motor time constants.
+
+    The resistance is the larger one of what the board reports and of what copper makes of the
+    configuration's: a board may report a constant of its firmware. If a bench has measured the
+    resistance, the first one that the board reports shows a motor that is warm already.
+
+    Plain numbers, not arrays: for four motors that is faster.
+
+    Parameters
+    ----------
+    motor
+        Resistance and thermal data.
+    ambient
+        Temperature of the air [degC].
+    start
+        Temperature of winding and housing at first [degC].
+
+    Attributes
+    ----------
+    winding, housing
+        Estimated temperatures [degC].
+    """
+
+    __slots__ = (
+        '_ambient',
+        '_capacity_housing',
+        '_capacity_winding',
+        '_hottest',
+        '_is_measured',
+        '_reported',
+        '_resistance',
+        '_to_ambient',
+        '_to_housing',
+        'housing',
+        'winding',
+    )
+
+    def __init__(self, motor: MotorConfig, ambient: float, start: float) -> None:
+        thermal = motor.thermal_or_guess
+        self._ambient = ambient
+        self._resistance = motor.resistance
+        self._reported = 0.0
+        self.winding = self.housing = max(start, ambient)
+        self._hottest = hottest = thermal.temperature_max
+        self._is_measured = motor.resistance_std is not None
+        loss = 1.5 * self.resistance(hottest) * thermal.continuous_current**2
+        total = (hottest - RATED_AMBIENT) / loss
+        self._to_ambient = thermal.housing_share * total
+        self._to_housing = total - self._to_ambient
+        self._capacity_winding = thermal.winding_time / self._to_housing
+        self._capacity_housing = thermal.housing_time / self._to_ambient
+
+    def resistance(self, temperature: float) -> float:
+        """Return the resistance of a phase [ohm] at a temperature of the winding [degC]."""
+        grown = 1.0 + COPPER * (temperature - _COPPER_REFERENCE)
+        rated = 1.0 + COPPER * (RATED_AMBIENT - _COPPER_REFERENCE)
+        return max(self._reported, self._resistance * grown / rated)
+
+    def report(self, resistance: float) -> None:
+        """Take the resistance [ohm] that the board reports; 0 for none."""
+        low, high = _PLAUSIBLE
+        ratio = resistance / self._resistance
+        self._reported = resistance if low < ratio < high else 0.0
+        if self._reported and self._is_measured:
+            # Once: the motor may be warmer than it was supposed to be at the start.
+            self._is_measured = False
+            grown = (ratio - 1.0) / COPPER * (1.0 + COPPER * (RATED_AMBIENT - _COPPER_REFERENCE))
+            self.winding = max(self.winding, min(RATED_AMBIENT + grown, self._hottest))
+
+    def update(self, square: float, duration: float) -> None:
+        """Go on by a duration [s] with a mean squared current [A^2].
+
+        The step is implicit (backward Euler), so that any duration is stable.
+        """
+        loss = 1.5 * self.resistance(self.winding) * square
+        a = duration / (self._capacity_winding * self._to_housing)
+        b = duration / (self._capacity_housing * self._to_housing)
+        c = duration / (self._capacity_housing * self._to_ambient)
+        warmed = self.winding + duration * loss / self._capacity_winding
+        aired = self.housing + c * self._ambient
+        self.housing = (aired * (1.0 + a) + b * warmed) / ((1.0 + a) * (1.0 + b + c) - a * b)
+        self.winding = (warmed + a * self.housing) / (1.0 + a)
+
+    def time_until(self, temperature: float, square: float) -> float:
+        """Return the time [s] to a temperature [degC] at a squared current [A^2]; inf for never.
+
+        The solution of the two linear equations, with the resistance at that temperature.
+        """
+        if self.winding >= temperature:
+            return 0.0
+        loss = 1.5 * self.resistance(temperature) * square
+        steady_housing = self._ambient + loss * self._to_ambient
+        steady = steady_housing + loss * self._to_housing
+        if steady <= temperature:
+            return inf
+        out = 1.0 / (self._capacity_winding * self._to_housing)
+        into = 1.0 / (self._capacity_housing * self._to_housing)
+        away = into + 1.0 / (self._capacity_housing * self._to_ambient)
+        root = sqrt((out - away) ** 2 + 4.0 * out * into)
+        slow, fast = 0.5 * (root - out - away), 0.5 * (-root - out - away)
+        winding, housing = self.winding - steady, self.housing - steady_housing
+        rate = out * (housing - winding)
+        first = (rate - fast * winding) / (slow - fast)
+        second = winding - first
+        low, high = 0.0, _HORIZON
+        if steady + first * exp(slow * high) + second * exp(fast * high) < temperature:
+            return inf
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            reached = steady + first * exp(slow * middle) + second * exp(fast * middle)
+            if reached < temperature:
+                low = middle
+            else:
+                high = middle
+        return high
+
+
+# Answers in a row beyond a limit that are no noise: as many milliseconds at 1 kHz.
+_IN_ROW = 10
+# A warning comes at this share inside the limits, and stays for a time [s] that a person reads in.
+_WARNING_SHARE = 0.05
+_SHOWN = 5.0
+
+
+class SupplyWatch:
+    """Warns near the limits of the supply voltage, and asks for a stop beyond them.
+
+    A supply that cannot take braking energy back rises with each braking: the stop ends the
+    motion that does it. A low supply ends in boards that let the arm fall: a damped one sinks.
+
+    Parameters
+    ----------
+    name
+        Of the board.
+    stage
+        The limits.
+
+    Attributes
+    ----------
+    voltage
+        Last reading [V], 0 before the first.
+    lowest, highest
+        Of all readings [V].
+    """
+
+    def __init__(self, name: str, stage: PowerStageConfig) -> None:
+        self.voltage = 0.0
+        self.lowest, self.highest = inf, 0.0
+        self._name = name
+        self._stage = stage
+        self._warn_below = (1.0 + _WARNING_SHARE) * stage.voltage_min
+        self._warn_above = (1.0 - _WARNING_SHARE) * stage.voltage_max
+        self._low_in_row = self._high_in_row = 0
+        self._warning = ''
+        self._warned_for = 0.0
+
+    def update(self, voltage: float, duration: float) -> None:
+        """Take a reading [V], a time [s] after the last."""
+        self.voltage = voltage
+        self.lowest, self.highest = min(self.lowest, voltage), max(self.highest, voltage)
+        self._low_in_row = self._low_in_row + 1 if voltage < self._stage.voltage_min else 0
+        self._high_in_row = self._high_in_row + 1 if voltage > self._stage.voltage_max else 0
+        self._warned_for -= duration
+        if voltage > self._warn_above:
+            self._warn(f'{voltage:.1f} V, near its largest of {self._stage.voltage_max:g}')
+        elif voltage < self._warn_below:
+            self._warn(f'{voltage:.1f} V, near its least of {self._stage.voltage_min:g}')
+        elif self._warned_for <= 0.0:
+            self._warning = ''
+
+    def stop(self) -> str:
+        """Return why the arm has to stop, or ''."""
+        if self._high_in_row >= _IN_ROW:
+            return (
+                f'the supply of {self._name} has {self.voltage:.1f} V, its limit is '
+                f'{self._stage.voltage_max:g}: it does not take braking energy back. Use a battery '
+                'or a braking resistor, or lower velocity_max'
+            )
+        if self._low_in_row >= _IN_ROW:
+            return (
+                f'the supply of {self._name} has {self.voltage:.1f} V, its limit is '
+                f'{self._stage.voltage_min:g}: support the arm, charge the battery or check the '
+                'leads; check profile_scales if the voltage is wrong'
+            )
+        return ''
+
+    def warning(self) -> str:
+        """Return what is to be said of the supply, or ''."""
+        return self._warning
+
+    def _warn(self, text: str) -> None:
+        self._warning = f'the supply of {self._name} had {text}'
+        self._warned_for = _SHOWN
+
+
+# Below the largest temperature of the winding [K]: a warning, the first reduction of the torque,
+# and what the continuous current is reached at. The stop is at the largest temperature itself.
+_WARNING, _REDUCTION, _CONTINUOUS = 30.0, 20.0, 5.0
+# An arm that is held by its barrier although it was stopped is let down this much above it [K].
+_LETTING_DOWN = 5.0
+# A warning comes this long [s] before the torque is reduced, ...
+_WARNING_TIME = 30.0
+# ... at the mean current of this time [s].
+_MEAN_TIME = 2.0
+# A state ends this much [K] below where it began.
+_HYSTERESIS = 3.0
+# [1/s] of the torque limit: it falls in a second at most, and comes back more slowly.
+_FALL, _RISE = 1.0, 0.2
+# Share of the reduced torque that a load may take before the arm counts as sinking, and as held.
+_SINKING, _HELD = 1.0, 0.9
+# Of the mean load that counts there, this share is the newest: 0.1 s at 50 updates in a second.
+_LOAD_SHARE = 0.2
+
+
+class ThermalLimit:
+    """Warns of a motor that gets warm, then reduces its torque, then asks for a stop.
+
+    The limit of the squared current falls with the winding's temperature, from that of the effort
+    limit to the continuous one, which is reached 5 K below the largest temperature. With the
+    continuous current the winding settles there. So no command brings the winding
+    beyond it; what does is a load that the joint's barrier must hold at a limit.
+
+    Parameters
+    ----------
+    joint
+        The joint with its motor.
+    ambient, start
+        Temperatures of the air, and of the motor at first [degC].
+
+    Attributes
+    ----------
+    motor
+        The estimate.
+    continuous_current
+        Current [A] with which the winding settles 5 K below its largest temperature.
+    effort_limit
+        Torque that a command may ask of the joint [Nm].
+    remaining
+        Time to the first reduction at the present current [s]: 0 once it is reduced, inf if it
+        never will be.
+    is_sinking
+        Whether the arm's weight is more than the reduced torque.
+    lets_down
+        Whether the joint can no longer be held at a limit, but is let down slowly, until its motor
+        is off.
+    """
+
+    __slots__ = (
+        '_ambient',
+        '_continuous',
+        '_duration',
+        '_effort_max',
+        '_is_warm',
+        '_largest',
+        '_load',
+        '_name',
+        '_per_ampere',
+        '_square',
+        '_stops',
+        '_sum',
+        '_temperature_max',
+        'continuous_current',
+        'effort_limit',
+        'is_sinking',
+        'lets_down',
+        'motor',
+        'remaining',
+    )
+
+    def __init__(self, joint: JointConfig, ambient: float, start: float) -> None:
+        thermal = joint.motor.thermal_or_guess
+        self.motor = MotorTemperature(joint.motor, ambient, start)
+        self.remaining = inf
+        self.is_sinking = self.lets_down = False
+        self._load = 0.0
+        self._name = joint.name
+        self._effort_max = self.effort_limit = joint.effort_max
+        self._per_ampere = joint.torque_per_ampere
+        self._largest = (joint.effort_max / joint.torque_per_ampere) ** 2
+        self._temperature_max = hottest = thermal.temperature_max
+        # Warmer air takes less heat away.
+        rise = max(hottest - _CONTINUOUS - ambient, 1.0) / (hottest - RATED_AMBIENT)
+        self._continuous = min(rise * thermal.continuous_current**2, self._largest)
+        self.continuous_current = sqrt(self._continuous)
+        self._square = 0.0  # mean of some seconds
+        self._sum = self._duration = 0.0
+        self._is_warm = self._stops = False
+
+    @property
+    def is_reduced(self) -> bool:
+        """Whether the joint has less than its whole torque."""
+        return self.effort_limit < self._effort_max
+
+    def add(self, current: float, duration: float) -> None:
+        """Take a current [A] that flowed for a time [s]."""
+        self._sum += current * current * duration
+        self._duration += duration
+
+    def update(self, resistance: float) -> None:
+        """Take the time since the last call; the board reports a resistance [ohm], 0 for none."""
+        duration = self._duration
+        if duration <= 0.0:
+            return
+        square = self._sum / duration
+        self._sum = self._duration = 0.0
+        self.motor.report(resistance)
+        self.motor.update(square, duration)
+        self._square += duration / (_MEAN_TIME + duration) * (square - self._square)
+        winding, hottest = self.motor.winding, self._temperature_max
+        self._stops = winding >= hottest
+        self.lets_down = self.lets_down or winding > hottest + _LETTING_DOWN
+        warm = hottest - _WARNING - (_HYSTERESIS if self._is_warm else 0.0)
+        self._is_warm = winding > warm or self.remaining < _WARNING_TIME
+        self._limit(duration)
+
+    def forecast(self) -> None:
+        """Find out how much time is left; once a second is enough."""
+        threshold = self._temperature_max - _REDUCTION
+        self.remaining = self.motor.time_until(threshold, self._square)
+
+    def carries(self, load: float) -> None:
+        """Take the load [Nm] that the arm's weight and motion put on the joint, after `update`."""
+        self._load += _LOAD_SHARE * (load - self._load)
+        share = _HELD if self.is_sinking else _SINKING
+        self.is_sinking = self.is_reduced and abs(self._load) > share * self.effort_limit
+
+    def rest(self) -> None:
+        """Take note that the motor is off."""
+        self.is_sinking = self.lets_down = False
+        self._load = 0.0
+
+    def stop(self) -> str:
+        """Return why the arm has to stop, or ''."""
+        if not self._stops:
+            return ''
+        return (
+            f'the motor of {self._name} has {self.motor.winding:.0f} degC (estimated), its largest '
+            f'temperature is {self._temperature_max:.0f}: support the arm, disable it, let it cool'
+        )
+
+    def refusal(self) -> str:
+        """Return why the motor may not be driven yet, or ''."""
+        cool = self._temperature_max - _REDUCTION
+        if self.motor.winding <= cool:
+            return ''
+        return (
+            f'the motor of {self._name} has {self.motor.winding:.0f} degC (estimated): '
+            f'wait until it has cooled to {cool:.0f}'
+        )
+
+    def warning(self) -> str:
+        """Return what is to be said of the motor, or ''."""
+        name, temperature = self._name, f'{self.motor.winding:.0f} degC (estimated)'
+        if self.lets_down:
+            return f'{name} is let down beyond its limit, its motor has {temperature}: support it'
+        if self.is_sinking:
+            return (
+                f'{name} sinks: its motor has {temperature} and only {self.effort_limit:.2f} of '
+                f'{self._effort_max:.2f} Nm, less than the load: fold or support the arm'
+            )
+        if self.is_reduced:
+            return (
+                f'the torque of {name} is reduced to {self.effort_limit:.2f} of '
+                f'{self._effort_max:.2f} Nm, its motor has {temperature}: fold the arm, let it rest'
+            )
+        if not self._is_warm:
+            return ''
+        if self.remaining == inf:
+            return f'the motor of {name} has {temperature}: let it rest'
+        return (
+            f'the motor of {name} has {temperature}, at this load its torque is reduced in '
+            f'{self.remaining:.0f} s: fold the arm or lower its load'
+        )
+
+    def _limit(self, duration: float) -> None:
+        """Move the torque limit to what the temperature allows."""
+        left = self._temperature_max - _CONTINUOUS - self.motor.winding
+        share = min(max(left / (_REDUCTION - _CONTINUOUS), 0.0), 1.0)
+        square = self._continuous + share * (self._largest - self._continuous)
+        wanted = self._effort_max if share == 1.0 else sqrt(square) * self._per_ampere
+        fall, rise = _FALL * self._effort_max * duration, _RISE * self._effort_max * duration
+        limit = min(max(wanted, self.effort_limit - fall), self.effort_limit + rise)
+        self.effort_limit = min(limit, self._effort_max)
+
 
 # One motor's temperatures are updated in a cycle, each once in so many; forecasts are rarer.
 _CYCLES = 20

@@ -8,9 +8,9 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
-from aerarm_ros.hardware.gate.command_buffer import Array
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.inertia import point_mass
+from aerarm_ros.motion.signals import Array
 
 # A sample every so many cycles, so many samples in a mean, which is about a second.
 _CYCLES = 20

@@ -8,7 +8,7 @@ from math import inf
 from pathlib import Path
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.whole_file import write_whole
+from aerarm_ros.description.resources import write_whole
 from aerarm_ros.hardware.boards.kept_zeros import (
     HostClock,
     KeptZeros,

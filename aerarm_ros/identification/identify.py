@@ -3,52 +3,188 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.assessment.assessment import assess
-from aerarm_ros.identification.assessment.bag_demand import bag_demand, extrapolation_warnings
-from aerarm_ros.identification.assessment.identification_result import (
+from aerarm_ros.identification.arm_parameters import ArmParameters, CoupledJoints, LinkBounds
+from aerarm_ros.identification.assessment import (
+    assess,
+    bag_demand,
+    extrapolation_warnings,
+    residual_trend,
+    trend_warnings,
+)
+from aerarm_ros.identification.conditioning.conditioning import Conditioner
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.identification_result import (
     IdentificationResult,
     Solution,
 )
-from aerarm_ros.identification.assessment.plausibility import (
+from aerarm_ros.identification.joint_model import THESIS_TERMS, JointModel, TermKind
+from aerarm_ros.identification.model_choice.filter_choice import (
+    EffortDelay,
+    FilterChoice,
+    GravityDirection,
+    choose_filter,
+    condition_once,
+    find_effort_delay,
+    find_gravity,
+)
+from aerarm_ros.identification.model_choice.model_choice import AUTOMATIC, choose_model
+from aerarm_ros.identification.model_choice.simple_fit import SimpleFit
+from aerarm_ros.identification.plausibility import (
     bound_warnings,
     error_warnings,
     joint_warnings,
 )
-from aerarm_ros.identification.assessment.residual_trend import residual_trend, trend_warnings
-from aerarm_ros.identification.conditioning.conditioning import Conditioner
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.model_choice.bag_weights import weighted_bags
-from aerarm_ros.identification.model_choice.effort_delay import EffortDelay, find_effort_delay
-from aerarm_ros.identification.model_choice.filter_choice import (
-    FilterChoice,
-    choose_filter,
-    condition_once,
-)
-from aerarm_ros.identification.model_choice.gravity_direction import GravityDirection, find_gravity
-from aerarm_ros.identification.model_choice.model_choice import AUTOMATIC, choose_model
-from aerarm_ros.identification.model_choice.nil_terms import without_nil_terms
-from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
-from aerarm_ros.identification.parameters.coupled_joints import CoupledJoints
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import THESIS_TERMS
-from aerarm_ros.identification.parameters.link_bounds import LinkBounds
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.regression.base_parameters import (
     BaseParameters,
     find_base_parameters,
 )
-from aerarm_ros.identification.regression.excitation_check import excitation_warnings
-from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.regression_bank import RegressionBank
-from aerarm_ros.identification.regression.sample_columns import SampleColumns
-from aerarm_ros.identification.rollout.rollout_error import RolloutError, rollout_error
-from aerarm_ros.identification.rollout.rollout_windows import RolloutWindows, rollout_samples
+from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank, fit_model
+from aerarm_ros.identification.regression.regression import SampleColumns, triangular_factor
+from aerarm_ros.identification.rollout import (
+    RolloutError,
+    RolloutWindows,
+    rollout_error,
+    rollout_samples,
+)
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import FAST, RECOMMENDED, solve_all
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.regressor import Regressor
+
+_MOST = 10.0  # times that one bag counts more, or less, than all together
+_ROUNDS = 2  # a noisy bag spoils the first fit, by which the others are judged
+
+
+def weighted_bags(bags: Sequence[SampleColumns], cad: ArmParameters) -> list[SampleColumns]:
+    """Return the bags with weights, one over the noise of each joint in each bag.
+
+    Relative to that of all bags together; a single bag keeps weights of one. Noise is what is left
+    of the torque in parts that the fit has not seen.
+
+    Parameters
+    ----------
+    bags : sequence of SampleColumns
+        To identify from.
+    cad : ArmParameters
+    """
+    weighted = list(bags)
+    if len(bags) < 2:
+        return weighted
+    for _ in range(_ROUNDS):
+        residuals = SimpleFit(weighted, cad).residuals()
+        squares = np.array([np.nansum(own**2, axis=0) for own in residuals])
+        counts = np.array([np.isfinite(own).sum(axis=0) for own in residuals])
+        noise = np.sqrt(squares / np.maximum(counts, 1))
+        together = np.sqrt(squares.sum(axis=0) / np.maximum(counts.sum(axis=0), 1))
+        known = (noise > 0.0) & (counts > 0)
+        weights = np.where(known, together / np.where(known, noise, 1.0), 1.0)
+        weighted = [
+            bag.with_weights(own)
+            for bag, own in zip(bags, np.clip(weights, 1.0 / _MOST, _MOST), strict=True)
+        ]
+    return weighted
+
+
+# Gautier and Khalil (1992) ask for less than 100; beyond the limit noise decides.
+_POOR_CONDITION = 400.0
+_LARGEST_CONDITION = 1000.0
+_STATES = 50  # random ones, enough to show every effect that the arm's mechanics has
+
+
+def excitation_warnings(base: BaseParameters, regressor: Regressor) -> list[str]:
+    """Return what is wrong with a motion.
+
+    Parameters
+    ----------
+    base : BaseParameters
+        Of links, viscous and Coulomb friction along the motion.
+    regressor : Regressor
+        Of the arm, with the same columns.
+
+    Raises
+    ------
+    IdentificationError
+        If the motion excites next to nothing.
+    """
+    if base.rank == 0:
+        raise IdentificationError(
+            'the motion excites no parameter: record an excitation trajectory'
+        )
+    if base.condition_number > _LARGEST_CONDITION:
+        raise IdentificationError(
+            f'condition number {base.condition_number:.3g}: the motion is too short or too small '
+            'to excite the parameters; record a longer one that moves every joint'
+        )
+    warnings = []
+    possible = _structural_rank(regressor)
+    if base.rank < possible:
+        warnings.append(
+            f'the motion identifies only {base.rank} of {possible} parameter combinations; CAD '
+            'decides the others: move every joint'
+        )
+    if base.condition_number > _POOR_CONDITION:
+        warnings.append(
+            f'condition number {base.condition_number:.0f}: the parameters are poorly excited; '
+            'record a longer or livelier motion'
+        )
+    return warnings
+
+
+def _structural_rank(regressor: Regressor) -> int:
+    """Return the rank that a motion which moves everything gives."""
+    random = np.random.default_rng(0)
+    states = random.uniform(-2.0, 2.0, (3, _STATES, regressor.robot.n))
+    factor = triangular_factor(regressor.stack(*states))
+    return find_base_parameters(factor, regressor.columns).rank
+
+
+_FRICTION = (TermKind.VISCOUS, TermKind.COULOMB)
+
+
+def without_nil_terms(
+    fit: ModelFit, estimate: Estimate, bags: Sequence[SampleColumns], cad: ArmParameters
+) -> tuple[ModelFit, list[str]]:
+    """Fit again without the terms whose coefficient the estimate has at its bound 0.
+
+    Such as rotor inertia where a torque sensor sits behind the gear, which it does not feel. As
+    long as it is a column, solvers without bounds give it a value that no rotor has. Friction
+    (2.6), which every joint has, leaves only if the data ask for clearly less than 0.
+
+    Parameters
+    ----------
+    fit : ModelFit
+    estimate : Estimate
+        Of this fit, with standard deviations.
+    bags : sequence of SampleColumns
+        To identify from.
+    cad : ArmParameters
+
+    Returns
+    -------
+    ModelFit
+        The same if there is nothing to leave out.
+    list of str
+        Columns left out.
+    """
+    model, start = fit.model, 10 * fit.model.n
+    friction = np.array([term.kind in _FRICTION for _, term in model.joint_columns], dtype=bool)
+    std = np.zeros(len(fit.theta)) if estimate.std is None else estimate.std
+    nil = estimate.held_at_zero[start:] & (~friction | (fit.theta < -std)[start:])
+    if not nil.any():
+        return fit, []
+    kept = [own for own, is_nil in zip(model.joint_columns, nil, strict=True) if not is_nil]
+    terms = tuple(tuple(t for j, t in kept if j == joint) for joint in range(model.n))
+    smaller = JointModel(model.joint_names, model.link_names, terms)
+    bank = RegressionBank(bags, [term for _, term in kept], estimate.inertial.ravel())
+    left_out = [name for name, is_nil in zip(model.columns[start:], nil, strict=True) if is_nil]
+    return fit_model(bags, bank, smaller, cad, fit.noise), left_out
+
 
 _ROUNDS = 2  # without one term another one may turn out to be nil
 

@@ -1,13 +1,11 @@
 """Between joints and motors: gears, signs, offsets and torque constants."""
 
 import numpy as np
-import numpy.typing as npt
 
 from aerarm_ros.description.arm_config import ArmConfig, torque_constant
+from aerarm_ros.motion.signals import Array
 
 __all__ = ['DriveTrain', 'torque_constant']
-
-Array = npt.NDArray[np.float64]
 
 
 class DriveTrain:
@@ -73,3 +71,24 @@ class DriveTrain:
     def joint_to_motor_gain(self, gain: Array) -> Array:
         """Return board gains (4.4) of joint gains: `motor_to_joint_gain` undone."""
         return gain / self._joint_gain_per_motor_gain
+
+
+def viscous_coulomb(dq: Array, fv: Array, fs: Array) -> Array:
+    """Return the friction torque `fv dq + fs sgn(dq)`, thesis (2.6).
+
+    It opposes motion when subtracted from the drive's torque, as in (2.7).
+
+    Parameters
+    ----------
+    dq : (..., n) ndarray
+        Joint velocities [rad/s].
+    fv, fs : (n,) ndarray, or (..., n) where they vary
+        Viscous [Nms/rad] and Coulomb [Nm] friction.
+
+    Returns
+    -------
+    (..., n) ndarray
+        [Nm]
+    """
+    torque: Array = fv * dq + fs * np.sign(dq)
+    return torque

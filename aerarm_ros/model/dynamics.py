@@ -2,14 +2,39 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.last_link import LastLink
+from aerarm_ros.model.inertia import checked_body
+from aerarm_ros.motion.signals import Array
 
-Array = npt.NDArray[np.float64]
+
+class LastLink:
+    """The last body of a model, which may carry another one.
+
+    Parameters
+    ----------
+    model : pin.Model
+        It is changed in place.
+    """
+
+    def __init__(self, model: Any) -> None:
+        self._model = model
+        self._own = pin.Inertia(model.inertias[model.njoints - 1])
+
+    def carry(self, payload: npt.ArrayLike) -> None:
+        """Add a body to the link, in place of one added before; see `Dynamics.carry`."""
+        whole = self._own.toDynamicParameters() + checked_payload(payload)
+        self._model.inertias[self._model.njoints - 1] = pin.Inertia.FromDynamicParameters(whole)
+
+
+def checked_payload(payload: npt.ArrayLike) -> Array:
+    """Return a payload's (10,) inertial parameters; raises ValueError if no body has them."""
+    return checked_body('payload', payload, ': give the ten of payload.yaml')
 
 
 class Dynamics:
@@ -154,3 +179,35 @@ def checked_rotor_inertia(rotor_inertia: npt.ArrayLike, n: int) -> Array:
     if not np.all(np.isfinite(inertia) & (inertia >= 0.0)):
         raise ValueError(f'rotor inertias {inertia} must be finite and not negative [kg m^2]')
     return np.broadcast_to(inertia, (n,)).copy()
+
+
+GRAVITY = 9.81
+"""[m/s^2]"""
+_POSTURES = 500
+
+
+def largest_gravity_load(robot: Robot) -> Array:
+    """Return the largest gravity torques over all postures and directions of gravity.
+
+    The directions are taken exactly, the postures as a sample between the joints' limits.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    (n,) ndarray
+        [Nm], none negative.
+    """
+    model = robot.model.copy()
+    data = model.createData()
+    random = np.random.default_rng(0)
+    postures = random.uniform(*robot.posture_range, (_POSTURES, robot.n))
+    along_axes = []
+    for direction in np.eye(3):
+        model.gravity.linear = GRAVITY * direction
+        along_axes.append([pin.computeGeneralizedGravity(model, data, q).copy() for q in postures])
+    # A torque is linear in gravity: its largest value is the norm of the three.
+    largest: Array = np.linalg.norm(along_axes, axis=0).max(axis=0)
+    return largest

@@ -7,8 +7,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from aerarm_ros.description.robot import Robot
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.motion.signals import Array
 
 ARM_LENGTH = 0.65
 """d_3 of table 2.1: from joint 2 to joint 4 [m]."""

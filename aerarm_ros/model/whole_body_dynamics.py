@@ -7,11 +7,9 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.dynamics import checked_rotor_inertia
+from aerarm_ros.model.dynamics import LastLink, checked_rotor_inertia
 from aerarm_ros.model.inertia import checked_body
-from aerarm_ros.model.last_link import LastLink
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.motion.signals import Array
 
 
 class WholeBodyDynamics:

@@ -1,15 +1,65 @@
-"""Piecewise polynomial joint motion."""
+"""Piecewise polynomial joint motion.
+
+So go run-in and run-out of an excitation, smooth stops, and ways between two postures.
+"""
 
 from bisect import bisect_right
 from dataclasses import dataclass
 from math import perm
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aerarm_ros.motion.float_array import FloatArray
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import Array, JointReference
+
+PEAK_SLOPE = 1.875
+"""Largest slope of the step, at its middle."""
+PEAK_CURVATURE = 10.0 / np.sqrt(3.0)
+"""Largest second derivative of the step."""
+
+
+class SmoothStep(NamedTuple):
+    """Step value, its slope, its integral from 0, and its second derivative."""
+
+    value: Array
+    slope: Array
+    integral: Array
+    curvature: Array
+
+
+def smooth_step(x: ArrayLike) -> SmoothStep:
+    """Return the step 10 x^3 - 15 x^4 + 6 x^5 with zero slope and curvature at both ends.
+
+    Outside [0, 1] the value holds at 0 or 1 and the integral goes on at 0 or 1/2: callers add
+    the constant-speed part themselves. `x` is a scalar or any array, without unit.
+    """
+    # Called in the 1 kHz loop, where np.clip would take longer than all the rest.
+    u: Array = np.minimum(np.maximum(x, 0.0), 1.0)
+    return SmoothStep(
+        u**3 * (10.0 - 15.0 * u + 6.0 * u**2),
+        30.0 * u**2 * (1.0 - u) ** 2,
+        u**4 * (2.5 - 3.0 * u + u**2),
+        60.0 * u * (1.0 - u) * (1.0 - 2.0 * u),
+    )
+
+
+def rest_to_rest_duration(
+    distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, minimum: float
+) -> float:
+    """Return the shortest duration [s] of a rest-to-rest quintic within the given peaks.
+
+    Parameters
+    ----------
+    distance : (n,) signed joint travel [rad].
+    velocity, acceleration : (n,) allowed peaks [rad/s], [rad/s^2], positive.
+    minimum : shortest duration wanted [s].
+    """
+    travel = np.abs(np.asarray(distance, dtype=float))
+    by_velocity = PEAK_SLOPE * travel / np.asarray(velocity, dtype=float)
+    by_acceleration = np.sqrt(PEAK_CURVATURE * travel / np.asarray(acceleration, dtype=float))
+    return float(max(minimum, by_velocity.max(), by_acceleration.max()))
+
 
 # Our own rather than scipy.interpolate.BPoly: paths are played in cycles of 1 ms, and a stream
 # of single points makes one in every cycle. SciPy takes 64 us to make one and 13 us to evaluate
@@ -50,32 +100,30 @@ class PolynomialPath:
     """
 
     times: tuple[float, ...]
-    coefficients: FloatArray
+    coefficients: Array
 
     @classmethod
-    def quintic(
-        cls, times: ArrayLike, q: FloatArray, dq: FloatArray, ddq: FloatArray
-    ) -> 'PolynomialPath':
+    def quintic(cls, times: ArrayLike, q: Array, dq: Array, ddq: Array) -> 'PolynomialPath':
         """Return the path through positions, velocities and accelerations (S + 1, n)."""
         t, h = _durations(times)
         ends = [q[:-1], h * dq[:-1], h**2 * ddq[:-1], q[1:], h * dq[1:], h**2 * ddq[1:]]
         return cls(t, np.einsum('ij,jsn->sin', _QUINTIC_HERMITE, np.array(ends)))
 
     @classmethod
-    def cubic(cls, times: ArrayLike, q: FloatArray, dq: FloatArray) -> 'PolynomialPath':
+    def cubic(cls, times: ArrayLike, q: Array, dq: Array) -> 'PolynomialPath':
         """Return the path through positions and velocities (S + 1, n)."""
         t, h = _durations(times)
         ends = [q[:-1], h * dq[:-1], q[1:], h * dq[1:]]
         return cls(t, np.einsum('ij,jsn->sin', _CUBIC_HERMITE, np.array(ends)))
 
     @classmethod
-    def rest_to_rest(cls, start: FloatArray, end: FloatArray, duration: float) -> 'PolynomialPath':
+    def rest_to_rest(cls, start: Array, end: Array, duration: float) -> 'PolynomialPath':
         """Return the quintic from rest at `start` (n,) to rest at `end` (n,) [rad]."""
         zero = np.zeros((2, len(start)))
         return cls.quintic((0.0, duration), np.array([start, end]), zero, zero)
 
     @classmethod
-    def trapezoid(cls, start: FloatArray, end: FloatArray, duration: float) -> 'PolynomialPath':
+    def trapezoid(cls, start: Array, end: Array, duration: float) -> 'PolynomialPath':
         """Return the way from rest at `start` (n,) to rest at `end` (n,) [rad] at even speed.
 
         The first and the last third of the time take up and let go of it, with an acceleration
@@ -121,7 +169,7 @@ class PolynomialPath:
         powers = _powers(places, h[segments])
         return JointReference(*np.einsum('dkm,mkn->dmn', powers, self.coefficients[segments]))
 
-    def _extremes(self, x: FloatArray, order: int) -> tuple[NDArray[np.intp], FloatArray]:
+    def _extremes(self, x: Array, order: int) -> tuple[NDArray[np.intp], Array]:
         """Return where derivatives of an order are zero between samples: segments, places."""
         derived = self.coefficients[:, order:] * _FACTORS[order][:, np.newaxis]
         values = np.einsum('px,sxn->spn', x[:, np.newaxis] ** np.arange(6 - order), derived)
@@ -149,7 +197,7 @@ class PolynomialPath:
         powers = _powers((time - times[segment]) / h, h)
         return JointReference(*(powers @ self.coefficients[segment]))
 
-    def _evaluate_many(self, time: FloatArray) -> JointReference:
+    def _evaluate_many(self, time: Array) -> JointReference:
         times = np.array(self.times)
         segment = np.searchsorted(times, time, side='right') - 1
         segment = np.minimum(np.maximum(segment, 0), len(times) - 2)
@@ -160,12 +208,12 @@ class PolynomialPath:
         return JointReference(*np.einsum('dkm,mkn->dmn', powers, self.coefficients[segment]))
 
 
-def _durations(times: ArrayLike) -> tuple[tuple[float, ...], FloatArray]:
+def _durations(times: ArrayLike) -> tuple[tuple[float, ...], Array]:
     t = np.asarray(times, dtype=float)
     return tuple(map(float, t)), np.diff(t)[:, np.newaxis]
 
 
-def _powers(x: Any, h: Any) -> FloatArray:
+def _powers(x: Any, h: Any) -> Array:
     """Return the powers of x and their first two time derivatives, (3, 6, ...).
 
     `x` and `h` [s] are numbers or arrays; NumPy's functions would take longer than all the rest.

@@ -12,6 +12,6 @@
 What they are made of is in `aerarm_ros.ros`; no other module imports an executable.
 """
 
-from aerarm_ros.algebra_threads import use_one_thread
+from aerarm_ros.realtime.scheduling import use_one_thread
 
 use_one_thread()  # an executable imports NumPy after this

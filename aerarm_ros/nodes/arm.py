@@ -18,23 +18,20 @@ import rclpy
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-from aerarm_ros.hardware.bridge_modes import MODES
-from aerarm_ros.hardware.emulation.fault_injection import FAULTS
-from aerarm_ros.hardware.emulation.fault_request import FORM
+from aerarm_ros.hardware.bridge_modes import MODES, OFF
+from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
 from aerarm_ros.ros.process.completion import lazy_script, parser_script
-from aerarm_ros.ros.process.exit_status import (
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.process_end import (
     USER_ERROR,
     print_answer,
     print_error,
     print_notice,
 )
-from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
+from aerarm_ros.ros.requests.motion_request import SetPointRequest, ToolRequest
 from aerarm_ros.ros.requests.parameter_request import set_parameter
-from aerarm_ros.ros.requests.set_point_request import SetPointRequest
-from aerarm_ros.ros.requests.tool_request import ToolRequest
-from aerarm_ros.ros.states.arm_modes import OFF
 
 NAME = 'arm'
 MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]

@@ -15,21 +15,26 @@ from typing import Any
 import numpy as np
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.base.acceleration_estimate import AccelerationEstimate
-from aerarm_ros.control.base.base_reaction import BaseReaction
+from aerarm_ros.control.base.base_motion_estimator import AccelerationEstimate
 from aerarm_ros.control.base.free_base_estimator import FREE
+from aerarm_ros.control.base.moving_base_dynamics import BaseReaction
 from aerarm_ros.control.control_loop import LONGEST_GAP
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_reference import JointReference
-from aerarm_ros.ros.controllers.contact_topic import BANDWIDTH, CONTACT_PARAMETERS, ContactTopic
+from aerarm_ros.motion.signals import ArmState, JointReference
 from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS
-from aerarm_ros.ros.controllers.energy_topic import EnergyTopic
-from aerarm_ros.ros.controllers.load_topics import LOAD_PARAMETERS, LoadTopics, wrench_message
+from aerarm_ros.ros.controllers.reaction_topics import (
+    BANDWIDTH,
+    CONTACT_PARAMETERS,
+    LOAD_PARAMETERS,
+    ContactTopic,
+    EnergyTopic,
+    LoadTopics,
+    wrench_message,
+)
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
-from aerarm_ros.ros.graph.emulated_source import SilencePatience
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.graph import SilencePatience
+from aerarm_ros.ros.parameters.parameter_table import Parameter
 from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.states.base_header import base_header
+from aerarm_ros.ros.states.state_stream import base_header
 
 NAME = 'base_reaction'
 

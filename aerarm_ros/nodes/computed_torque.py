@@ -8,11 +8,10 @@ import numpy as np
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.feedback_check import largest_delay
-from aerarm_ros.control.checks.gains import non_negative
-from aerarm_ros.control.compensation.error_integral import ErrorIntegral
+from aerarm_ros.control.checks import non_negative
+from aerarm_ros.control.compensation import ErrorIntegral
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
-from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.control.laws.computed_torque import BoardComputedTorque, ComputedTorque
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import (
     FOLLOWER_PARAMETERS,
@@ -22,9 +21,12 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     one_or_each,
 )
 from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
-from aerarm_ros.ros.controllers.trajectory_action import serve_trajectories
-from aerarm_ros.ros.controllers.trajectory_input import follow_trajectory, go_to_set_point
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.controllers.trajectory_input import (
+    follow_trajectory,
+    go_to_set_point,
+    serve_trajectories,
+)
+from aerarm_ros.ros.parameters.parameter_table import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'computed_torque'

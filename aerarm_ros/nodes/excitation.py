@@ -12,28 +12,25 @@ from typing import Any
 
 import rclpy
 
-from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile, describe_margins
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.player.command_law import CommandLaw
-from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
-from aerarm_ros.excitation.player.feed_forward_law import FeedForwardLaw
-from aerarm_ros.excitation.player.velocity_law import VelocityLaw
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.motion.float_array import FloatArray
-from aerarm_ros.motion.joint_reference import JointReference
-from aerarm_ros.ros.controllers.plan_topic import PlanTopic
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
-from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
+from aerarm_ros.excitation.design_file import TrajectoryFile, describe_margins
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.player import CommandLaw, ExcitationPlayer, FeedForwardLaw, VelocityLaw
+from aerarm_ros.excitation.settings import ExcitationError, load_excitation_config
+from aerarm_ros.excitation.trajectory import FourierTrajectory
+from aerarm_ros.motion.signals import Array, JointReference
+from aerarm_ros.ros.controllers.state_node import PlanTopic
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.shared_parameters import (
+    ARM_FILES,
+    REAL_TIME_PARAMETERS,
+    load_arm,
+    prepare_thread,
+)
 from aerarm_ros.ros.playback.motion_playback import MotionPlayback
-from aerarm_ros.ros.process.exit_status import INTERRUPTED, print_error
 from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.process.stop_signals import StopSignals
-from aerarm_ros.ros.requests.arm_at_end import AT_END_PARAMETERS, ArmAtEnd
+from aerarm_ros.ros.process.process_end import INTERRUPTED, StopSignals, print_error
+from aerarm_ros.ros.requests.arm_client import AT_END_PARAMETERS, ArmAtEnd
 from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
 
 NAME = 'excitation'
@@ -179,7 +176,7 @@ class ExcitationNode:
         self._diagnostics.latency.add(self._playback.latency_ns)
         self._plan.update()
 
-    def _ahead(self, times: FloatArray) -> JointReference | None:
+    def _ahead(self, times: Array) -> JointReference | None:
         return None if self._player is None else self._player.ahead(times)
 
     def _conclude(self) -> None:

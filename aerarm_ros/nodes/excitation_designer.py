@@ -11,9 +11,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
-from aerarm_ros.ros.process.one_line_parser import OneLineParser
-from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.process.command_line import OneLineParser
+from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
 
 NAME = 'excitation_designer'
 
@@ -23,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     stops: list[bool] = []
     with StopSignals(lambda: stops.append(True)):
         # Only now: loading the libraries takes seconds, in which a Ctrl-C is to be a request too.
-        from aerarm_ros.excitation.settings.excitation_error import DesignStoppedError
+        from aerarm_ros.excitation.settings import DesignStoppedError
         from aerarm_ros.ros.programs.design_run import DesignRun
 
         options = _parse(arguments)
@@ -37,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    from aerarm_ros.excitation.design.design_specification import BOTH, OBJECTIVES
+    from aerarm_ros.excitation.trajectory_designer import BOTH, OBJECTIVES
 
     parser = OneLineParser(prog=NAME, description=__doc__.splitlines()[0])
     add = parser.add_argument

@@ -18,18 +18,20 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
-from aerarm_ros.experiment.experiment_bench import ExperimentBench, ExperimentRun
-from aerarm_ros.experiment.experiment_case import ExperimentCase, all_cases
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
+from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.excitation.trajectory import RampedExcitation
+from aerarm_ros.experiment.experiment_bench import (
+    ExperimentBench,
+    ExperimentCase,
+    ExperimentRun,
+    all_cases,
+    run_all,
+)
 from aerarm_ros.experiment.experiment_report import ExperimentReport
-from aerarm_ros.experiment.parallel_runs import run_all
-from aerarm_ros.ros.process.exit_status import INTERRUPTED, print_error
-from aerarm_ros.ros.process.one_line_parser import OneLineParser
-from aerarm_ros.ros.process.stop_signals import StopSignals
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.ros.process.command_line import OneLineParser
+from aerarm_ros.ros.process.process_end import INTERRUPTED, StopSignals, print_error
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 NAME = 'experiment'
 FUNDAMENTAL, HARMONICS = 0.1, 5

@@ -19,28 +19,26 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_estimator import FlightEstimator
-from aerarm_ros.flight.flight_path import FlightPath
-from aerarm_ros.flight.flight_target import FlightTarget
-from aerarm_ros.flight.odometry_sample import OdometrySample
-from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.executors.steady_timer import create_steady_timer
-from aerarm_ros.ros.flight.flight_inputs import ArmTopics, to_path, to_target
+from aerarm_ros.flight.flight_state import FlightPath, FlightTarget, OdometrySample
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.executors import BackgroundExecutor, create_steady_timer
+from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone, to_path, to_target
 from aerarm_ros.ros.flight.flight_parameters import (
     FLIGHT_PARAMETERS,
     arm_feed_forward,
     flight_control,
 )
-from aerarm_ros.ros.flight.flown_drone import load_flown_drone
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES
-from aerarm_ros.ros.parameters.drone_file import DRONE_FILE
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
-from aerarm_ros.ros.process.exit_status import print_account
+from aerarm_ros.ros.parameters.shared_parameters import (
+    ARM_FILES,
+    DRONE_FILE,
+    REAL_TIME_PARAMETERS,
+    prepare_thread,
+)
 from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.process.process_end import StopSignals, print_account
 from aerarm_ros.ros.states.flight_stream import FlightStream
 
 NAME = 'flight_control'

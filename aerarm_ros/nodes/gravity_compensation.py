@@ -9,12 +9,11 @@ from functools import partial
 from typing import Any
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.checks.gains import non_negative
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.checks import RejectedInputError, non_negative
+from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import (
     FOLLOWER_PARAMETERS,
@@ -24,9 +23,12 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     one_or_each,
 )
 from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
-from aerarm_ros.ros.controllers.trajectory_action import serve_trajectories
-from aerarm_ros.ros.controllers.trajectory_input import follow_trajectory, go_to_set_point
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.controllers.trajectory_input import (
+    follow_trajectory,
+    go_to_set_point,
+    serve_trajectories,
+)
+from aerarm_ros.ros.parameters.parameter_table import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'gravity_compensation'

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
+from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, print_error
 from aerarm_ros.ros.programs.identifier_options import identifier_parser
 
 if TYPE_CHECKING:
@@ -47,13 +47,11 @@ def _run(options: argparse.Namespace) -> int:
     # Imported here, so that --help is quick and an interrupt is answered from the start.
     import numpy as np
 
-    from aerarm_msgs_py.storage.bag_error import BagError
-    from aerarm_ros.description.config_error import ConfigError
-    from aerarm_ros.description.description_error import DescriptionError
-    from aerarm_ros.identification.recording.identification_error import IdentificationError
+    from aerarm_msgs_py.storage.read_limits import BagError
+    from aerarm_ros.description.config_reader import ConfigError, DescriptionError
+    from aerarm_ros.identification.errors import IdentificationError
     from aerarm_ros.ros.programs.identifier_compare import CompareRun
-    from aerarm_ros.ros.programs.identifier_payload import PayloadRun
-    from aerarm_ros.ros.programs.identifier_run import IdentifierRun
+    from aerarm_ros.ros.programs.identifier_run import IdentifierRun, PayloadRun
 
     try:
         run: IdentifierRun | CompareRun

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from aerarm_ros.control.checks.gains import non_negative
+from aerarm_ros.control.checks import non_negative
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.cartesian_impedance import CartesianImpedance
 from aerarm_ros.model.kinematics import Kinematics
@@ -15,9 +15,12 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     one_or_each,
 )
 from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
-from aerarm_ros.ros.controllers.target_parameters import TARGET_PARAMETERS, make_target_follower
-from aerarm_ros.ros.controllers.tool_topics import ToolTopics
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.controllers.tool_topics import (
+    TARGET_PARAMETERS,
+    ToolTopics,
+    make_target_follower,
+)
+from aerarm_ros.ros.parameters.parameter_table import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'impedance_control'

@@ -5,17 +5,21 @@ from collections.abc import Sequence
 from typing import Any
 
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.laws.cartesian_motion_control import CartesianMotionControl
-from aerarm_ros.control.laws.damped_inverse import DampedInverse
-from aerarm_ros.control.laws.joint_motion_control import JointMotionControl
-from aerarm_ros.control.laws.velocity_resolution import VelocityResolution
-from aerarm_ros.energy.energy_model import EnergyModel
-from aerarm_ros.energy.holding_loss import HoldingLoss
+from aerarm_ros.control.laws.kinematic_control import (
+    CartesianMotionControl,
+    DampedInverse,
+    JointMotionControl,
+    VelocityResolution,
+)
+from aerarm_ros.energy.energy_model import EnergyModel, HoldingLoss
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
-from aerarm_ros.ros.controllers.target_parameters import TARGET_PARAMETERS, make_target_follower
-from aerarm_ros.ros.controllers.tool_topics import ToolTopics
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.controllers.tool_topics import (
+    TARGET_PARAMETERS,
+    ToolTopics,
+    make_target_follower,
+)
+from aerarm_ros.ros.parameters.parameter_table import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'kinematic_control'

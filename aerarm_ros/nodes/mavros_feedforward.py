@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import Imu
 
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.ros.flight.set_point_node import SetPointNode, set_point_parameters
 from aerarm_ros.ros.process.node_main import run_node
 

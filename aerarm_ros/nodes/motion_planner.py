@@ -13,6 +13,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,26 +24,79 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.energy.energy_model import EnergyModel
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.motion.float_array import FloatArray
-from aerarm_ros.planner.motion_plan import MotionPlan
-from aerarm_ros.planner.plan_error import PlanError
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.planner.motion_plan import ENERGY, OBJECTIVES, MotionPlan, PlanError, PlanSettings
+from aerarm_ros.planner.motion_planner import MotionPlanner
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
-from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, payload_problem
-from aerarm_ros.ros.controllers.planner_parameters import (
-    PLANNER_PARAMETERS,
-    make_planner,
-    plan_settings,
+from aerarm_ros.ros.controllers.controller_parameters import (
+    ENERGY_PARAMETERS,
+    PAYLOAD,
+    load_share,
+    payload_problem,
 )
 from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.parameters.arm_files import load_arm
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, load_arm
 from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.process.stop_signals import StopSignals
-from aerarm_ros.ros.states.state_sampler import StateSampler
+from aerarm_ros.ros.process.process_end import StopSignals
+from aerarm_ros.ros.states.state_stream import StateSampler
+
+_SETTINGS = (
+    Parameter('objective', ENERGY, 'what a motion is planned for: energy, time (the quickest), '
+              'disturbance (least peak of the moment on the base), or quintic: straight in joint '
+              'space, for comparison', choices=OBJECTIVES, live=True),
+    Parameter('duration', 2.0, 'of a motion; 0 for as long as is best', 's', 0.0, 60.0, live=True),
+    Parameter('time_price', 10.0, 'what a second costs besides the arm where the duration is free, '
+              'as the power at which the drone hovers', 'W', 0.0, 1e5, live=True),
+    Parameter('smoothness', 0.03, 'price of acceleration squared, for light joints by their '
+              'inertia more: joints whose way costs nothing move evenly instead of creeping',
+              'J s^3/rad^2', 0.0, 100.0, live=True),
+    Parameter('disturbance_price', 0.0, "price of the moment that a motion's reaction puts on the "
+              'base, beside energy: 3 trades one for the other', 'J/(Nm)^2/s', 0.0, 1e6, live=True),
+    Parameter('velocity_share', 0.9, 'usable share of velocity and acceleration limits', '', 0.01,
+              1.0, live=True),
+    Parameter('effort_share', 0.8, 'usable share of torque and current limits', '', 0.01, 1.0,
+              live=True),
+)  # fmt: skip
+
+PLANNER_PARAMETERS = (
+    *_SETTINGS,
+    Parameter('frame', 'tool0', 'link that a tool goal is for'),
+    Parameter('hold_time', 5.0, 'how long the arm stays where a tool goal brings it: the longer, '
+              'the more counts what holding takes', 's', 0.0, 3600.0, live=True),
+    Parameter('lead', 0.0, 'how long after the newest state a motion begins; 0 for when it arrives',
+              's', 0.0, 10.0, live=True),
+    *ENERGY_PARAMETERS,
+    *ARM_FILES,
+    Parameter('excitation_config', '', 'YAML file of clearances and surroundings; the packaged one '
+              'if empty'),
+)  # fmt: skip
+
+
+def plan_settings(values: SimpleNamespace) -> dict[str, object]:
+    """Return what the parameters say of `PlanSettings`."""
+    return {parameter.name: getattr(values, parameter.name) for parameter in _SETTINGS}
+
+
+def make_planner(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> MotionPlanner:
+    """Return the planner; raises ValueError with what to check."""
+    model = EnergyModel(config, robot, values.rotor_inertia or None, load_share(values, robot))
+    surroundings = load_excitation_config(values.excitation_config or None)
+    setup = ExcitationSetup.of_arm(robot, config, surroundings)
+    planner = MotionPlanner(model, setup, PlanSettings(**plan_settings(values)))  # type: ignore[arg-type]
+    payload = getattr(values, PAYLOAD)
+    if len(payload):
+        planner.carry(payload)
+    return planner
+
 
 NAME = 'motion_planner'
 PARAMETERS = ParameterTable(*PLANNER_PARAMETERS)
@@ -76,7 +130,7 @@ class MotionPlannerNode:
         self._base = robot.base_link
         self._names = config.joint_names
         self._planner = make_planner(self._values, config, robot)
-        self._state: FloatArray | None = None
+        self._state: Array | None = None
         self._asked = Time()  # stamp of the goal that is planned for
         self._states = StateSampler(self._node, self._names)
         self._trajectories, self._told = (
@@ -122,7 +176,7 @@ class MotionPlannerNode:
         planner = self._planner
         self._send(planner.plan_tool(self._start(), place, values.frame, values.hold_time))
 
-    def _start(self) -> FloatArray:
+    def _start(self) -> Array:
         # Now, after the goal has come: who asks has seen the arm at rest.
         newest = self._states.newest()
         self._state = self._state if newest is None else newest

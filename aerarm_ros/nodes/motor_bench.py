@@ -15,36 +15,39 @@ import rclpy
 from numpy.typing import NDArray
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.storage.bag_error import BagError
+from aerarm_msgs_py.storage.read_limits import BagError
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.config_reader import config_path
-from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
-from aerarm_ros.excitation.planning.bench_motion import BenchMotion, bench_checker
-from aerarm_ros.excitation.planning.bench_plan import BenchPlan
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
-from aerarm_ros.excitation.player.velocity_law import VelocityLaw
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, bench_checker
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.feasibility import StopLimits
+from aerarm_ros.excitation.player import ExcitationPlayer, VelocityLaw
+from aerarm_ros.excitation.settings import ExcitationError, load_excitation_config
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.motor_bench.motor_bench import KnownMass, MotorBench
-from aerarm_ros.identification.motor_bench.motor_files import bench_yaml, config_yaml, load_earlier
-from aerarm_ros.identification.motor_bench.motor_report import bench_html, bench_table
+from aerarm_ros.identification.motor_bench.motor_report import (
+    bench_html,
+    bench_table,
+    bench_yaml,
+    config_yaml,
+    load_earlier,
+)
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
-from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS, prepare_thread
-from aerarm_ros.ros.playback.bench_recording import BenchRecording
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.shared_parameters import (
+    ARM_FILES,
+    REAL_TIME_PARAMETERS,
+    load_arm,
+    prepare_thread,
+)
+from aerarm_ros.ros.playback.bench_recording import BenchRecording, MotorReadings
 from aerarm_ros.ros.playback.motion_playback import MotionPlayback
-from aerarm_ros.ros.playback.motor_readings import MotorReadings
-from aerarm_ros.ros.process.exit_status import INTERRUPTED
 from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.process.stop_signals import StopSignals
-from aerarm_ros.ros.requests.arm_at_end import AT_END_PARAMETERS, ArmAtEnd
+from aerarm_ros.ros.process.process_end import INTERRUPTED, StopSignals
+from aerarm_ros.ros.requests.arm_client import AT_END_PARAMETERS, ArmAtEnd
 
 NAME = 'motor_bench'
 _PLAN = BenchPlan()

@@ -18,21 +18,24 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayou
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.base_motion_estimator import NONE
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.online.online_estimate import FRICTION_NAMES, OnlineEstimate
-from aerarm_ros.online.payload_estimator import PayloadEstimator
-from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, load_share
-from aerarm_ros.ros.controllers.estimator_parameters import (
+from aerarm_ros.hardware.bridge_modes import HELD
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.online.payload_estimator import FRICTION_NAMES, OnlineEstimate, PayloadEstimator
+from aerarm_ros.ros.controllers.controller_parameters import (
+    ENERGY_PARAMETERS,
+    inertia_message,
+    load_share,
+)
+from aerarm_ros.ros.controllers.friction_log import (
     ESTIMATOR_PARAMETERS,
+    FRICTION_LOG_PARAMETERS,
+    FrictionLog,
     estimator_settings,
 )
-from aerarm_ros.ros.controllers.friction_log import FRICTION_LOG_PARAMETERS, FrictionLog
-from aerarm_ros.ros.controllers.inertia_message import inertia_message
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
-from aerarm_ros.ros.executors.steady_timer import create_steady_timer
+from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.states.arm_modes import HELD
-from aerarm_ros.ros.states.base_header import base_header
+from aerarm_ros.ros.states.state_stream import base_header
 
 NAME = 'payload_estimator'
 
@@ -175,7 +178,7 @@ def main(args: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if args is None else args)
     options = {argument.split('=')[0] for argument in given}
     if _TREND in options:
-        from aerarm_ros.ros.programs.friction_table import show_trend
+        from aerarm_ros.ros.programs.payload_replay import show_trend
 
         return show_trend(NAME, given)
     if _REPLAY in options:

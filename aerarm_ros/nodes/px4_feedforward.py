@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aerarm_ros.autopilot.px4_frames import ned
-from aerarm_ros.control.base.frame_conversion import attitude_ned_frd_to_enu_flu
+from aerarm_ros.autopilot.px4 import ned
+from aerarm_ros.control.base.base_motion import attitude_ned_frd_to_enu_flu
 from aerarm_ros.ros.flight.set_point_node import SetPointNode, set_point_parameters
 from aerarm_ros.ros.process.node_main import run_node
 

@@ -14,19 +14,15 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS
-from aerarm_msgs_py.storage.bag_error import BagError
+from aerarm_msgs_py.storage.read_limits import BagError
 from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, RECORDED_UNTIL, RECORDER_STATUS
-from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.graph.publisher_check import PublisherCheck
-from aerarm_ros.ros.graph.sole_publisher import SolePublisher
-from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.graph import PublisherCheck, SolePublisher
+from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.process.stop_signals import StopSignals
-from aerarm_ros.ros.recording.bag_feed import BagFeed
-from aerarm_ros.ros.recording.loss_watch import LossWatch
-from aerarm_ros.ros.recording.recorded_topics import SUITE_TOPICS, find_topics, for_recording
+from aerarm_ros.ros.process.process_end import StopSignals
+from aerarm_ros.ros.recording import SUITE_TOPICS, BagFeed, LossWatch, find_topics, for_recording
 
 NAME = 'recorder'
 PARAMETERS = ParameterTable(

@@ -18,14 +18,12 @@ from numpy.typing import NDArray
 from aerarm_msgs_py import topics
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
-from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, load_arm
 from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.process.stop_signals import StopSignals
-from aerarm_ros.ros.states.base_header import base_header
-from aerarm_ros.ros.states.state_sampler import StateSampler
+from aerarm_ros.ros.process.process_end import StopSignals
+from aerarm_ros.ros.states.state_stream import StateSampler, base_header
 
 NAME = 'tool_path'
 

@@ -24,21 +24,18 @@ from aerarm_msgs_py import topics
 from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.page.page_commissioning import PageCommissioning
-from aerarm_ros.ros.page.page_guard import PageGuard, is_loopback
-from aerarm_ros.ros.page.page_motion import PageMotion
+from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.page.page_programs import PagePrograms
-from aerarm_ros.ros.page.page_requests import PageRequests
+from aerarm_ros.ros.page.page_server import PageGuard, is_loopback
+from aerarm_ros.ros.page.view_commissioning import PageCommissioning
+from aerarm_ros.ros.page.view_controls import PageMotion, PageRequests
 from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics, ViewStatus
-from aerarm_ros.ros.page.view_feed import ViewFeed
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
-from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
-from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.page.view_plots import ViewFeed
+from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE, load_arm, load_drone
 from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.process.stop_signals import StopSignals
-from aerarm_ros.ros.requests.arm_at_end import BRIDGES_PARAMETER
+from aerarm_ros.ros.process.process_end import StopSignals
+from aerarm_ros.ros.requests.arm_client import BRIDGES_PARAMETER
 
 NAME = 'view'
 # The scene moves at every cycle, text and plots are sent at every third.

@@ -7,11 +7,9 @@ import numpy.typing as npt
 
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.checks.gains import non_negative
-from aerarm_ros.model.momentum_regressor import MomentumRegressor
-from aerarm_ros.motion.arm_state import ArmState
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.control.checks import non_negative
+from aerarm_ros.model.regressor import MomentumRegressor
+from aerarm_ros.motion.signals import ArmState, Array
 
 WINDOW = 5e-3
 """[s] after which momentum is taken again: motion is much slower, torque is a mean over it."""

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
+from aerarm_ros.motion.signals import Array
 
 
 class Belief(NamedTuple):
@@ -80,3 +81,74 @@ class InformationFilter:
         diagonal = np.arange(len(mean))[which]
         covariance[diagonal, diagonal] = 1.0
         self.belief = Belief(mean, np.asarray(np.linalg.inv(covariance)), covariance)
+
+
+SPECK = 1e-6
+"""Mass [kg] of what stands for nothing: it is a body, too."""
+_ITERATIONS = 6
+_DENSITY = 1000.0  # [kg/m^3] of the prior's ball: what is handled is about as dense as water
+_ENTROPY = 0.5  # weight of the prior against a squared standard deviation
+_FARTHEST = 4.0  # of a body's centre from the last joint, over the size
+_BASIS = pseudo_inertia(np.eye(10)).reshape(10, 16)
+
+
+def ball(mass: float, centre: npt.ArrayLike, radius: float) -> Array:
+    """Return the parameters (10,) of a mass [kg] about a centre (3,) [m], as wide as a ball."""
+    point = np.append(np.asarray(centre, dtype=float), 1.0)
+    spread = np.diag([*[0.2 * radius**2] * 3, 0.0])
+    return from_pseudo_inertia(mass * (np.outer(point, point) + spread))
+
+
+def nearest_body(mean: Array, information: Array, size: float) -> Array:
+    """Return the inertial parameters (10,) of a body that has some, near an estimate.
+
+    It minimises the squared deviation from `mean` by `information`, plus the entropic divergence
+    from a ball of water of the estimate's mass and centre (`solve_entropic`), which keeps the 4x4
+    pseudo-inertia P inside the cone of bodies: its part `-log det P` grows without bound at the
+    border. Newton's method from the ball on never leaves the cone, so that P is positive definite
+    however few steps it takes.
+
+    Parameters
+    ----------
+    mean : (10,) ndarray
+        Estimate that no body need have, in the order of thesis (3.3).
+    information : (10, 10) ndarray
+        Inverse of its covariance.
+    size : float
+        Of what is carried [m].
+    """
+    mass = float(mean[0])
+    if not mass > SPECK:
+        return ball(SPECK, np.zeros(3), size)
+    centre = np.clip(mean[1:4] / mass, -_FARTHEST * size, _FARTHEST * size)
+    # In units of the mass and the size, where all entries are of one order.
+    scale = mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
+    radius = np.cbrt(0.75 * mass / (np.pi * _DENSITY))
+    start = ball(1.0, centre / size, radius / size)
+    own = scale[:, np.newaxis] * information * scale
+    return scale * _minimised(start, mean / scale, own)
+
+
+def _minimised(start: Array, mean: Array, information: Array) -> Array:
+    attraction = _ENTROPY * (_BASIS @ np.linalg.inv(pseudo_inertia(start)).ravel())
+    body = start
+    inverse = np.linalg.inv(pseudo_inertia(body))
+    for _ in range(_ITERATIONS):
+        slope = information @ (body - mean) + attraction - _ENTROPY * (_BASIS @ inverse.ravel())
+        turned = (inverse @ _BASIS.reshape(10, 4, 4) @ inverse).reshape(10, 16)
+        step = np.linalg.solve(information + _ENTROPY * _BASIS @ turned.T, -slope)
+        decrement = -float(slope @ step)
+        if decrement < 1e-4:
+            break
+        # Self-concordant: a step this short cannot leave the cone.
+        length = np.sqrt(decrement / _ENTROPY)
+        candidate = body + step / (1.0 + length)
+        if length > 0.5 and _is_inside(body + step):
+            candidate = body + step
+        body = candidate
+        inverse = np.linalg.inv(pseudo_inertia(body))
+    return body
+
+
+def _is_inside(body: Array) -> bool:
+    return bool(np.linalg.eigvalsh(pseudo_inertia(body))[0] > 1e-6)

@@ -1,6 +1,7 @@
 """What the last link carries, found while the arm moves."""
 
 from collections import deque
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -8,17 +9,182 @@ import numpy.typing as npt
 
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.identification.payload.payload import Payload
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.online.change_test import ChangeTest
-from aerarm_ros.online.effort_watch import EffortWatch
-from aerarm_ros.online.estimator_settings import EstimatorSettings
+from aerarm_ros.control.checks import positive
+from aerarm_ros.identification.payload import Payload
+from aerarm_ros.model.inertia import PARAMETER_NAMES
+from aerarm_ros.motion.signals import ArmState, Array
 from aerarm_ros.online.filtered_motion import FilteredMotion, MotionRow
-from aerarm_ros.online.information_filter import Belief, InformationFilter
-from aerarm_ros.online.nearest_body import SPECK, ball, nearest_body
-from aerarm_ros.online.online_estimate import OnlineEstimate
+from aerarm_ros.online.information_filter import (
+    SPECK,
+    Belief,
+    InformationFilter,
+    ball,
+    nearest_body,
+)
 
-Array = npt.NDArray[np.float64]
+FRICTION_NAMES = ('viscous [Nms/rad]', 'Coulomb [Nm]', 'load')
+"""Of the rows of `OnlineEstimate.friction`."""
+
+_UNKNOWN = 0.5  # of the prior's standard deviation
+
+
+@dataclass(frozen=True, eq=False)
+class OnlineEstimate:
+    """One estimate of a `PayloadEstimator`.
+
+    Attributes
+    ----------
+    time : float
+        Of the state that it follows [s].
+    payload : Payload
+        Beyond what the arm's model has; a speck of 1e-6 kg stands for nothing. Its covariance is
+        that before it is known that the payload is a body.
+    carries : bool
+        Whether something is carried.
+    since : float
+        Time [s] of the last pick-up or put-down that was found; minus infinity before the first.
+    prior_std : (10,) ndarray
+        Of the payload's parameters, before there was a motion.
+    friction, friction_std : (3, n) ndarray
+        Viscous [Nms/rad], Coulomb [Nm] and load friction [-] of the joints, as they are by now.
+    residual : (n,) ndarray
+        RMS torque that remains unexplained [Nm].
+    """
+
+    time: float
+    payload: Payload
+    carries: bool
+    since: float
+    prior_std: Array
+    friction: Array
+    friction_std: Array
+    residual: Array
+
+    @property
+    def unexcited(self) -> tuple[str, ...]:
+        """Names of the parameters that the motion tells little of: they are near the prior."""
+        known = self.payload.std < _UNKNOWN * self.prior_std
+        return tuple(
+            name for name, is_known in zip(PARAMETER_NAMES, known, strict=True) if not is_known
+        )
+
+
+@dataclass(frozen=True)
+class EstimatorSettings:
+    """Settings of a `PayloadEstimator`; all are positive.
+
+    Attributes
+    ----------
+    bandwidth : float
+        Of the low-passes on both sides of the equation of motion [1/s]. What is faster is noise;
+        what is picked up shows after some of its time constants.
+    correlation_time : float
+        For how long an error of the model stays what it is [s]. Errors within it count as one.
+    payload_mass, payload_size : float
+        Standard deviation of what may be picked up: its mass [kg], and the distance of its parts
+        from the last joint [m].
+    tare_mass : float
+        Standard deviation of the mass [kg] by which the arm's model may be wrong at its last link.
+    friction_spread : float
+        Standard deviation of friction from what the model says, relative.
+    torque_noise : float
+        RMS torque [Nm] that the model leaves unexplained at first; it is measured from then on.
+    memory, friction_memory : float
+        Time constants of forgetting [s], of payload and tare, and of friction.
+    """
+
+    bandwidth: float = 30.0
+    correlation_time: float = 0.1
+    payload_mass: float = 0.5
+    payload_size: float = 0.15
+    tare_mass: float = 0.01
+    friction_spread: float = 0.3
+    torque_noise: float = 0.02
+    memory: float = 30.0
+    friction_memory: float = 120.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for field in fields(self):
+            positive(field.name, getattr(self, field.name))
+
+    def body_scale(self, mass: float) -> np.ndarray:
+        """Return standard deviations (10,) of a body of a mass [kg] and `payload_size`."""
+        size = self.payload_size
+        return mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
+
+
+class ChangeTest:
+    """A cumulative sum of how much larger errors are than they should be.
+
+    Page: Continuous inspection schemes (1954). An error counts by its square over its variance,
+    less `allowed`, and up to a limit: one sample that is mad finds nothing.
+
+    Parameters
+    ----------
+    allowed : float
+        Mean of squared errors over their variance that is still in order.
+    threshold : float
+        Sum that tells a change.
+    """
+
+    def __init__(self, allowed: float = 5.0, threshold: float = 60.0) -> None:
+        self._allowed = allowed
+        self._threshold = threshold
+        self._sum = 0.0
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._sum = 0.0
+
+    def update(self, square: float) -> bool:
+        """Take a squared error over its variance, and tell whether there was a change."""
+        change = min(square, 0.5 * self._threshold) - self._allowed
+        self._sum = max(0.0, self._sum + change)
+        return self._sum > self._threshold
+
+
+_FROZEN = 0.2  # [s] in which a measured torque of a moving joint changes
+_MOVING = 0.05  # [rad/s]
+
+
+class EffortWatch:
+    """Looks for joints that move while their torque stays the same to the last bit.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of the joints.
+
+    Attributes
+    ----------
+    problem : str
+        What is wrong, '' if nothing.
+    """
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self._names = names
+        self._before = np.full(len(names), np.nan)
+        self._same = np.zeros(len(names))
+        self.problem = ''
+
+    def update(self, state: ArmState, dt: float) -> None:
+        """Take a state, `dt` [s] after the one before."""
+        is_same = state.tau == self._before
+        self._before = np.array(state.tau)
+        if not is_same.any() and not self.problem:
+            self._same[:] = 0.0
+            return
+        self._same = np.where(is_same, self._same + dt * (np.abs(state.dq) > _MOVING), 0.0)
+        frozen = np.flatnonzero(self._same > _FROZEN)
+        self.problem = ''
+        if len(frozen):
+            names = ', '.join(self._names[index] for index in frozen)
+            self.problem = (
+                f'effort of {names} stays {state.tau[frozen[0]]:.3g} Nm while it moves: check that '
+                'joint_states has measured torques'
+            )
+
 
 PERIOD = 0.02
 """[s] between estimates, at least."""

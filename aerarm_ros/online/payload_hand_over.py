@@ -1,12 +1,10 @@
 """A payload that was found, handed over to a controller's model bit by bit."""
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.control.checks.gains import positive
-from aerarm_ros.online.nearest_body import SPECK
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.control.checks import positive
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.online.information_filter import SPECK
 
 _WORSE = 0.3  # [s] for which the unexplained torque has to be larger with the payload than without
 _SMALL = 0.1  # [Nm] by which it may be

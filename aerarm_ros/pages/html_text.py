@@ -1,9 +1,16 @@
 """Pieces of an HTML page; every text that goes in is escaped."""
 
+from __future__ import annotations
+
 import math
 import re
+import shlex
+import sys
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
 from html import escape
+from importlib import metadata
+from pathlib import Path
 
 _STYLE = """
 :root { color-scheme: light dark; --paper: #fff; --line: #d5d9e0; --ink: #1c2430; --soft: #5b6675;
@@ -202,3 +209,20 @@ def _cell(value: object, tag: str, as_text: bool) -> str:
     if tag == 'th':
         shown = shown.replace('_', '_<wbr>')  # names of joints and bags may break there
     return f'<{tag}{kind}>{shown}</{tag}>'
+
+
+_PACKAGE = 'aerarm_ros'
+
+
+def origin(arguments: Sequence[str] | None = None) -> dict[str, str]:
+    """Return date, version and command line of this run; of `arguments`, by default its own."""
+    program, *rest = sys.argv if arguments is None else arguments
+    try:
+        version = metadata.version(_PACKAGE)
+    except metadata.PackageNotFoundError:
+        version = 'not installed'
+    return {
+        'made': f'{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}',
+        'by': f'{_PACKAGE} {version}',
+        'command': shlex.join([Path(program).name, *rest]),
+    }

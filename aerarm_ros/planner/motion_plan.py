@@ -2,10 +2,75 @@
 
 from dataclasses import dataclass
 
-from aerarm_ros.energy.energy_balance import EnergyBalance
-from aerarm_ros.excitation.feasibility.feasibility_report import FeasibilityReport
-from aerarm_ros.motion.float_array import FloatArray
+from aerarm_ros.description.config_reader import check_choice, check_range
+from aerarm_ros.energy.energy_model import EnergyBalance
+from aerarm_ros.excitation.feasibility import FeasibilityReport
 from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import Array
+
+
+class PlanError(ValueError):
+    """A goal cannot be reached as asked; the message says which limit is in the way."""
+
+
+ENERGY, TIME, QUINTIC, DISTURBANCE = OBJECTIVES = ('energy', 'time', 'quintic', 'disturbance')
+
+
+@dataclass(frozen=True, slots=True)
+class PlanSettings:
+    """What a motion is planned for, and how much of the limits it may use.
+
+    Attributes
+    ----------
+    objective : str
+        'energy': least energy; 'time': the quickest; 'quintic': straight in joint space, for
+        comparison; 'disturbance': least peak of the reaction's moment on the base.
+    duration : float
+        [s]; 0 for as long as is best: where energy is priced, that at which a second more saves
+        less than it costs, and for a quintic the shortest.
+    time_price : float
+        What a second costs besides the arm's energy [W], as the power at which the drone hovers.
+    smoothness : float
+        Price of acceleration squared, of the joint that moves most inertia [J s^3/rad^2], where
+        energy is saved; lighter ones pay more, see `prices_by_lightness`.
+    disturbance_price : float
+        Price of the reaction's moment on the base, see `DisturbanceTerm` [J/(Nm)^2/s], where energy
+        is saved; 0 for none.
+    velocity_share, effort_share : float
+        Usable share of velocity and acceleration limits, and of torque and current limits.
+    knots : int
+        Free points of each joint's spline.
+    samples : int
+        Instants at which a motion is looked at while it is planned.
+
+    Raises
+    ------
+    ConfigError
+        If a value lies outside its range.
+    """
+
+    objective: str = ENERGY
+    duration: float = 0.0
+    time_price: float = 10.0
+    smoothness: float = 0.03
+    disturbance_price: float = 0.0
+    velocity_share: float = 0.9
+    effort_share: float = 0.8
+    knots: int = 8
+    samples: int = 32
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_choice('plan', 'objective', self.objective, OBJECTIVES)
+        check_range('plan', 'duration', self.duration, 0.0, 60.0, 's')
+        check_range('plan', 'time_price', self.time_price, 0.0, 1e5, 'W')
+        check_range('plan', 'smoothness', self.smoothness, 0.0, 100.0, 'J s^3/rad^2')
+        price = self.disturbance_price
+        check_range('plan', 'disturbance_price', price, 0.0, 1e6, 'J/(Nm)^2/s')
+        for key in ('velocity_share', 'effort_share'):
+            check_range('plan', key, getattr(self, key), 0.01, 1.0, '')
+        check_range('plan', 'knots', self.knots, 1, 50, '')
+        check_range('plan', 'samples', self.samples, 4 * self.knots, 1000, '')
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +91,7 @@ class MotionPlan:
     report: FeasibilityReport
 
     @property
-    def goal(self) -> FloatArray:
+    def goal(self) -> Array:
         """(n,) where it ends [rad]."""
         return self.path.evaluate(self.path.duration).q
 

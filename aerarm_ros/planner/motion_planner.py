@@ -11,27 +11,34 @@ import scipy
 from numpy.typing import ArrayLike
 
 from aerarm_ros.energy.energy_model import EnergyModel
-from aerarm_ros.excitation.feasibility.effort_model import EffortModel
-from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
-from aerarm_ros.excitation.feasibility.feasibility_report import FeasibilityReport
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings.motion_limits import MotionLimits
-from aerarm_ros.excitation.trajectory.transfer import standstill
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.feasibility import EffortModel, FeasibilityChecker, FeasibilityReport
+from aerarm_ros.excitation.settings import MotionLimits
+from aerarm_ros.excitation.trajectory import standstill
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
-from aerarm_ros.motion.float_array import FloatArray
-from aerarm_ros.motion.polynomial_path import PolynomialPath
-from aerarm_ros.motion.smooth_step import rest_to_rest_duration
-from aerarm_ros.planner.clearance_term import ClearanceTerm
-from aerarm_ros.planner.cost_term import CostTerm
-from aerarm_ros.planner.disturbance_term import DisturbanceTerm, peak_moment
-from aerarm_ros.planner.drive_term import DriveTerm
-from aerarm_ros.planner.limit_term import LimitTerm
-from aerarm_ros.planner.motion_cost import MotionCost
-from aerarm_ros.planner.motion_plan import MotionPlan
-from aerarm_ros.planner.plan_error import PlanError
-from aerarm_ros.planner.plan_settings import DISTURBANCE, ENERGY, QUINTIC, TIME, PlanSettings
-from aerarm_ros.planner.smoothness_term import SmoothnessTerm, prices_by_lightness
+from aerarm_ros.motion.polynomial_path import PolynomialPath, rest_to_rest_duration
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.planner.cost_terms import (
+    ClearanceTerm,
+    CostTerm,
+    DisturbanceTerm,
+    DriveTerm,
+    LimitTerm,
+    MotionCost,
+    SmoothnessTerm,
+    peak_moment,
+    prices_by_lightness,
+)
+from aerarm_ros.planner.motion_plan import (
+    DISTURBANCE,
+    ENERGY,
+    QUINTIC,
+    TIME,
+    MotionPlan,
+    PlanError,
+    PlanSettings,
+)
 from aerarm_ros.planner.spline_basis import SplineBasis
 from aerarm_ros.planner.tool_postures import ToolPostures
 
@@ -180,7 +187,7 @@ class MotionPlanner:
     def _standby(self) -> float:
         return self._model.config.power_stage.standby
 
-    def _posture(self, what: str, q: ArrayLike) -> FloatArray:
+    def _posture(self, what: str, q: ArrayLike) -> Array:
         posture = np.array(q, dtype=float)
         n = self._model.n
         if posture.shape != (n,) or not np.isfinite(posture).all():
@@ -188,7 +195,7 @@ class MotionPlanner:
         self._require(self._checker.check(standstill(posture)), f'the {what}')
         return posture
 
-    def _quintic(self, q0: FloatArray, q1: FloatArray) -> MotionPlan:
+    def _quintic(self, q0: Array, q1: Array) -> MotionPlan:
         duration = self.settings.duration or self._quintic_duration(q0, q1)
         path = PolynomialPath.rest_to_rest(q0, q1, duration)
         report = self._checker.check(path)
@@ -200,11 +207,11 @@ class MotionPlanner:
         self._require(report, f'a quintic of {path.duration:.3g} s')
         return self._made(path, report)
 
-    def _quintic_duration(self, q0: FloatArray, q1: FloatArray) -> float:
+    def _quintic_duration(self, q0: Array, q1: Array) -> float:
         limits = self._limits
         return rest_to_rest_duration(q1 - q0, limits.velocity, limits.acceleration, _SHORTEST)
 
-    def _of_duration(self, q0: FloatArray, q1: FloatArray, duration: float) -> MotionPlan:
+    def _of_duration(self, q0: Array, q1: Array, duration: float) -> MotionPlan:
         near = PolynomialPath.rest_to_rest(q0, q1, duration)
         points = first = self._basis.points_near(near)
         beside = self._terms_beside_energy(near)
@@ -232,7 +239,7 @@ class MotionPlanner:
         self._require(report, f'a motion of {duration:.3g} s', self._advice(q0, q1, duration))
         raise AssertionError  # it was infeasible
 
-    def _of_free_duration(self, q0: FloatArray, q1: FloatArray, second: float) -> MotionPlan:
+    def _of_free_duration(self, q0: Array, q1: Array, second: float) -> MotionPlan:
         duration = 1.2 * self._quintic_duration(q0, q1)
         near = PolynomialPath.rest_to_rest(q0, q1, duration)
         points = self._basis.points_near(near)
@@ -252,7 +259,7 @@ class MotionPlanner:
         raise AssertionError
 
     def _stretched(
-        self, points: FloatArray, q0: FloatArray, q1: FloatArray, duration: float
+        self, points: Array, q0: Array, q1: Array, duration: float
     ) -> tuple[PolynomialPath, FeasibilityReport]:
         """Return the motion at the least duration, from this one on, that keeps the limits."""
         for _ in range(_STRETCHES):
@@ -298,8 +305,8 @@ class MotionPlanner:
         return terms
 
     def _searched(
-        self, cost: MotionCost, points: FloatArray, duration: float, is_free: bool = False
-    ) -> tuple[FloatArray, float]:
+        self, cost: MotionCost, points: Array, duration: float, is_free: bool = False
+    ) -> tuple[Array, float]:
         """Return the best points (K, n), and the best duration if it is free."""
         shape, size = points.shape, points.size
         bounds = list(
@@ -314,7 +321,7 @@ class MotionPlanner:
             x = np.append(x, np.log(duration))
             bounds.append((np.log(_SHORTEST), np.log(_LONGEST)))
 
-        def value(x: FloatArray) -> tuple[float, FloatArray]:
+        def value(x: Array) -> tuple[float, Array]:
             length = float(np.exp(x[size])) if is_free else duration
             total, by_points, by_log = cost.of(x[:size].reshape(shape), length)
             slope = by_points.ravel()
@@ -333,7 +340,7 @@ class MotionPlanner:
     def _made(self, path: PolynomialPath, report: FeasibilityReport) -> MotionPlan:
         return MotionPlan(path, self._model.balance(path), report)
 
-    def _advice(self, q0: FloatArray, q1: FloatArray, duration: float) -> str:
+    def _advice(self, q0: Array, q1: Array, duration: float) -> str:
         """Return how long the motion would have to be, '' if that is not what is in the way."""
         try:
             quickest = self.with_settings(objective=TIME, duration=0.0).plan(q0, q1)

@@ -5,9 +5,8 @@ from functools import lru_cache
 import numpy as np
 import scipy
 
-from aerarm_ros.motion.float_array import FloatArray
-from aerarm_ros.motion.joint_reference import JointReference
 from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import Array, JointReference
 
 _DEGREE = 5
 _AT_REST = 3  # control points at each end that rest takes: position, velocity, acceleration
@@ -54,13 +53,11 @@ class SplineBasis:
         """Return the basis of these sizes, made once."""
         return cls(free, samples)
 
-    def points_near(self, motion: PolynomialPath) -> FloatArray:
+    def points_near(self, motion: PolynomialPath) -> Array:
         """Return free points (K, n) of a spline near a motion."""
         return motion.evaluate(self._places * motion.duration).q
 
-    def motion(
-        self, points: FloatArray, start: FloatArray, end: FloatArray, duration: float
-    ) -> JointReference:
+    def motion(self, points: Array, start: Array, end: Array, duration: float) -> JointReference:
         """Return the motion in the middles of the intervals, (M, n) each.
 
         Parameters
@@ -75,16 +72,14 @@ class SplineBasis:
         parts = (self._first, self.matrices, self._last)
         return JointReference(*_scaled(parts, points, start, end, duration))
 
-    def path(
-        self, points: FloatArray, start: FloatArray, end: FloatArray, duration: float
-    ) -> PolynomialPath:
+    def path(self, points: Array, start: Array, end: Array, duration: float) -> PolynomialPath:
         """Return the same motion as a path."""
         q, dq, ddq = _scaled(self._at_breaks, points, start, end, duration)
         q[0], q[-1] = start, end
         dq[[0, -1]] = ddq[[0, -1]] = 0.0
         return PolynomialPath.quintic(self._breaks * duration, q, dq, ddq)
 
-    def _split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _split(self, x: Array) -> tuple[Array, Array, Array]:
         """Return what start (3, len(x)), free points and end contribute at x."""
         rows = np.array([self._spline.derivative(d)(x) if d else self._spline(x) for d in range(3)])
         first, last = rows[:, :, :_AT_REST].sum(axis=2), rows[:, :, -_AT_REST:].sum(axis=2)
@@ -92,12 +87,12 @@ class SplineBasis:
 
 
 def _scaled(
-    parts: tuple[FloatArray, FloatArray, FloatArray],
-    points: FloatArray,
-    start: FloatArray,
-    end: FloatArray,
+    parts: tuple[Array, Array, Array],
+    points: Array,
+    start: Array,
+    end: Array,
     duration: float,
-) -> FloatArray:
+) -> Array:
     """Return position, velocity and acceleration (3, M, n) by time."""
     first, matrices, last = parts
     rate = duration ** -np.arange(3.0)

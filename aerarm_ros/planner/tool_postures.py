@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerarm_ros.energy.energy_model import EnergyModel
-from aerarm_ros.energy.holding_loss import HoldingLoss
-from aerarm_ros.excitation.settings.motion_limits import MotionLimits
+from aerarm_ros.energy.energy_model import EnergyModel, HoldingLoss
+from aerarm_ros.excitation.settings import MotionLimits
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.motion.float_array import FloatArray
 from aerarm_ros.motion.polynomial_path import PolynomialPath
-from aerarm_ros.planner.plan_error import PlanError
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.planner.motion_plan import PlanError
 
 _SEEDS = 24
 _STEPS = 30
@@ -49,11 +48,11 @@ class ToolPostures:
         self._loss = HoldingLoss(model)
         self._hold_time = hold_time
 
-    def holding(self, q: FloatArray) -> float:
+    def holding(self, q: Array) -> float:
         """Return the energy of staying at q (n,) for the hold time [J]."""
         return self._hold_time * self._loss.watts(q)
 
-    def find(self, point: ArrayLike, start: FloatArray, duration: float) -> list[FloatArray]:
+    def find(self, point: ArrayLike, start: Array, duration: float) -> list[Array]:
         """Return different postures (n,) [rad], those first that cost least with their way.
 
         Parameters
@@ -76,7 +75,7 @@ class ToolPostures:
         low, high = self._range(start)
         random = np.random.default_rng(0)  # the same goal, the same answer
         seeds = [start, *random.uniform(low, high, (_SEEDS, len(start)))]
-        found: list[FloatArray] = []
+        found: list[Array] = []
         for seed in seeds:
             q = self._settled(place, seed, start, low, high)
             if q is not None and all(np.abs(q - other).max() > _SAME for other in found):
@@ -88,7 +87,7 @@ class ToolPostures:
             )
         return sorted(found, key=lambda q: self.holding(q) + self._way(start, q, duration))
 
-    def _range(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _range(self, start: Array) -> tuple[Array, Array]:
         """Return the position limits (n,), a turn about the start where there is none."""
         low, high = self._limits.position_min, self._limits.position_max
         return (
@@ -98,12 +97,12 @@ class ToolPostures:
 
     def _settled(
         self,
-        place: FloatArray,
-        seed: FloatArray,
-        start: FloatArray,
-        low: FloatArray,
-        high: FloatArray,
-    ) -> FloatArray | None:
+        place: Array,
+        seed: Array,
+        start: Array,
+        low: Array,
+        high: Array,
+    ) -> Array | None:
         """Return the posture to which a seed leads, None if the tool is not there."""  # fmt: skip
         q, error = np.array(seed), np.inf
         steepness = self._hold_time * _LOSS_CURVATURE + 2.0 * _TRAVEL_PRICE
@@ -121,7 +120,7 @@ class ToolPostures:
             error = float(np.linalg.norm(place - self._kinematics.position(q)))
         return q if error < _NEAR else None
 
-    def _way(self, start: FloatArray, q: FloatArray, duration: float) -> float:
+    def _way(self, start: Array, q: Array, duration: float) -> float:
         """Return what the straight way takes [J], coarsely."""
         straight = PolynomialPath.rest_to_rest(start, q, duration)
         times = (np.arange(_GLANCE) + 0.5) * duration / _GLANCE

@@ -2,6 +2,9 @@
 
 Every function returns None when it worked, otherwise a warning for the user: a robot on a
 desk should run without these rights, and say what that costs.
+
+An arm's matrices are small. Threads that share one fight over it: beside a loop at real-time
+priority, the solution of four equations took milliseconds on them instead of microseconds.
 """
 
 import ctypes
@@ -10,9 +13,18 @@ import os
 import resource
 import struct
 import threading
-from collections.abc import Collection
+from collections.abc import Collection, MutableMapping
 from contextlib import suppress
 from functools import cache
+
+THREAD_VARIABLES = ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS')
+
+
+def use_one_thread(environment: MutableMapping[str, str] = os.environ) -> None:
+    """Let the linear algebra of this process use one thread, unless the user says otherwise."""
+    for name in THREAD_VARIABLES:
+        environment.setdefault(name, '1')
+
 
 _MCL_CURRENT = 1
 _MCL_FUTURE = 2

@@ -1,13 +1,45 @@
 """Statistics of durations in constant memory, cheap enough for a 1 kHz loop."""
 
+from __future__ import annotations
+
 import math
 from array import array
+from dataclasses import dataclass
 from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aerarm_ros.realtime.timing_summary import TimingSummary
+
+@dataclass(frozen=True)
+class TimingSummary:
+    """Durations [s] in a few numbers; all zero where nothing was measured.
+
+    Attributes
+    ----------
+    count
+        Durations measured.
+    mean, std
+        Mean and standard deviation [s].
+    minimum, p50, p99, p999, maximum
+        Smallest, median, 99 % and 99.9 % quantile, largest [s].
+    """
+
+    count: int = 0
+    mean: float = 0.0
+    std: float = 0.0
+    minimum: float = 0.0
+    p50: float = 0.0
+    p99: float = 0.0
+    p999: float = 0.0
+    maximum: float = 0.0
+
+    def __str__(self) -> str:
+        """Return one line in microseconds."""
+        fields = ('mean', 'std', 'p50', 'p99', 'p999', 'maximum')
+        values = '  '.join(f'{name} {getattr(self, name) * 1e6:.0f}' for name in fields)
+        return f'{values} us ({self.count} values)'
+
 
 _NANOSECONDS = 1e9
 
@@ -88,3 +120,67 @@ class TimingStatistics:
         index = int(np.searchsorted(cumulative, math.ceil(share * cumulative[-1])))
         edge = self._maximum if index == self._last else (index + 1) * self._width
         return min(max(edge, self._minimum), self._maximum) / _NANOSECONDS
+
+
+OK, WARN, ERROR = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class TimingThresholds:
+    """Pairs of (warning, error) levels; the defaults are ros2_control's.
+
+    Attributes
+    ----------
+    rate_error
+        Deviation of the mean rate from the wanted one [Hz].
+    execution_mean, execution_std
+        Mean and standard deviation of the execution time [s].
+    """
+
+    rate_error: tuple[float, float] = (5.0, 10.0)
+    execution_mean: tuple[float, float] = (1000e-6, 2000e-6)
+    execution_std: tuple[float, float] = (100e-6, 200e-6)
+
+
+def assess_timing(
+    period: float,
+    interval: TimingSummary,
+    execution: TimingSummary,
+    thresholds: TimingThresholds | None = None,
+) -> tuple[int, str]:
+    """Return the worst level and what it is about.
+
+    Parameters
+    ----------
+    period
+        Wanted period [s].
+    interval, execution
+        Measured periods and execution times.
+    thresholds
+        ros2_control's by default.
+    """
+    limits = thresholds or TimingThresholds()
+    if not interval.count:
+        return OK, 'no cycle yet'
+    rate = 1.0 / interval.mean
+    checks = (
+        (abs(rate - 1.0 / period), limits.rate_error, f'rate is {rate:.1f} Hz'),
+        (
+            execution.mean,
+            limits.execution_mean,
+            f'a cycle takes {execution.mean * 1e6:.0f} us on average',
+        ),
+        (
+            execution.std,
+            limits.execution_std,
+            f'cycle times spread by {execution.std * 1e6:.0f} us',
+        ),
+    )
+    levels = [
+        (ERROR if value > error else WARN if value > warn else OK, text)
+        for value, (warn, error), text in checks
+    ]
+    worst = max(level for level, _ in levels)
+    if worst == OK:
+        return OK, f'{rate:.1f} Hz, {execution.mean * 1e6:.0f} us a cycle'
+    return worst, '; '.join(text for level, text in levels if level == worst)

@@ -7,8 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, Array, PlantError, bare_urdf
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.simulation.arm_plant import (
+    SUBSTEP,
+    ArmPlant,
+    PlantError,
+    PlantParameters,
+    bare_urdf,
+)
 
 # Flanks are hard: what they give way by under load is far less than the play.
 _FLANK_SOLREF = (4.0 * SUBSTEP, 1.0)

@@ -6,11 +6,9 @@ from math import cos, pi, radians, sin
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from aerarm_ros.motion.smooth_step import smooth_step
-
-Array = NDArray[np.float64]
+from aerarm_ros.motion.polynomial_path import smooth_step
+from aerarm_ros.motion.signals import Array
 
 
 class BaseState(NamedTuple):

@@ -17,27 +17,24 @@ import rclpy
 from counting.replayed_boards import replayed_cycle
 from rclpy.node import Node
 
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage
-from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_msgs_py.topics import JOINT_COMMAND, JOINT_STATES, MOTOR_STATES
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
-from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
+from aerarm_ros.control.checks import JointLimits
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
-from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
-from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.hardware.gate.command_intake import OfferedCommand
+from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams
 from aerarm_ros.ros.process.node_process import ros_environment
 

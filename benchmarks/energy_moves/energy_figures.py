@@ -7,7 +7,7 @@ import numpy as np
 from energy_moves.energy_bench import SETTLE, Taken
 from energy_moves.move import PLANNED, TRAPEZOID
 
-from aerarm_ros.planner.plan_settings import QUINTIC
+from aerarm_ros.planner.motion_plan import QUINTIC
 
 SAVING, PREDICTED, WITHIN = 0.45, 0.9, 0.1
 GOALS = (

@@ -6,10 +6,9 @@ import numpy as np
 from energy_moves.energy_figures import COLUMNS, GOALS, SAVINGS, EnergyFigures
 from energy_moves.move import PLANNED, TRAPEZOID
 
-from aerarm_ros.pages.html_text import Html, bullets, page, paragraph, section, table
-from aerarm_ros.pages.page_origin import origin
+from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
 from aerarm_ros.pages.plots import figure_html, plotting_script
-from aerarm_ros.planner.plan_settings import QUINTIC
+from aerarm_ros.planner.motion_plan import QUINTIC
 
 OTHERS = (QUINTIC, TRAPEZOID)
 

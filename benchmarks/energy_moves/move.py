@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.planner.motion_plan import QUINTIC, PlanError
 from aerarm_ros.planner.motion_planner import MotionPlanner
-from aerarm_ros.planner.plan_error import PlanError
-from aerarm_ros.planner.plan_settings import QUINTIC
 
 PLANNED, TRAPEZOID = 'planned', 'trapezoid'
 SHAPES = (PLANNED, QUINTIC, TRAPEZOID)

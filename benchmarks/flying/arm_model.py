@@ -10,11 +10,11 @@ from rclpy.node import Node
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.identification.files.identified_urdf import identified_urdf
+from aerarm_ros.identification.files.identified_robot import identified_urdf
 from aerarm_ros.model.inertia import barycentric_inertia, parameters_of_body
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 AS_DRAWN = -1
 _PATIENCE = 600.0  # [s]

@@ -6,7 +6,7 @@ import numpy as np
 from flying.grown_motion import HANGING, RAMP, GrownMotion
 from numpy.typing import ArrayLike
 
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import JointReference
 
 MOTIONS = {  # amplitude [rad], frequency [Hz]
     'slow': (np.array([0.4, 0.5, 0.45, 0.5]), np.array([0.2, 0.25, 0.3, 0.35])),

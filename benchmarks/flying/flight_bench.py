@@ -20,11 +20,11 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
-from aerarm_ros.ros.executors.spinning import spin_until
+from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 from aerarm_ros.ros.requests.parameter_request import set_parameter

@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
 
 PATIENCE = 300.0  # [s] of the host, which may be busy

@@ -9,9 +9,8 @@ from flying.flight_replay import replay
 from flying.flight_results import BASELINE, BEST, COLUMNS, GOALS, FlightResults
 from flying.flight_way import load_drone
 
-from aerarm_ros.description.whole_file import write_whole
-from aerarm_ros.pages.html_text import Html, bullets, page, paragraph, section, table
-from aerarm_ros.pages.page_origin import origin
+from aerarm_ros.description.resources import write_whole
+from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
 from aerarm_ros.pages.plots import figure_html, plotly_figure, plotting_script
 
 _THINNED = 8  # one in so many states is drawn

@@ -9,10 +9,10 @@ from flying.grown_motion import HANGING, GrownMotion
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
-from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
-from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
-from aerarm_ros.motion.joint_motion import JointMotion
+from aerarm_ros.excitation.design_file import TrajectoryFile
+from aerarm_ros.excitation.trajectory import MotionSequence, Stage
 from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import JointMotion
 
 RAMP = 1.0  # [s]
 STILL = 'no arm motion'

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.motion.joint_motion import JointMotion
+from aerarm_ros.motion.signals import JointMotion
 
 LOST = 1.0  # [m] off its place a drone does not hold
 _AT_LIMIT = 1e-6  # of the largest thrust

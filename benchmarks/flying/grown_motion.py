@@ -5,8 +5,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerarm_ros.motion.joint_reference import JointReference
-from aerarm_ros.motion.smooth_step import smooth_step
+from aerarm_ros.motion.polynomial_path import smooth_step
+from aerarm_ros.motion.signals import JointReference
 
 HANGING = np.array([0.0, np.pi / 2, 0.0, 0.0])
 RAMP = 2.0  # [s]

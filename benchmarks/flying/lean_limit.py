@@ -7,9 +7,8 @@ from flying.flight_program import FlightProgram
 
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.flight.arm_load_model import ArmLoadModel
-from aerarm_ros.flight.mass_properties import MassProperties
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.flight.arm_load import ArmLoadModel, MassProperties
+from aerarm_ros.motion.signals import JointReference
 
 _STEP = 0.02  # [s]
 

@@ -6,18 +6,14 @@ import numpy as np
 from flying.grown_motion import HANGING
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.control.base.drone_in_base import carrier_parameters, wrench_per_thrust
+from aerarm_ros.control.base.rotor_wrench import carrier_parameters, wrench_per_thrust
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
-from aerarm_ros.flight.arm_load_model import ArmLoadModel
+from aerarm_ros.flight.arm_load import ArmFeedForward, ArmLoadModel, MassProperties
 from aerarm_ros.flight.flight_control import FlightControl
-from aerarm_ros.flight.flight_state import FlightState
-from aerarm_ros.flight.flight_target import FlightTarget
-from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
-from aerarm_ros.motion.joint_motion import JointMotion
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import JointMotion, JointReference
 
 CYCLE = 4e-3  # [s] of the flight controller
 STEPS = 2  # of the physics in a cycle

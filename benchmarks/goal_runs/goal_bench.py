@@ -20,17 +20,17 @@ from aerarm_ros.control.references.trajectory_goals import GoalResult, Trajector
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
+from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.smooth_step import rest_to_rest_duration
+from aerarm_ros.hardware.gate.command_intake import OfferedCommand
+from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
+from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.nodes import computed_torque, gravity_compensation
 from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
 from aerarm_ros.ros.emulation.emulation_parameters import PAYLOAD_RADIUS
+from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.backlash_plant import BacklashPlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 CYCLE = 1e-3
 SETTLED = 5e-3  # [rad] from the goal

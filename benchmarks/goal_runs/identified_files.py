@@ -7,20 +7,19 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
-from aerarm_ros.excitation.player.velocity_law import VelocityLaw
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.player import ExcitationPlayer, VelocityLaw
+from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
+from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
 from aerarm_ros.identification.stopwatch import Stopwatch
-from aerarm_ros.ros.library.identified_arm import IdentifiedArm
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.ros.library.identification import IdentifiedArm
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 CYCLE = 1e-3
 QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)

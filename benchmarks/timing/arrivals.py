@@ -14,7 +14,7 @@ import numpy as np
 import rclpy
 
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_msgs_py.topics import JOINT_COMMAND
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.realtime.scheduling import freeze_garbage_collector, set_fifo

@@ -16,9 +16,9 @@ from rclpy.node import Node
 from timing.arrivals import Arrivals
 from timing.diagnosed import Diagnosed
 
+from aerarm_ros.hardware.bridge_modes import OFF
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
-from aerarm_ros.ros.states.arm_modes import OFF
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'hardware'))
 import spi_boards

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage
-from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'

@@ -48,7 +48,7 @@ def test_importing_a_package_imports_none_of_its_modules() -> None:
     command = [sys.executable, '-c', script, *PACKAGES]
     run = subprocess.run(command, check=True, capture_output=True, text=True, cwd=ROOT)
     # But what has to be said before NumPy is imported.
-    assert set(run.stdout.split()) == {*PACKAGES, 'aerarm_ros.algebra_threads'}
+    assert set(run.stdout.split()) == {*PACKAGES, 'aerarm_ros.realtime.scheduling'}
 
 
 @pytest.mark.parametrize('folder', [*SUITE, 'launch', 'benchmarks', 'test'])

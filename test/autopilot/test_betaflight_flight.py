@@ -7,12 +7,11 @@ import pytest
 from flown_arm import Flight, body
 from scripted_firmware import BOOT, ScriptedFirmware
 
-from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight
-from aerarm_ros.autopilot.betaflight_setup import BetaflightSetup
+from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight, BetaflightSetup
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
-from aerarm_ros.flight.feed_forward import FeedForward
-from aerarm_ros.flight.flight_target import FlightTarget
+from aerarm_ros.flight.arm_load import FeedForward
+from aerarm_ros.flight.flight_state import FlightTarget
 
 DRONE = load_drone_config()
 STEP = 0.004

@@ -12,8 +12,12 @@ import numpy as np
 import pytest
 from scripted_firmware import BOOT
 
-from aerarm_ros.autopilot.betaflight_link import BetaflightLink
-from aerarm_ros.autopilot.betaflight_packets import motor_outputs, rc_packet, state_packet
+from aerarm_ros.autopilot.betaflight_link import (
+    BetaflightLink,
+    motor_outputs,
+    rc_packet,
+    state_packet,
+)
 
 SCRIPT = Path(__file__).with_name('scripted_firmware.py')
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])

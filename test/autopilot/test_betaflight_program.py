@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerarm_ros.autopilot.betaflight_flight import BetaflightSetup
 from aerarm_ros.autopilot.betaflight_link import BetaflightLink
 from aerarm_ros.autopilot.betaflight_program import HOW, BetaflightProgram, find_betaflight
-from aerarm_ros.autopilot.betaflight_setup import BetaflightSetup
 from aerarm_ros.description.drone_config import load_drone_config
 
 DRONE = load_drone_config()

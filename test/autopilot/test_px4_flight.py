@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.autopilot.px4_flight import Px4Flight
-from aerarm_ros.autopilot.px4_gains import Px4Gains
+from aerarm_ros.autopilot.px4 import Px4Gains
+from aerarm_ros.autopilot.px4_loops import Px4Flight
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import GRAVITY, load_drone_config
-from aerarm_ros.flight.feed_forward import FeedForward
-from aerarm_ros.flight.flight_state import FlightState
-from aerarm_ros.flight.flight_target import FlightTarget
-from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.flight.arm_load import FeedForward, MassProperties
+from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 
 DRONE = load_drone_config()
 BODY = MassProperties(4.5, np.zeros(3), np.diag([0.2, 0.2, 0.1]))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.autopilot.px4_frames import frd_rotation, heading, ned
-from aerarm_ros.control.base.frame_conversion import (
+from aerarm_ros.autopilot.px4 import frd_rotation, heading, ned
+from aerarm_ros.control.base.base_motion import (
     attitude_ned_frd_to_enu_flu,
     quaternion,
     rotation_matrix,

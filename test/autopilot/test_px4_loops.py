@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.autopilot.px4_gains import Px4Gains
+from aerarm_ros.autopilot.px4 import Px4Gains
 from aerarm_ros.autopilot.px4_loops import Px4Loops, Px4SetPoint, Px4State
 from aerarm_ros.description.drone_config import GRAVITY
 

@@ -19,10 +19,10 @@ from aerarm_ros.commissioning.commissioning import Commissioning
 from aerarm_ros.commissioning.commissioning_record import CommissioningRecord
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.hardware.boards.probe_messages import ProbeReport, ProbeRequest
+from aerarm_ros.hardware.boards.commissioning_probe import ProbeReport, ProbeRequest
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.emulation.fault_request import FaultRequest
+from aerarm_ros.hardware.emulation.fault_injection import FaultRequest
 
 _ASK_EVERY = 100  # cycles between two requests of the client
 _LONGEST = 200.0  # [s] of virtual time

@@ -6,12 +6,11 @@ from datetime import UTC, datetime
 import pytest
 from commissioning_campaign import CommissionedArm
 
-from aerarm_ros.commissioning.commissioning import Commissioning
+from aerarm_ros.commissioning.commissioning import Commissioning, TurnStep
 from aerarm_ros.commissioning.commissioning_record import CommissioningRecord
-from aerarm_ros.commissioning.commissioning_step import TurnStep
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.hardware.boards.probe_messages import ProbeReport, ProbeRequest
+from aerarm_ros.hardware.boards.commissioning_probe import ProbeReport, ProbeRequest
 
 CONFIG, ROBOT = load_arm_config(), load_robot()
 NOW = datetime(2026, 3, 1, tzinfo=UTC)

@@ -11,7 +11,7 @@ from aerarm_ros.commissioning.commissioning_record import (
     record_path,
 )
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.description.config_reader import ConfigError
 
 CONFIG = load_arm_config()
 NOW = datetime(2026, 3, 1, 12, 30, tzinfo=UTC)

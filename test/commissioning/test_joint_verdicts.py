@@ -13,7 +13,7 @@ from aerarm_ros.commissioning.joint_verdicts import (
     turn_findings,
 )
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.hardware.boards.probe_messages import ProbeReport, Stroke
+from aerarm_ros.hardware.boards.commissioning_probe import ProbeReport, Stroke
 
 CONFIG = load_arm_config()
 TURN = 0.5 * pi

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from flown_arm import HANGING, ROBOT, Flight
 
-from aerarm_ros.contact.contact_estimator import ContactEstimator
-from aerarm_ros.contact.contact_observer import ContactObserver
-from aerarm_ros.control.base.drone_in_base import carrier_parameters
-from aerarm_ros.control.base.rotor_wrench import RotorWrench
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
-from aerarm_ros.flight.odometry_sample import OdometrySample
+from aerarm_ros.flight.contact_estimator import ContactEstimator, ContactObserver
+from aerarm_ros.flight.flight_state import OdometrySample
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from aerarm_ros.contact.contact_zero import DURATION, ContactZero
+from aerarm_ros.flight.contact_estimator import DURATION, ContactZero
 
 STEP = 0.004
 PLACE = np.array([0.02, -0.01, -0.06])  # of 0.3 kg that nobody knows of, in base axes

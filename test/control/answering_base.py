@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.base.base_motion import BaseMotion
-from aerarm_ros.control.base.free_base_motion import FreeBaseMotion
+from aerarm_ros.control.base.free_base_estimator import FreeBaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 
 Array = npt.NDArray[np.float64]

@@ -9,13 +9,11 @@ import numpy.typing as npt
 import pytest
 
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_command import JointCommand
-from aerarm_ros.simulation.arm_plant import ArmPlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.motion.signals import ArmState, JointCommand
+from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
 
 Array = npt.NDArray[np.float64]
 Controller = Callable[[ArmState, float], JointCommand]

@@ -9,16 +9,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.control.base.answer_correction import AnswerCorrection
+from aerarm_ros.control.base.base_motion import ImuSample, Mount
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
-from aerarm_ros.control.base.drone_in_base import carrier_parameters
-from aerarm_ros.control.base.free_base_estimator import FREE, FreeBaseEstimator
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.base.mount import Mount
+from aerarm_ros.control.base.feedback_check import OscillationWatch
+from aerarm_ros.control.base.free_base_estimator import FREE, AnswerCorrection, FreeBaseEstimator
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.base.oscillation_watch import OscillationWatch
-from aerarm_ros.control.base.rotor_wrench import RotorWrench
-from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
+from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.description.arm_config import load_arm_config
@@ -26,8 +23,7 @@ from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import ArmState, JointReference
 
 Array = npt.NDArray[np.float64]
 

@@ -12,19 +12,16 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
-from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
-from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
-from aerarm_ros.excitation.player.velocity_law import VelocityLaw
-from aerarm_ros.excitation.settings.motion_limits import MotionLimits
-from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
-from aerarm_ros.motion.joint_reference import JointReference
-from aerarm_ros.motion.smooth_step import smooth_step
+from aerarm_ros.excitation.feasibility import StopLimits
+from aerarm_ros.excitation.player import ExcitationPlayer, VelocityLaw
+from aerarm_ros.excitation.settings import MotionLimits
+from aerarm_ros.excitation.trajectory import MotionSequence, Stage
+from aerarm_ros.motion.polynomial_path import smooth_step
+from aerarm_ros.motion.signals import JointReference
 
 Array = npt.NDArray[np.float64]
 

@@ -4,18 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.base_motion import BaseMotion, ImuSample
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
-from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
-from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
-from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_command import JointCommand
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
+from aerarm_ros.motion.signals import ArmState, JointCommand
 
 CYCLE = 1e-3
 POSTURE = np.array([0.2, 1.0, -0.3, 0.5])

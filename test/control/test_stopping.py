@@ -10,8 +10,7 @@ from stopping_campaign import (
     run_preemptions,
 )
 
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 
 

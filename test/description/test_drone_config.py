@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.description.config_reader import ConfigError
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
 

@@ -6,10 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from aerarm_ros.description.description_error import DescriptionError
-from aerarm_ros.description.drone_config import load_drone_config
+from aerarm_ros.description.config_reader import DescriptionError
+from aerarm_ros.description.drone_config import PoseConfig, load_drone_config
 from aerarm_ros.description.drone_urdf import with_drone
-from aerarm_ros.description.pose_config import PoseConfig
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.description.urdf_document import UrdfDocument

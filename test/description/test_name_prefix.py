@@ -1,7 +1,6 @@
 import pytest
 
-from aerarm_ros.description.description_error import DescriptionError
-from aerarm_ros.description.name_prefix import check_prefix
+from aerarm_ros.description.config_reader import DescriptionError, check_prefix
 
 
 @pytest.mark.parametrize('prefix', ['', 'left_', 'left/', 'fleet/arm2_', 'L'])

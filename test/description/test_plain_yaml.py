@@ -8,12 +8,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from aerarm_ros.description.config_error import ConfigError
-from aerarm_ros.description.config_reader import build, read_yaml
-from aerarm_ros.description.plain_yaml import plain_data
+from aerarm_ros.description.config_reader import ConfigError, build, plain_data, read_yaml
 from aerarm_ros.description.resources import resource
-from aerarm_ros.hardware.frames.frame_field import ProfileError
-from aerarm_ros.hardware.frames.frame_profile import load_profile
+from aerarm_ros.hardware.frames.frame_profile import ProfileError, load_profile
 
 
 @dataclass(frozen=True)

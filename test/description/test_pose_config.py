@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.description.pose_config import PoseConfig
+from aerarm_ros.description.drone_config import PoseConfig
 
 
 @pytest.mark.parametrize('rpy', [(0.0, 0.0, 0.0), (np.pi, 0.0, 0.5), (0.3, -1.2, 2.5)])

@@ -6,11 +6,11 @@ from pathlib import Path
 import pinocchio as pin
 import pytest
 
-from aerarm_ros.description.description_error import DescriptionError
+from aerarm_ros.description.config_reader import DescriptionError
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.description.robot_shapes import load_shapes
-from aerarm_ros.excitation.clearance.collision_geometry import build_collision_geometry
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.excitation.clearance import build_collision_geometry
+from aerarm_ros.excitation.settings import ExcitationError
 
 TRIANGLES = [((0, 0, 0), (0, 0, 1), (0, 1, 0)), ((0, 0, 0), (0, 0, 1), (1, 0, 0))]
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from aerarm_ros.description.description_error import DescriptionError
+from aerarm_ros.description.config_reader import DescriptionError
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.urdf_document import UrdfDocument
 

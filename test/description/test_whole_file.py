@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_ros.description.whole_file import write_whole
+from aerarm_ros.description.resources import write_whole
 
 
 def test_a_file_takes_the_place_of_the_one_before(tmp_path: Path) -> None:

@@ -14,18 +14,16 @@ from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.draft.arm_draft import ArmDraft
 from aerarm_ros.draft.draft_text import MARK, arm_text, excitation_text
-from aerarm_ros.excitation.design.design_specification import DesignSpecification
-from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
-from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
+from aerarm_ros.excitation.design_file import TrajectoryFile
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.excitation.trajectory_designer import DesignSpecification, TrajectoryDesigner
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.identify import IdentificationOptions
 from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.ros.library.identification import identify
-from aerarm_ros.ros.library.motions import from_arrays
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.ros.library.identification import from_arrays, identify
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 EXAMPLES = ('three_joints', 'ur5')
 # What is chosen by the data is tested elsewhere, and takes its time.

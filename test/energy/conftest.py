@@ -3,7 +3,7 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.energy.energy_model import EnergyModel
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 
 @pytest.fixture(scope='session')

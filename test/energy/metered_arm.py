@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.checks import JointLimits
+from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.description.arm_config import ArmConfig
@@ -14,11 +14,9 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.experiment.experiment_bench import MotionSource
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_motion import JointMotion
-from aerarm_ros.simulation.arm_plant import SUBSTEP
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.hardware.gate.command_intake import OfferedCommand
+from aerarm_ros.motion.signals import ArmState, JointMotion
+from aerarm_ros.simulation.arm_plant import SUBSTEP, PlantParameters
 
 CYCLE = 1e-3
 

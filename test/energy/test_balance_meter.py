@@ -5,9 +5,9 @@ import pytest
 from metered_arm import Meter, MeteredArm
 
 from aerarm_ros.energy.balance_meter import BalanceMeter
-from aerarm_ros.energy.energy_balance import EnergyBalance
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.energy.energy_model import EnergyBalance
 from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import ArmState
 
 # Lifted and lowered, so that motors drive and brake.
 MOTION = PolynomialPath.rest_to_rest(

@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.description.config_error import ConfigError
-from aerarm_ros.description.power_stage_config import PowerStageConfig
-from aerarm_ros.energy.drive_power import DrivePower
+from aerarm_ros.description.arm_config import PowerStageConfig
+from aerarm_ros.description.config_reader import ConfigError
+from aerarm_ros.energy.energy_model import DrivePower
 
 TAU = np.array([2.0, -3.0, 1.0, 0.5])
 DQ = np.array([1.0, 0.5, -2.0, 0.0])

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.description.power_stage_config import PowerStageConfig
+from aerarm_ros.description.arm_config import PowerStageConfig
 from aerarm_ros.energy.energy_model import EnergyModel
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from aerarm_ros.energy.holding_loss import HoldingLoss
+from aerarm_ros.energy.energy_model import HoldingLoss
 
 
 def test_the_gradient_is_that_of_the_loss(model) -> None:

@@ -8,18 +8,19 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.clearance.clearance_checker import ClearanceChecker
-from aerarm_ros.excitation.design.design_result import DesignResult
-from aerarm_ros.excitation.design.design_specification import DesignSpecification
-from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
-from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
-from aerarm_ros.excitation.settings.excitation_config import (
+from aerarm_ros.excitation.clearance import ClearanceChecker
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
+from aerarm_ros.excitation.feasibility import FeasibilityChecker
+from aerarm_ros.excitation.settings import (
     ExcitationConfig,
     load_excitation_config,
 )
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.trajectory import FourierTrajectory
+from aerarm_ros.excitation.trajectory_designer import (
+    DesignResult,
+    DesignSpecification,
+    TrajectoryDesigner,
+)
 
 # For boxed_arm.py and mujoco_arm.py; the latter serves the benchmark too.
 sys.path.append(str(Path(__file__).parent))

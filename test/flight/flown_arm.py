@@ -4,18 +4,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from aerarm_ros.control.base.frame_conversion import rotation_matrix
+from aerarm_ros.control.base.base_motion import rotation_matrix
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
+from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
 from aerarm_ros.flight.flight_control import FlightControl
-from aerarm_ros.flight.flight_state import FlightState
-from aerarm_ros.flight.flight_target import FlightTarget
-from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.flight.flight_state import FlightState, FlightTarget
+from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.flying_plant import FlyingPlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 Reference = Callable[[float], tuple[np.ndarray, np.ndarray]]
 

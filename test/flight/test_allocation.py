@@ -4,8 +4,8 @@ from scipy.optimize import linprog
 
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
-from aerarm_ros.flight.allocation import Allocation
-from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.flight.arm_load import MassProperties
+from aerarm_ros.flight.flight_control import Allocation
 
 DRONES = [
     load_drone_config(),

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
-from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
 
 DRONE = load_drone_config()
 LEAD, AHEAD = 0.03, 0.06

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.flight.arm_forecast import ArmForecast
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.flight.arm_load import ArmForecast
+from aerarm_ros.motion.signals import JointReference
 
 TIMES = np.linspace(0.0, 0.1, 6)
 LEAD = 0.03

@@ -4,17 +4,16 @@ import mujoco
 import numpy as np
 import pytest
 
-from aerarm_ros.control.base.drone_in_base import carrier_parameters
+from aerarm_ros.control.base.rotor_wrench import carrier_parameters
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.flight.arm_load import at_drone_centre
-from aerarm_ros.flight.arm_load_model import ArmLoadModel
+from aerarm_ros.flight.arm_load import ArmLoadModel, at_drone_centre
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import JointReference
+from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.flying_plant import FlyingPlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 DRONE = load_drone_config(resource('config', 'drones', 'tilted_hexarotor.yaml'))
 ROBOT = load_robot(gravity_in_base=DRONE.gravity_in_base)

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.drone_config import GRAVITY, load_drone_config
-from aerarm_ros.flight.disturbance import Disturbance
-from aerarm_ros.flight.disturbance_observer import DisturbanceObserver
+from aerarm_ros.flight.arm_load import MassProperties
+from aerarm_ros.flight.disturbances import Disturbance, DisturbanceObserver, IncrementalEstimate
 from aerarm_ros.flight.flight_state import FlightState
-from aerarm_ros.flight.incremental_estimate import IncrementalEstimate
-from aerarm_ros.flight.mass_properties import MassProperties
 
 DRONE = load_drone_config()
 BODY = MassProperties(4.5, np.array([0.02, 0.01, -0.15]), np.diag([0.3, 0.3, 0.12]))

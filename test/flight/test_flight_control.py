@@ -8,13 +8,10 @@ import pytest
 from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.flight.allocation import Allocation
-from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
-from aerarm_ros.flight.arm_load_model import ArmLoadModel
-from aerarm_ros.flight.flight_control import FlightControl
-from aerarm_ros.flight.flight_gains import FlightGains
-from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.flight.arm_load import ArmFeedForward, ArmLoadModel
+from aerarm_ros.flight.flight_control import Allocation, FlightControl, FlightGains
+from aerarm_ros.flight.flight_state import FlightTarget, yaw_of
+from aerarm_ros.motion.signals import JointReference
 
 HANGING = np.array([0.0, np.pi / 2, 0.0, 0.0])
 ARM = 1.487  # [kg]

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.description.drone_config import load_drone_config
-from aerarm_ros.description.pose_config import PoseConfig
+from aerarm_ros.control.base.base_motion import ImuSample
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.description.drone_config import PoseConfig, load_drone_config
 from aerarm_ros.flight.flight_estimator import SILENCE, FlightEstimator
-from aerarm_ros.flight.odometry_sample import OdometrySample
+from aerarm_ros.flight.flight_state import OdometrySample
 
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 ZERO = np.zeros(3)

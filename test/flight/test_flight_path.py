@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.flight.flight_path import FlightPath
-from aerarm_ros.flight.flight_target import FlightTarget
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.flight.flight_state import FlightPath, FlightTarget
 
 TIMES = [1.0, 2.0, 4.0]
 PLACES = np.array([[0.0, 0.0, 1.0], [1.0, 0.5, 1.0], [2.0, -0.5, 2.0]])

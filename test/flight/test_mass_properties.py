@@ -2,7 +2,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerarm_ros.description.drone_config import load_drone_config
-from aerarm_ros.flight.mass_properties import MassProperties
+from aerarm_ros.flight.arm_load import MassProperties
 
 
 def test_drone_and_arm_add_up_as_pinocchio_says() -> None:

@@ -24,7 +24,7 @@ from attacks import ATTACKS, WITHOUT_EFFORT
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.joint_loads import JointLoads
+from aerarm_ros.hardware.gate.joint_barrier import JointLoads
 from aerarm_ros.model.drive_train import DriveTrain
 
 BEYOND_MAX = 0.02  # [rad]

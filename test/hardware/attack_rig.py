@@ -31,12 +31,12 @@ from attack_world import WAKE, AttackWorld, Delays
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
+from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.emulation.fault_injection import inject
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.hardware.gate.command_intake import OfferedCommand
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 PERIOD = 1e-3  # [s], of the default settings
 PAYLOAD_CENTRE = (0.1, 0.0, 0.0)  # [m] tool0

@@ -11,7 +11,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.boards.kept_zeros import HostClock, KeptZeros, arm_identity
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.frames.board_state import TIMESTAMP_PERIOD
+from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD
 
 WRONG_MAX = 0.005  # [rad] by which an angle that is taken for known may be off
 _HOST = HostClock('the same', 0.0)

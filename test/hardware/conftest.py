@@ -8,11 +8,11 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
+from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.emulation.fault_injection import inject
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 
 QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
 PERIOD = 1e-3

@@ -12,7 +12,7 @@ import time
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.hardware.boards.spi_self_test import self_test
-from aerarm_ros.hardware.frames.board_command import BoardCommand
+from aerarm_ros.hardware.frames.board_messages import BoardCommand
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.emulation.fault_request import FaultRequest
+from aerarm_ros.hardware.emulation.fault_injection import FaultRequest
 
 NAME_BYTES = 32
 HEADER = struct.Struct('=III')

@@ -8,8 +8,7 @@ import pytest
 
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FaultInjectionError, inject
-from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.model.gravity_load import largest_gravity_load
+from aerarm_ros.model.dynamics import Dynamics, largest_gravity_load
 
 MOVING = [0.8, 0.0, 0.8, 0.8]
 

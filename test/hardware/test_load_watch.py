@@ -5,7 +5,7 @@ import numpy as np
 from aerarm_ros.hardware.load_watch import LoadCheck
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.inertia import point_mass
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 STRETCHED = [0.0, 0.3, 0.0, 0.0]
 SETTLED = 2.5  # [s] until the first mean is judged

@@ -5,19 +5,16 @@ import pytest
 from attack_rig import AttackRig, Offer
 
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
-from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.laws.computed_torque import BoardComputedTorque
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
-from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
-from aerarm_ros.excitation.player.velocity_law import VelocityLaw
-from aerarm_ros.excitation.settings.excitation_config import ExcitationConfig
-from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
-from aerarm_ros.excitation.trajectory.steady_stroke import SteadyStroke
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.player import ExcitationPlayer, VelocityLaw
+from aerarm_ros.excitation.settings import ExcitationConfig
+from aerarm_ros.excitation.trajectory import MotionSequence, Stage, SteadyStroke
+from aerarm_ros.motion.signals import ArmState
 
 START = np.array([0.0, 0.9, 0.0, 0.0])
 

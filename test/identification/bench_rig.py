@@ -7,15 +7,11 @@ from emulated_arm import EmulatedArm
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.planning.bench_measurement import split
-from aerarm_ros.excitation.planning.bench_motion import BenchMotion
-from aerarm_ros.excitation.planning.bench_plan import BenchPlan
-from aerarm_ros.excitation.settings.motion_limits import MotionLimits
-from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
-from aerarm_ros.excitation.trajectory.transfer import transfer
-from aerarm_ros.identification.motor_bench.motor_run import MotorRun
-from aerarm_ros.identification.motor_bench.motor_supply import MotorSupply
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, split
+from aerarm_ros.excitation.settings import MotionLimits
+from aerarm_ros.excitation.trajectory import MotionSequence, Stage, transfer
+from aerarm_ros.identification.motor_bench.motor_friction import MotorRun, MotorSupply
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 
 def record(

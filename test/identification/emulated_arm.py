@@ -10,16 +10,15 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
-from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer
-from aerarm_ros.excitation.player.velocity_law import VelocityLaw
-from aerarm_ros.excitation.settings.motion_limits import MotionLimits
-from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence
+from aerarm_ros.excitation.feasibility import StopLimits
+from aerarm_ros.excitation.player import ExcitationPlayer, VelocityLaw
+from aerarm_ros.excitation.settings import MotionLimits
+from aerarm_ros.excitation.trajectory import MotionSequence
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.hardware.gate.command_intake import OfferedCommand
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 CYCLE = 1e-3
 

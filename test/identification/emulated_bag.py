@@ -5,15 +5,14 @@ from pathlib import Path
 import numpy as np
 from emulated_arm import EmulatedArm
 
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage
-from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 
 def record_excitation(path: Path, truth: PlantParameters, seed: int, periods: int = 2) -> None:

@@ -4,7 +4,7 @@ from math import copysign, cos, sin, tanh
 
 import numpy as np
 
-from aerarm_ros.identification.motor_bench.motor_run import MotorRun
+from aerarm_ros.identification.motor_bench.motor_friction import MotorRun
 
 VISCOUS, COULOMB, LOAD, INERTIA = 0.006, 0.25, 0.03, 0.02
 GRAVITY = np.array([0.4, -2.0])

@@ -8,11 +8,11 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.files.friction_torque import friction_deviations
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.files.estimate_file import friction_deviations
 from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.report.report import ReportExtras, report_html
 from aerarm_ros.identification.solvers.estimate import Estimate

@@ -19,7 +19,7 @@ import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from own_domain import own_domain
 
-from aerarm_msgs_py.live_topics.topic import Topic
+from aerarm_msgs_py.topics import Topic
 from aerarm_ros.ros.process.node_process import ros_environment
 
 NAMESPACE = '/launched'

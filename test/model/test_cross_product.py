@@ -1,6 +1,6 @@
 import numpy as np
 
-from aerarm_ros.model.cross_product import cross
+from aerarm_ros.model.inertia import cross
 
 
 def test_the_cross_product_is_numpys_to_the_bit() -> None:

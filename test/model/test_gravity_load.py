@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.model.gravity_load import GRAVITY, largest_gravity_load
+from aerarm_ros.model.dynamics import GRAVITY, Dynamics, largest_gravity_load
 
 
 def test_no_direction_of_gravity_asks_for_more() -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.inertia import parameters_of_body
-from aerarm_ros.model.momentum_regressor import MomentumRegressor
+from aerarm_ros.model.regressor import MomentumRegressor
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 
 STEP = 1e-6

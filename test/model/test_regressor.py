@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.drive_train import viscous_coulomb
 from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.model.friction import viscous_coulomb
 from aerarm_ros.model.regressor import Regressor
 
 

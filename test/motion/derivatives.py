@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import JointReference
 
 
 def assert_derivatives_agree(

@@ -1,7 +1,7 @@
 import numpy as np
 from derivatives import assert_derivatives_agree
 
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import JointReference
 
 
 def test_at_rest_keeps_a_copy() -> None:

@@ -1,6 +1,6 @@
 import numpy as np
 
-from aerarm_ros.motion.limited import limited
+from aerarm_ros.motion.signals import limited
 
 
 def test_what_is_too_long_is_shortened_in_its_direction() -> None:

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.motion.joint_brake import JointBrake, brake
-from aerarm_ros.motion.joint_reference import JointReference
-from aerarm_ros.motion.path_stop import acceleration_rows, stop_along
+from aerarm_ros.motion.path_stop import JointBrake, acceleration_rows, brake, stop_along
 from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import JointReference
 
 ACCELERATION = np.array([40.0, 15.0, 60.0])
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aerarm_ros.motion.smooth_step import PEAK_CURVATURE, PEAK_SLOPE, smooth_step
+from aerarm_ros.motion.polynomial_path import PEAK_CURVATURE, PEAK_SLOPE, smooth_step
 
 X = np.linspace(0.0, 1.0, 2001)
 

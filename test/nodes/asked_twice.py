@@ -23,7 +23,7 @@ from aerarm_ros.ros.process.node_process import ros_environment
 # As installed commands do.
 COMMAND = 'import sys; from aerarm_ros.executables import {0}; sys.exit({0}())'
 # That a host which is held up stretches the gap makes no second thought of the second signal.
-_DEAF = 'import aerarm_ros.ros.process.stop_signals as s; s._SAME = 3600.0; '
+_DEAF = 'import aerarm_ros.ros.process.process_end as s; s._SAME = 3600.0; '
 PATIENCE = 120.0  # [s]
 LONGEST_START = 4.0  # [s] by then a node works, on a machine that has little else to do
 LONGEST_GAP = 0.5  # [s]

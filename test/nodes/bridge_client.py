@@ -18,8 +18,8 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
+from aerarm_ros.hardware.bridge_modes import HELD, OFF
 from aerarm_ros.ros.process.node_process import NodeProcess
-from aerarm_ros.ros.states.arm_modes import HELD, OFF
 
 StartBridge = Callable[..., NodeProcess]  # of fixture start_bridge
 SERVICES = ('enable', 'disable', 'clear_fault', 'home', 'e_stop', 'inject_fault', 'put_back')

@@ -30,7 +30,7 @@ _NODES = 'aerarm_ros.nodes'
 _LATE = (
     'aerarm_ros.ros.programs.design_run',
     'aerarm_ros.ros.programs.identifier_compare',
-    'aerarm_ros.ros.programs.identifier_payload',
+    'aerarm_ros.ros.programs.identifier_run',
     'aerarm_ros.ros.programs.identifier_run',
     'aerarm_ros.ros.programs.payload_replay',
 )

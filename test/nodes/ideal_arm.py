@@ -15,9 +15,9 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
-from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.process.process_end import StopSignals
 
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
 PERIOD = 1e-3

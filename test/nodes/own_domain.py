@@ -3,7 +3,7 @@
 import os
 import random
 
-from aerarm_ros.ros.process.local_discovery import is_domain_free
+from aerarm_ros.ros.process.discovery import is_domain_free
 
 
 def own_domain() -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.task import Future
 
-from aerarm_ros.ros.executors.lean_executor import LeanExecutor
+from aerarm_ros.ros.executors import LeanExecutor
 
 _executors: dict[Node, LeanExecutor] = {}
 

@@ -12,7 +12,7 @@ from answering_bridges import AnsweringBridges, until_offered
 from forked_executable import run
 from rclpy.node import Node
 
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 

@@ -11,7 +11,7 @@ from rclpy.node import Node
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.energy.drive_power import DrivePower
+from aerarm_ros.energy.energy_model import DrivePower
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 TAU = np.array([0.5, 3.0, -0.2, 0.4])

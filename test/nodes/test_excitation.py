@@ -21,10 +21,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.ros.diagnostics.waiting_notice import PATIENCE, REPETITION
+from aerarm_ros.excitation.design_file import TrajectoryFile
+from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.excitation.trajectory import FourierTrajectory
+from aerarm_ros.ros.diagnostics import PATIENCE, REPETITION
 from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 START = np.array([0.1, 1.4, -0.1, 0.2])

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_ros.excitation.design.design_result import DesignResult
-from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
-from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
+from aerarm_ros.excitation.design_file import TrajectoryFile
+from aerarm_ros.excitation.trajectory_designer import DesignResult, TrajectoryDesigner
 from aerarm_ros.nodes.excitation_designer import main
 from aerarm_ros.ros.programs import design_run
 

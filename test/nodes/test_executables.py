@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from aerarm_ros import executables
-from aerarm_ros.algebra_threads import THREAD_VARIABLES
-from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR
+from aerarm_ros.realtime.scheduling import THREAD_VARIABLES
+from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR
 
 # An installed command whose module takes its time.
 COMMAND = """

@@ -7,23 +7,23 @@ import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
-from aerarm_ros.experiment.experiment_bench import ExperimentBench, ExperimentRun
-from aerarm_ros.experiment.experiment_case import (
+from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
+from aerarm_ros.experiment.experiment_bench import (
     BOARDS,
     CAD,
     HOST,
     TRUE,
+    ExperimentBench,
     ExperimentCase,
+    ExperimentRun,
     all_cases,
+    run_all,
 )
-from aerarm_ros.experiment.parallel_runs import run_all
-from aerarm_ros.identification.files.identified_urdf import identified_urdf
+from aerarm_ros.identification.files.identified_robot import identified_urdf
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes import experiment
+from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.base_profile import MOVING
-from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 UPRIGHT = np.array([0.0, np.pi / 2, 0.0, 0.0])
 

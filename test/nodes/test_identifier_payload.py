@@ -16,7 +16,7 @@ from identifier_process import identifier
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.inertia import is_physically_consistent
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 MASS, CENTRE = 0.2, (0.1, 0.01, -0.02)
 

@@ -8,7 +8,7 @@ import pytest
 from geometry_msgs.msg import Vector3
 from std_msgs.msg import Header
 
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.nodes import mavros_feedforward
 
 IGNORE_VELOCITY, IGNORE_ACCELERATION, IS_FORCE, IGNORE_YAW = 56, 448, 512, 1024

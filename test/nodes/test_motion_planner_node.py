@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics

@@ -12,7 +12,7 @@ from rclpy.node import Node
 
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.hardware.emulation.emulated_heat import EmulatedHeat
+from aerarm_ros.hardware.emulation.emulated_motor import EmulatedHeat
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 QUICK = {

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from aerarm_ros.autopilot.px4_gains import Px4Gains
+from aerarm_ros.autopilot.px4 import Px4Gains
 from aerarm_ros.autopilot.px4_loops import Px4Loops, Px4SetPoint, Px4State
 from aerarm_ros.nodes import px4_feedforward
 

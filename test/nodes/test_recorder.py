@@ -19,10 +19,10 @@ from std_msgs.msg import Float64MultiArray, String
 
 from aerarm_msgs_py import topics as names
 from aerarm_msgs_py.bags.bag_reader import read_joint_states, topics
-from aerarm_msgs_py.codecs.float64_array_cdr import Float64ArrayCdr
+from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.live_topics.topic import Topic
-from aerarm_msgs_py.storage.bag_error import BagWarning
+from aerarm_msgs_py.storage.read_limits import BagWarning
+from aerarm_msgs_py.topics import Topic
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
@@ -153,7 +153,7 @@ def test_moves_with_its_namespace(start, ros_node, tmp_path) -> None:
 
 
 # The bag is looked at while it is being written.
-@pytest.mark.filterwarnings('ignore::aerarm_msgs_py.storage.bag_error.BagWarning')
+@pytest.mark.filterwarnings('ignore::aerarm_msgs_py.storage.read_limits.BagWarning')
 def test_a_killed_recorder_leaves_a_readable_bag(start, source, tmp_path) -> None:
     recorder = start()
     source.wait_until_matched(6)

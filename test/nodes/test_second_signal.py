@@ -35,7 +35,7 @@ def test_the_second_one_changes_nothing(
 
 
 # What reads the command line, made to last.
-YAML = 'aerarm_ros.description.plain_yaml'
+YAML = 'aerarm_ros.description.config_reader'
 READING = (
     'import time, {0}; {1} = lambda *_, **__: (print("reading", flush=True), time.sleep(60.0)); '
 )
@@ -73,7 +73,7 @@ def test_ctrl_c_while_the_command_line_is_read(
 
 # A signal each time that the handlers of stop signals have just been taken away.
 AS_THEY_GO = (
-    'import os, signal; from aerarm_ros.ros.process.stop_signals import StopSignals; '
+    'import os, signal; from aerarm_ros.ros.process.process_end import StopSignals; '
     'leave = StopSignals.__exit__; '
     'ask = lambda: os.kill(os.getpid(), {}); '
     'StopSignals.__exit__ = lambda *given: (leave(*given), ask())[0]; '

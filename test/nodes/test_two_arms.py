@@ -18,7 +18,7 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.resources import resource
-from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
+from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 SIDES = ('left', 'right')

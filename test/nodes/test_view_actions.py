@@ -17,9 +17,9 @@ from aerarm_msgs_py import topics
 from aerarm_ros.commissioning.commissioning_record import load_record
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
-from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.design_file import TrajectoryFile
+from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 MISSING = find_spec('viser') is None

@@ -10,12 +10,11 @@ from emulated_arm import EmulatedArm
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.online.estimator_settings import EstimatorSettings
-from aerarm_ros.online.payload_estimator import PayloadEstimator
-from aerarm_ros.simulation.plant_parameters import PlantParameters, Spread
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.online.payload_estimator import EstimatorSettings, PayloadEstimator
+from aerarm_ros.simulation.arm_plant import PlantParameters, Spread
 
 LET_GO = 600  # cycles after which whoever carried the arm has let it go
 RADIUS = 0.03  # [m] of the ball that is picked up

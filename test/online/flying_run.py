@@ -5,19 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerarm_ros.control.base.frame_conversion import rotation_matrix
-from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.base.base_motion import ImuSample, rotation_matrix
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.flight.arm_load import MassProperties
 from aerarm_ros.flight.flight_control import FlightControl
-from aerarm_ros.flight.flight_state import FlightState
-from aerarm_ros.flight.flight_target import FlightTarget
-from aerarm_ros.flight.mass_properties import MassProperties
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.flight.flight_state import FlightState, FlightTarget
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.flying_plant import FlyingPlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 CYCLE = 1e-3
 _IMU_CYCLES = 4  # 250 Hz; the drone's controller runs as often

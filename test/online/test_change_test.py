@@ -1,6 +1,6 @@
 import numpy as np
 
-from aerarm_ros.online.change_test import ChangeTest
+from aerarm_ros.online.payload_estimator import ChangeTest
 
 
 def test_noise_finds_nothing() -> None:

@@ -1,7 +1,7 @@
 import numpy as np
 
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.online.effort_watch import EffortWatch
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.online.payload_estimator import EffortWatch
 
 NAMES = ('shoulder', 'elbow')
 

@@ -5,7 +5,7 @@ from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.inertia import parameters_of_body
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.filtered_motion import FilteredMotion, MotionRow
 
 PAYLOAD = parameters_of_body(0.3, [0.1, 0.02, -0.03], np.diag([1e-3, 2e-3, 2.5e-3]))

@@ -4,18 +4,16 @@ import numpy as np
 import pytest
 
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.checks import JointLimits
+from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import ArmState, JointReference
 from aerarm_ros.online.payload_estimator import PayloadEstimator
 from aerarm_ros.online.payload_hand_over import PayloadHandOver
-from aerarm_ros.simulation.arm_plant import ArmPlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
 
 CYCLE = 1e-3
 PERIOD = 1.5  # [s] of the whole motion

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.model.inertia import minimum_eigenvalue, parameters_of_body
-from aerarm_ros.online.nearest_body import SPECK, nearest_body
+from aerarm_ros.online.information_filter import SPECK, nearest_body
 
 SIZE = 0.15
 BODY = parameters_of_body(0.2, [0.1, 0.01, -0.02], np.diag([2e-4, 3e-4, 4e-4]))
@@ -30,7 +30,7 @@ def test_few_steps_of_newton_do_as_well_as_many(monkeypatch: pytest.MonkeyPatch)
     factor = random.normal(size=(10, 10)) / SCALE
     mean = BODY + SCALE * random.normal(scale=0.3, size=10)
     few = nearest_body(mean, factor.T @ factor, SIZE)
-    monkeypatch.setattr(import_module('aerarm_ros.online.nearest_body'), '_ITERATIONS', 200)
+    monkeypatch.setattr(import_module('aerarm_ros.online.information_filter'), '_ITERATIONS', 200)
     many = nearest_body(mean, factor.T @ factor, SIZE)
     np.testing.assert_allclose(factor @ few, factor @ many, atol=0.05)
 

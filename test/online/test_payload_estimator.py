@@ -9,13 +9,11 @@ from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.inertia import minimum_eigenvalue
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.online.estimator_settings import EstimatorSettings
-from aerarm_ros.online.known_arm import KnownArm
-from aerarm_ros.online.nearest_body import SPECK
-from aerarm_ros.online.online_estimate import OnlineEstimate
-from aerarm_ros.online.payload_estimator import PayloadEstimator
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.online.information_filter import SPECK
+from aerarm_ros.online.payload_estimator import EstimatorSettings, OnlineEstimate, PayloadEstimator
+from aerarm_ros.online.replay import KnownArm
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 
 def feed(

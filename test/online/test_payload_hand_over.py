@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.model.inertia import minimum_eigenvalue
-from aerarm_ros.online.nearest_body import SPECK, ball
+from aerarm_ros.online.information_filter import SPECK, ball
 from aerarm_ros.online.payload_hand_over import PayloadHandOver
 
 STEP = 0.005

@@ -16,7 +16,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.nodes.payload_estimator import PayloadEstimatorNode
-from aerarm_ros.online.trend_file import read_trend
+from aerarm_ros.online.friction_trend import read_trend
 
 PATIENCE = 60.0  # [s] of the host, which may be busy
 EPOCH = 1_700_000_000.0

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from carrying_run import CarryingRun
 
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import JointTerm, TermKind
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.joint_model import JointModel, JointTerm, TermKind
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.online.known_arm import KnownArm
-from aerarm_ros.online.replay import Replay
+from aerarm_ros.online.replay import KnownArm, Replay
 
 
 @pytest.fixture

@@ -5,8 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.online.friction_trend import FrictionRecord, FrictionTrend
-from aerarm_ros.online.trend_file import TrendFileError, read_trend, write_trend
+from aerarm_ros.online.friction_trend import (
+    FrictionRecord,
+    FrictionTrend,
+    TrendFileError,
+    read_trend,
+    write_trend,
+)
 
 NAMES = ('joint1', 'joint2')
 

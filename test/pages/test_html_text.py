@@ -3,8 +3,7 @@
 import re
 from html import escape
 
-from aerarm_ros.pages.html_text import Html, bullets, number, page, section, table
-from aerarm_ros.pages.page_origin import origin
+from aerarm_ros.pages.html_text import Html, bullets, number, origin, page, section, table
 
 NASTY = '<script>alert("x")</script>&'
 

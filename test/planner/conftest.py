@@ -6,10 +6,10 @@ import pytest
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.energy.energy_model import EnergyModel
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.planner.motion_plan import PlanSettings
 from aerarm_ros.planner.motion_planner import MotionPlanner
-from aerarm_ros.planner.plan_settings import PlanSettings
 
 # For dense_check.py and what it needs.
 sys.path += [str(Path(__file__).parents[1] / 'excitation'), str(Path(__file__).parent)]

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.settings.excitation_config import ExcitationConfig
-from aerarm_ros.motion.joint_motion import JointMotion
+from aerarm_ros.excitation.settings import ExcitationConfig
+from aerarm_ros.motion.signals import JointMotion
 
 STEP = 0.37e-3  # [s] between the cycles that the planner looks at, more than twice as dense
 LOOK = 5e-3  # [s] between two looks at distances

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
-from aerarm_ros.planner.disturbance_term import DisturbanceTerm, peak_moment
-from aerarm_ros.planner.motion_cost import MotionCost
-from aerarm_ros.planner.plan_error import PlanError
+from aerarm_ros.planner.cost_terms import DisturbanceTerm, MotionCost, peak_moment
+from aerarm_ros.planner.motion_plan import PlanError
 from aerarm_ros.planner.spline_basis import SplineBasis
 
 # The base turns by 260 degrees; and joint 2 goes from one side to the other.

@@ -5,12 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from aerarm_ros.planner.clearance_term import ClearanceTerm
-from aerarm_ros.planner.cost_term import CostTerm
-from aerarm_ros.planner.drive_term import DriveTerm
-from aerarm_ros.planner.limit_term import LimitTerm
-from aerarm_ros.planner.motion_cost import MotionCost
-from aerarm_ros.planner.smoothness_term import SmoothnessTerm
+from aerarm_ros.planner.cost_terms import (
+    ClearanceTerm,
+    CostTerm,
+    DriveTerm,
+    LimitTerm,
+    MotionCost,
+    SmoothnessTerm,
+)
 from aerarm_ros.planner.spline_basis import SplineBasis
 
 START, END = np.array([0.3, 0.5, -0.4, 0.8]), np.array([-1.0, 2.6, 0.9, -1.2])

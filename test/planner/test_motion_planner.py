@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.description.config_reader import ConfigError
 from aerarm_ros.energy.energy_model import EnergyModel
 from aerarm_ros.motion.polynomial_path import PolynomialPath
-from aerarm_ros.planner.motion_plan import MotionPlan
+from aerarm_ros.planner.motion_plan import MotionPlan, PlanError, PlanSettings
 from aerarm_ros.planner.motion_planner import MotionPlanner
-from aerarm_ros.planner.plan_error import PlanError
-from aerarm_ros.planner.plan_settings import PlanSettings
 
 UPRIGHT = np.array([0.0, np.pi / 2, 0.0, 0.0])
 LOW, HIGH = np.array([-0.5, 0.4, 0.3, 0.6]), np.array([1.2, 2.2, -0.6, -0.8])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.planner.plan_error import PlanError
+from aerarm_ros.planner.motion_plan import PlanError
 from aerarm_ros.planner.tool_postures import ToolPostures
 
 START = np.array([0.5, 1.2, 0.3, -0.4])

@@ -3,7 +3,7 @@ import time
 
 import pytest
 
-from aerarm_ros.realtime.absolute_sleep import sleep_until
+from aerarm_ros.realtime.periodic_loop import sleep_until
 
 
 def test_never_wakes_before_the_deadline() -> None:

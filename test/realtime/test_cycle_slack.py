@@ -1,12 +1,12 @@
 import threading
 import time
 
-from aerarm_ros.realtime import cycle_slack
-from aerarm_ros.realtime.cycle_slack import CycleSlack
+from aerarm_ros.realtime import periodic_loop
+from aerarm_ros.realtime.periodic_loop import CycleSlack
 
 
 def test_work_begins_when_a_cycle_ends(monkeypatch):
-    monkeypatch.setattr(cycle_slack, '_PATIENCE', 3600.0)
+    monkeypatch.setattr(periodic_loop, '_PATIENCE', 3600.0)
     slack, begun = CycleSlack(), threading.Event()
     slack.begin()  # a cycle that ended before anybody waited does not count
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.realtime.steady_clock import SteadyClock
+from aerarm_ros.realtime.periodic_loop import SteadyClock
 
 MILLISECOND = 1_000_000
 

@@ -3,7 +3,7 @@ from collections.abc import Callable
 
 import pytest
 
-from aerarm_ros.realtime.world_loop import WorldLoop
+from aerarm_ros.ros.emulation.emulated_world import WorldLoop
 
 PERIOD_NS = 2_000_000
 

@@ -6,8 +6,7 @@ import pytest
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantError
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantError, PlantParameters
 
 CONFIG = load_arm_config()
 ROBOT = load_robot()

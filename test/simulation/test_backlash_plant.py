@@ -7,9 +7,8 @@ import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.simulation.arm_plant import ArmPlant, PlantError
+from aerarm_ros.simulation.arm_plant import ArmPlant, PlantError, PlantParameters
 from aerarm_ros.simulation.backlash_plant import BacklashPlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 ROBOT = load_robot()
 NOMINAL = PlantParameters.nominal(load_arm_config(), ROBOT)

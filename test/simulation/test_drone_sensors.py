@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.simulation.delayed_sensor import DelayedSensor
-from aerarm_ros.simulation.faulty_imu import FaultyImu, ImuErrors
-from aerarm_ros.simulation.noisy_odometry import NoisyOdometry, OdometryErrors
-from aerarm_ros.simulation.random_drift import RandomDrift
-from aerarm_ros.simulation.small_turn import turned
+from aerarm_ros.simulation.sensors import (
+    DelayedSensor,
+    FaultyImu,
+    ImuErrors,
+    NoisyOdometry,
+    OdometryErrors,
+    RandomDrift,
+    turned,
+)
 
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 FORCE = np.array([0.0, 0.0, 9.81])

@@ -8,14 +8,12 @@ import pinocchio as pin
 import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
-from aerarm_ros.description.pose_config import PoseConfig
+from aerarm_ros.description.drone_config import DroneConfig, PoseConfig, load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.simulation.arm_plant import SUBSTEP
+from aerarm_ros.simulation.arm_plant import SUBSTEP, PlantParameters
 from aerarm_ros.simulation.flying_plant import SPIN_UP, FlyingPlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
-from aerarm_ros.simulation.random_drift import RandomDrift
+from aerarm_ros.simulation.sensors import RandomDrift
 
 START = np.array([0.3, 1.0, -0.4, 0.6])
 GRAVITY = np.array([0.0, 0.0, -9.81])

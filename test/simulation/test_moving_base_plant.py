@@ -7,10 +7,9 @@ from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant
+from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantParameters
 from aerarm_ros.simulation.base_profile import BaseProfile
-from aerarm_ros.simulation.moving_base_plant import MovingBasePlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.simulation.flying_plant import MovingBasePlant
 
 START = np.array([0.3, 1.0, -0.4, 0.6])
 

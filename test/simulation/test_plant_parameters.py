@@ -7,7 +7,7 @@ import yaml
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.inertia import minimum_eigenvalue
-from aerarm_ros.simulation.plant_parameters import PlantParameters, Spread
+from aerarm_ros.simulation.arm_plant import PlantParameters, Spread
 
 NOMINAL = PlantParameters.nominal(load_arm_config(), load_robot())
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.drone_config import load_drone_config
-from aerarm_ros.simulation.rotors import Rotors
+from aerarm_ros.simulation.flying_plant import Rotors
 
 DT = 2.5e-4
 

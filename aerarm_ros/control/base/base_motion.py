@@ -1,11 +1,121 @@
-"""How the arm's base moves, as far as the arm feels it."""
+"""How the arm's base moves, as far as the arm feels it.
 
+PX4 and ArduPilot use north-east-down for the world and forward-right-down for the body; ROS
+uses east-north-up and forward-left-up (REP 103, REP 105). MAVROS converts by itself.
+
+Quaternions are (x, y, z, w), as in ROS messages, and rotate from body to world.
+"""
+
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
-Array = npt.NDArray[np.float64]
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot
+from aerarm_ros.motion.signals import Array
+
+_HALF = np.sqrt(0.5)
+# Body: half a turn about x. World: x and y swapped, z turned over.
+_FLU_IN_FRD = np.array([1.0, 0.0, 0.0, 0.0])
+_NED_IN_ENU = np.array([_HALF, _HALF, 0.0, 0.0])
+
+
+def frd_to_flu(vector: npt.ArrayLike) -> Array:
+    """Return a body vector (3,) in forward-left-up axes; the way back is the same."""
+    return np.asarray(vector, dtype=float) * (1.0, -1.0, -1.0)
+
+
+def attitude_ned_frd_to_enu_flu(quaternion: npt.ArrayLike) -> Array:
+    """Return the attitude (4,) of a forward-left-up body in an east-north-up world.
+
+    Parameters
+    ----------
+    quaternion : (4,) array_like
+        Attitude (x, y, z, w) of the forward-right-down body in the north-east-down world.
+    """
+    q = np.asarray(quaternion, dtype=float)
+    return quaternion_product(quaternion_product(_NED_IN_ENU, q), _FLU_IN_FRD)
+
+
+def quaternion_product(a: Array, b: Array) -> Array:
+    """Return the Hamilton product a b of (x, y, z, w) quaternions: first b turns, then a."""
+    vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
+    return np.append(vector, a[3] * b[3] - a[:3] @ b[:3])
+
+
+def rotation_matrix(quaternion: Array) -> Array:
+    """Return the (3, 3) matrix of a unit quaternion (x, y, z, w)."""
+    x, y, z, w = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion(rotation: Array) -> Array:
+    """Return the unit quaternion (x, y, z, w) of a rotation matrix (3, 3)."""
+    return np.array(pin.Quaternion(rotation).coeffs())
+
+
+# Beyond these a unit is wrong rather than a flight bold: 30 g, 6 turns a second.
+_SPECIFIC_FORCE_MAX = 300.0
+_ANGULAR_VELOCITY_MAX = 40.0
+
+
+@dataclass(frozen=True, eq=False)
+class ImuSample:
+    """A checked sample in the IMU's frame, with the conventions of sensor_msgs/Imu.
+
+    Attributes
+    ----------
+    stamp : float
+        [s]
+    attitude : (4,) ndarray or None
+        Quaternion (x, y, z, w), IMU to a world with z up; None where the IMU has none.
+        Normalised when made.
+    angular_velocity : (3,) ndarray
+        [rad/s]
+    specific_force : (3,) ndarray
+        Acceleration minus gravity [m/s^2]: about +9.81 along what points up at rest.
+
+    Raises
+    ------
+    RejectedInputError
+        If a number isn't finite, the quaternion is (almost) zero, or a value can't be in
+        the unit expected.
+    """
+
+    stamp: float
+    attitude: Array | None
+    angular_velocity: Array
+    specific_force: Array
+
+    def __post_init__(self) -> None:
+        """Check every number."""
+        numbers = [self.stamp, *self.angular_velocity, *self.specific_force]
+        if self.attitude is not None:
+            numbers += [*self.attitude]
+        if not np.all(np.isfinite(numbers)):
+            raise RejectedInputError('IMU: a value is NaN or infinite: check the driver')
+        if np.linalg.norm(self.specific_force) > _SPECIFIC_FORCE_MAX:
+            raise RejectedInputError('IMU: the acceleration is above 300 m/s^2: check its unit')
+        if np.linalg.norm(self.angular_velocity) > _ANGULAR_VELOCITY_MAX:
+            raise RejectedInputError('IMU: the angular velocity is above 40 rad/s: check its unit')
+        if self.attitude is not None:
+            norm = float(np.linalg.norm(self.attitude))
+            if not 0.9 < norm < 1.1:
+                raise RejectedInputError(
+                    f'IMU: the orientation quaternion has length {norm:.3g}, not 1: a zero '
+                    'quaternion means no attitude; set orientation_covariance[0] to -1'
+                )
+            object.__setattr__(self, 'attitude', self.attitude / norm)
 
 
 class BaseMotion(NamedTuple):
@@ -32,3 +142,80 @@ class BaseMotion(NamedTuple):
         """Return a base at rest (or in steady translation) under `gravity_in_base` [m/s^2]."""
         gravity = np.array(gravity_in_base, dtype=float)
         return cls(gravity, -gravity, np.zeros(3), np.zeros(3))
+
+
+_GRAVITY_IN_WORLD = np.array(STANDARD_GRAVITY)
+
+
+@dataclass(frozen=True, eq=False)
+class Mount:
+    """Pose of the IMU in the arm's base frame.
+
+    Attributes
+    ----------
+    rotation_imu_to_base : (3, 3) ndarray
+    imu_position_in_base : (3,) ndarray
+        [m]
+    """
+
+    rotation_imu_to_base: Array
+    imu_position_in_base: Array
+
+    @classmethod
+    def aligned(cls) -> 'Mount':
+        """Return the mount of an IMU whose frame is the arm's base frame."""
+        return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
+    def from_drone(cls, drone: DroneConfig) -> 'Mount':
+        """Return the mount of a drone's IMU."""
+        base, imu = drone.mount, drone.imu
+        to_base = base.rotation.T
+        offset = np.array(imu.position) - base.position
+        return cls(to_base @ imu.rotation, to_base @ offset)
+
+    @classmethod
+    def from_robot(cls, robot: Robot, imu_frame: str) -> 'Mount':
+        """Return the mount of an IMU whose frame is a link of the URDF fixed to the base.
+
+        Raises
+        ------
+        ValueError
+            If there is no such link, or it moves with the arm.
+        """
+        model, imu_frame = robot.model, robot.full_name(imu_frame)
+        if not model.existFrame(imu_frame):
+            names = ', '.join(frame.name for frame in model.frames if frame.parentJoint == 0)
+            raise ValueError(f'the URDF has no link {imu_frame!r}; fixed to the base are: {names}')
+        frame = model.frames[model.getFrameId(imu_frame)]
+        if frame.parentJoint != 0:
+            raise ValueError(f'link {imu_frame!r} moves with the arm: it can hold no base IMU')
+        placement = frame.placement
+        return cls(np.array(placement.rotation), np.array(placement.translation))
+
+    def gravity_in_base(self, attitude: Array) -> Array:
+        """Return gravity (3,) [m/s^2] for an attitude (x, y, z, w) of the IMU in the world."""
+        gravity: Array = self.rotation_imu_to_base @ (
+            rotation_matrix(attitude).T @ _GRAVITY_IN_WORLD
+        )
+        return gravity
+
+    def acceleration_of_base(self, rate: Array, spin: Array) -> Array:
+        """Return by how much the base's origin accelerates more than the IMU, (3,) [m/s^2].
+
+        Parameters
+        ----------
+        rate, spin : (3,) ndarray
+            Angular velocity [rad/s] and acceleration [rad/s^2], all in base axes.
+        """
+        # spin x r + rate x (rate x r) in scalars: numpy's cross costs ten times as much.
+        (u, v, w), (x, y, z) = spin.tolist(), (-self.imu_position_in_base).tolist()
+        a, b, c = rate.tolist()
+        along, square = a * x + b * y + c * z, a * a + b * b + c * c
+        return np.array(
+            [
+                v * z - w * y + a * along - x * square,
+                w * x - u * z + b * along - y * square,
+                u * y - v * x + c * along - z * square,
+            ]
+        )

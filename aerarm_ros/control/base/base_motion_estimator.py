@@ -3,17 +3,108 @@
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.base.acceleration_estimate import AccelerationEstimate
-from aerarm_ros.control.base.base_motion import BaseMotion
-from aerarm_ros.control.base.base_motion_prediction import BaseMotionPrediction
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.base.mount import Mount
-from aerarm_ros.control.base.oscillation_watch import OscillationWatch
-from aerarm_ros.control.checks.gains import non_negative_number, positive
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.control.base.base_motion import BaseMotion, ImuSample, Mount
+from aerarm_ros.control.base.feedback_check import OscillationWatch
+from aerarm_ros.control.checks import RejectedInputError, non_negative_number, positive
+from aerarm_ros.motion.signals import ArmState, Array
 
-Array = npt.NDArray[np.float64]
+
+class AccelerationEstimate:
+    """Derivative of the velocity, through a first-order low-pass.
+
+    Parameters
+    ----------
+    n : int
+        Number of joints, or of axes.
+    cutoff : float
+        [Hz]; the estimate lags by 1 / (2 pi cutoff).
+
+    Raises
+    ------
+    ValueError
+        If the cutoff isn't positive.
+    """
+
+    def __init__(self, n: int, cutoff: float = 20.0) -> None:
+        self._time_constant = 1.0 / (2.0 * np.pi * positive('cutoff', cutoff))
+        self._smooth: Array | None = None
+        self._rest = np.zeros(n)
+
+    def reset(self) -> None:
+        """Forget the past; the next velocity starts anew."""
+        self._smooth = None
+
+    def update(self, dq: Array, dt: float) -> Array:
+        """Return ddq (n,) [rad/s^2] after a cycle of `dt` [s] with velocity `dq` [rad/s]."""
+        if self._smooth is None:
+            self._smooth = np.array(dq)
+            return self._rest
+        ddq: Array = (dq - self._smooth) / (self._time_constant + dt)
+        self._smooth = self._smooth + dt * ddq
+        return ddq
+
+
+# How long a trend is believed [s]: over the age of a sample on a slow line, but not over a dropout,
+# where its noise would count for more than what it says.
+_TREND_TIME = 0.02
+
+
+class BaseMotionPrediction:
+    """Turns a measured motion on with the measured rate.
+
+    What is constant in the world turns against the base: `dv/dt = -w x v` in base axes. At
+    30 degrees and 0.5 Hz gravity turns by 1.6 mrad a millisecond, so an IMU of 250 Hz and the
+    delay of a command would cost as much as the rest of a tracking error. The specific force
+    follows its own trend where that is known: of a drone it is the thrust, which turns along. The
+    trends of force and angular acceleration go on for 20 ms, then both stay.
+
+    Parameters
+    ----------
+    measured : BaseMotion
+    angular_velocity : (3,) ndarray
+        Of the base, in base axes [rad/s]; that of `measured` is zero where the base is taken
+        for still.
+    force_slope : (3,) ndarray, optional
+        Rate at which the specific force changes in the base [m/s^3]; without it the force is
+        taken for constant in the world.
+    jerk : (3,) ndarray, optional
+        Rate at which the angular acceleration changes in the base [rad/s^3].
+    """
+
+    def __init__(
+        self,
+        measured: BaseMotion,
+        angular_velocity: Array,
+        force_slope: Array | None = None,
+        jerk: Array | None = None,
+    ) -> None:
+        self._measured = measured
+        x, y, z = angular_velocity.tolist()
+        # v W = w x v for rows v; the first terms of v exp(-W t).
+        turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+        self._vectors = np.array(measured[:2])
+        self._slopes = -self._vectors @ turn
+        self._curvatures = -0.5 * self._slopes @ turn
+        self._force_slope = force_slope
+        self._jerk = np.zeros(3) if jerk is None else jerk
+
+    def after(self, time: float) -> BaseMotion:
+        """Return the motion `time` [s] after the measurement.
+
+        What turns is exact to second order in the angle by which the base turns meanwhile.
+        """
+        if time == 0.0:
+            return self._measured
+        vectors = self._vectors + time * (self._slopes + time * self._curvatures)
+        _, force, rate, spin = self._measured
+        trend_time = min(max(time, -_TREND_TIME), _TREND_TIME)
+        if self._force_slope is not None:
+            vectors[1] = force + trend_time * self._force_slope
+        change = trend_time * self._jerk
+        # Beyond the trend's time the last acceleration goes on.
+        rate = rate + time * (spin + change) - 0.5 * trend_time * change
+        return BaseMotion(vectors[0], vectors[1], rate, spin + change)
+
 
 NONE, ATTITUDE, FULL = 'none', 'attitude', 'full'
 HOVER = 'hover'

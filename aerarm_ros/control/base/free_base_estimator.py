@@ -5,19 +5,286 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.base.answer_correction import AnswerCorrection
-from aerarm_ros.control.base.base_motion import BaseMotion
-from aerarm_ros.control.base.free_base_motion import FreeBaseMotion
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.base.imu_watch import ImuWatch
-from aerarm_ros.control.base.mount import Mount
+from aerarm_ros.control.base.base_motion import BaseMotion, ImuSample, Mount
 from aerarm_ros.control.base.rotor_wrench import RotorWrench
-from aerarm_ros.control.checks.gains import non_negative_number, positive
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError, non_negative_number, positive
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.signals import ArmState, Array
 
-Array = npt.NDArray[np.float64]
+
+class FreeBaseMotion(BaseMotion):
+    """A `BaseMotion` whose accelerations lack how the base answers.
+
+    With the answer `M_bb^-1 (w - c_b - M_bj ddq)` of `WholeBodyDynamics`, the base accelerates by
+    `s = s_0 + share * answer`: s_0 is `specific_force` and `angular_acceleration`.
+
+    Parameters
+    ----------
+    motion : BaseMotion
+    wrench : (6,) ndarray
+        w, of the rotors on the base at its origin, in base axes [N], [Nm].
+    share : (6,) ndarray
+        How much of the answer is believed, for each component of the acceleration. With none
+        the base is moved, whatever rotors and arm do.
+
+    Attributes
+    ----------
+    wrench, share
+        As given.
+    """
+
+    wrench: Array
+    share: Array
+
+    def __new__(cls, motion: BaseMotion, wrench: Array, share: Array) -> 'FreeBaseMotion':
+        """Return a motion with its answer."""
+        free = super().__new__(cls, *motion)
+        free.wrench = wrench
+        free.share = share
+        return free
+
+
+_WARM_UP = 1.0  # [s] of samples before anything is believed
+_BIAS_TIME = 5.0  # [s] a drone that accelerates goes on for less
+_BAND_TOP = 3.0  # [Hz] of the motion by which the trust is learned
+_TRUST_TIME = 10.0  # [s] over which it is learned
+_TRUST_MAX = 1.3
+# Acceleration below which there is nothing to learn [m/s^2], [rad/s^2]: slow motion under a heavy
+# drone is little more, and a prediction that is wrong there costs more than none.
+_TRUST_FLOOR = np.repeat([0.03, 0.05], 3)
+_LINEAR = np.repeat([1.0, 0.0], 3)  # a gyroscope's bias is no angular acceleration
+# What the slow part may add at most [m/s^2], [rad/s^2].
+_LIMIT = np.repeat([6.0, 6.0], 3)
+
+
+class AnswerCorrection:
+    """Complementary filter of predicted (x) and measured (y) acceleration of a base.
+
+    Both are deviations from hover, (6,), linear before angular. Below the cutoff counts what is
+    measured, above it what is predicted::
+
+        s - s_hover = y_slow + trust (x - x_slow)
+
+    A wrong mass is nearly constant in x, so it stays out; and as y enters below the cutoff only,
+    its latency closes no loop. Two more things keep a wrong model from doing harm:
+
+    - What the accelerometer reads on average over 5 s, where that is within `bias`, is taken for
+      its bias: a hovering drone feels its weight.
+    - `trust` is the least-squares factor from x to y between the cutoff and 3 Hz over the last
+      10 s, for each component, 0 to 1.3. Where the prediction explains nothing (wrong inertia,
+      commands that rotors do not follow) it fades out; noise of y does not bias it.
+
+    Parameters
+    ----------
+    cutoff : float
+        [Hz]; well below the arm's motion.
+    bias : float
+        Of the accelerometer, at most [m/s^2].
+
+    Attributes
+    ----------
+    cutoff : float
+        [Hz]
+    sustained_cutoff : float
+        That of the mean [Hz].
+    trust : (6,) ndarray
+    slow : (6,) ndarray
+        y_slow without bias, limited.
+    sustained : (6,) ndarray
+        The mean over 5 s without bias, limited: what is left where nothing is predicted. There
+        y_slow would be the base's answer, late.
+    predicted_slow : (6,) ndarray
+        x_slow.
+    disagreement : float
+        By how much x and y differ below the cutoff [m/s^2]; 0 without predictions.
+
+    Raises
+    ------
+    ValueError
+        If the cutoff isn't positive, or the bias negative.
+    """
+
+    def __init__(self, cutoff: float = 0.3, bias: float = 0.2) -> None:
+        self.cutoff = positive('cutoff', cutoff)
+        self._time_constant = 1.0 / (2.0 * np.pi * self.cutoff)
+        self._band_time = 1.0 / (2.0 * np.pi * _BAND_TOP)
+        self._bias = non_negative_number('bias', bias) * _LINEAR
+        self.reset()
+
+    sustained_cutoff = 1.0 / (2.0 * np.pi * _BIAS_TIME)
+
+    def reset(self) -> None:
+        """Forget everything."""
+        zero = np.zeros(6)
+        self._seen = self.disagreement = 0.0
+        self.predicted_slow = self._measured_slow = zero
+        self._predicted_band = self._measured_band = zero
+        self._mean = zero
+        # As if as much had been seen as there is nothing to learn from, and it was right.
+        self._product = self._power = _TRUST_FLOOR**2
+        self.trust = np.ones(6)
+        self.slow = self.sustained = zero
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether enough was seen."""
+        return self._seen >= _WARM_UP
+
+    def update(self, predicted: Array | None, measured: Array, dt: float) -> None:
+        """Take x and y (6,) [m/s^2], [rad/s^2] over the last `dt` [s].
+
+        Without a prediction there is nothing to learn of it, and the next one begins without a
+        correction.
+        """
+        is_predicted = predicted is not None
+        if predicted is None:
+            predicted = measured
+        if self._seen == 0.0:
+            self.predicted_slow = self._predicted_band = _LINEAR * predicted
+            self._measured_slow = self._measured_band = _LINEAR * measured
+        self._seen += dt
+        slow, band = dt / (self._time_constant + dt), dt / (self._band_time + dt)
+        self.predicted_slow = self.predicted_slow + slow * (predicted - self.predicted_slow)
+        self._measured_slow = self._measured_slow + slow * (measured - self._measured_slow)
+        self.disagreement = float(np.linalg.norm((self._measured_slow - self.predicted_slow)[:3]))
+        self._predicted_band = self._predicted_band + band * (predicted - self._predicted_band)
+        self._measured_band = self._measured_band + band * (measured - self._measured_band)
+        # A plain mean at first.
+        share = dt / min(max(self._seen, dt), _BIAS_TIME)
+        self._mean = self._mean + share * (measured - self._mean)
+        bias = np.minimum(np.maximum(self._mean, -self._bias), self._bias)
+        # Nothing turns faster and faster for long.
+        self.sustained = _limited(_LINEAR * (self._mean - bias))
+        self.slow = _limited(self._measured_slow - bias)
+        if self.is_ready and is_predicted:
+            self._learn_trust(dt / _TRUST_TIME)
+
+    def _learn_trust(self, share: float) -> None:
+        x = self._predicted_band - self.predicted_slow
+        y = self._measured_band - self._measured_slow
+        floor = _TRUST_FLOOR**2
+        self._product = self._product + share * (x * y + floor - self._product)
+        self._power = self._power + share * (x * x + floor - self._power)
+        self.trust = np.minimum(np.maximum(self._product / self._power, 0.0), _TRUST_MAX)
+
+
+def _limited(acceleration: Array) -> Array:
+    return np.asarray(np.minimum(np.maximum(acceleration, -_LIMIT), _LIMIT))
+
+
+# A drone in flight shakes: the last digits of two samples differ.
+_FROZEN = 0.1  # [s]
+_FORCE_MAX = 50.0  # [m/s^2]; in flight nothing but the rotors is felt
+# What rotors and arm do to a drone within a step, and the share of noise; steps above count alike.
+_FORCE_JUMP, _FORCE_SLOPE = 12.0, 1000.0  # [m/s^2], [m/s^3]
+_RATE_JUMP, _RATE_SLOPE = 0.4, 100.0  # [rad/s], [rad/s^2]
+_STEP_MAX = 0.01  # [s]
+_GAP = 0.1  # [s] samples further apart are not neighbours
+# How far attitude and gyroscope may differ over some time; what is cut is a filter that was reset.
+_TURN_TIME, _TURN_ERROR, _TURN_CUT = 0.2, 1.0, 20.0  # [s], [rad/s], [rad/s]
+
+
+class ImuWatch:
+    """Compares samples with the ones before.
+
+    A reading that jumps is refused for as long as it stays there: only `forget` makes it
+    believable, once nothing depends on it any more.
+    """
+
+    def __init__(self) -> None:
+        self._previous: ImuSample | None = None  # taken or not
+        self._changed = {'acceleration': -np.inf, 'angular velocity': -np.inf}
+        self._turn_error = np.zeros(3)
+        self.forget()
+
+    def forget(self) -> None:
+        """Compare the next sample with none taken before."""
+        self._taken: ImuSample | None = None
+
+    def check(self, sample: ImuSample) -> None:
+        """Take a sample if it is plausible.
+
+        Raises
+        ------
+        RejectedInputError
+            If it repeats what came before for too long, jumps away from the last one taken, turns
+            otherwise than its attitude, or is of no drone in flight.
+        """
+        previous, self._previous = self._previous, sample
+        step = np.inf if previous is None else sample.stamp - previous.stamp
+        if previous is not None and 0.0 < step < _GAP:
+            self._refuse_frozen(previous, sample)
+            self._refuse_turn(previous, sample, step)
+        else:
+            self._changed = dict.fromkeys(self._changed, sample.stamp)
+            self._turn_error = np.zeros(3)
+        felt = float(np.linalg.norm(sample.specific_force))
+        if felt > _FORCE_MAX:
+            raise RejectedInputError(
+                f'IMU: an acceleration of {felt:.0f} m/s^2, which rotors cannot bring about: check '
+                'its mount and driver'
+            )
+        if self._taken is not None:
+            _refuse_jump(self._taken, sample, min(max(step, 0.0), _STEP_MAX))
+        self._taken = sample
+
+    def _refuse_frozen(self, previous: ImuSample, sample: ImuSample) -> None:
+        for what, before, now in (
+            ('acceleration', previous.specific_force, sample.specific_force),
+            ('angular velocity', previous.angular_velocity, sample.angular_velocity),
+        ):
+            if np.any(now != before):
+                self._changed[what] = sample.stamp
+        what = min(self._changed, key=self._changed.__getitem__)
+        since = sample.stamp - self._changed[what]
+        if since > _FROZEN:
+            raise RejectedInputError(
+                f'IMU: its {what} is frozen, the same numbers for {since:.1f} s: check the driver'
+            )
+
+    def _refuse_turn(self, previous: ImuSample, sample: ImuSample, step: float) -> None:
+        if previous.attitude is None or sample.attitude is None:
+            return
+        turn = _turn(previous.attitude, sample.attitude) / step
+        error = turn - 0.5 * (previous.angular_velocity + sample.angular_velocity)
+        error = np.minimum(np.maximum(error, -_TURN_CUT), _TURN_CUT)
+        share = step / (_TURN_TIME + step)
+        self._turn_error = self._turn_error + share * (error - self._turn_error)
+        size = float(np.linalg.norm(self._turn_error))
+        if size > _TURN_ERROR:
+            raise RejectedInputError(
+                f'IMU: its angular velocity is {size:.1f} rad/s off that with which its attitude '
+                'turns: check the driver, and that both are in the same axes'
+            )
+
+
+def _turn(before: Array, after: Array) -> Array:
+    """Return the small turn (3,) [rad], in the IMU's axes, from one quaternion to another."""
+    # Twice the vector of the product conj(before) after: numpy's cross costs ten times as much.
+    (a, b, c, d), (x, y, z, w) = before.tolist(), after.tolist()
+    sign = np.copysign(2.0, a * x + b * y + c * z + d * w)
+    turn = (
+        d * x - w * a - b * z + c * y,
+        d * y - w * b - c * x + a * z,
+        d * z - w * c - a * y + b * x,
+    )
+    return np.array([sign * part for part in turn])
+
+
+def _refuse_jump(taken: ImuSample, sample: ImuSample, step: float) -> None:
+    force = sample.specific_force - taken.specific_force
+    rate = sample.angular_velocity - taken.angular_velocity
+    for what, change, limit, unit in (
+        ('angular velocity', rate, _RATE_JUMP + _RATE_SLOPE * step, 'rad/s'),
+        ('acceleration', force, _FORCE_JUMP + _FORCE_SLOPE * step, 'm/s^2'),
+    ):
+        size = float(np.abs(change).max())
+        if size > limit:
+            raise RejectedInputError(
+                f'IMU: its {what} jumps by {size:.2g} {unit} from one sample to the next: check '
+                'cable and driver'
+            )
+
 
 FREE = 'free'
 

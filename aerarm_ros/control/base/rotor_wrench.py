@@ -4,14 +4,27 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.control.base.drone_in_base import wrench_per_thrust
-from aerarm_ros.control.checks.gains import non_negative_number, positive
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError, non_negative_number, positive
 from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.model.inertia import parameters_of_body
+from aerarm_ros.motion.signals import Array
 
-Array = npt.NDArray[np.float64]
+
+def wrench_per_thrust(drone: DroneConfig) -> Array:
+    """Return the wrench (6, m) of a drone's m rotors on the base, per N of thrust."""
+    rotation = drone.mount.rotation.T
+    force, moment = drone.allocation[:3], drone.allocation[3:]
+    about_base = moment - np.cross(drone.mount.position, force, axisb=0, axisc=0)
+    return np.vstack([rotation @ force, rotation @ about_base])
+
+
+def carrier_parameters(drone: DroneConfig) -> Array:
+    """Return a drone's inertial parameters (3.3), (10,), as `WholeBodyDynamics` wants them."""
+    rotation = drone.mount.rotation.T
+    centre = rotation @ (np.array(drone.centre_of_mass) - drone.mount.position)
+    return parameters_of_body(drone.mass, centre, rotation @ drone.inertia_matrix @ rotation.T)
+
 
 _PIECES = 64  # commands remembered: 0.25 s at 250 Hz
 # A command beyond the limits saturates the rotor; this many times beyond, it is no thrust in N.

@@ -5,14 +5,10 @@ import numpy.typing as npt
 
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.checks.gains import finite, non_negative, non_negative_number, positive
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.checks import finite, non_negative, non_negative_number, positive
+from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_command import JointCommand
-from aerarm_ros.motion.task_reference import TaskReference
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.motion.signals import ArmState, Array, JointCommand, TaskReference
 
 
 class CartesianImpedance:

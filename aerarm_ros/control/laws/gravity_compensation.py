@@ -1,18 +1,12 @@
 """Position control by gravity compensation, thesis 2.6.1."""
 
-import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.checks.gains import non_negative, positive
-from aerarm_ros.control.compensation.fade import Fade
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_command import JointCommand
-from aerarm_ros.motion.joint_reference import JointReference
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.control.checks import non_negative, positive
+from aerarm_ros.control.compensation import Fade, FrictionCompensation
+from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference
 
 HAND_GUIDING_DAMPING = 0.02
 """Part of Kd left when a person guides the arm: enough that a released arm stops."""

@@ -3,14 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import Array, JointReference
 
-Array = npt.NDArray[np.float64]
 Rows = Sequence[Sequence[float]]
 
 # Nearer to a limit, in rad or as a share of it, samples of a path don't show that it is kept.

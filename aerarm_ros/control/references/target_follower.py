@@ -5,13 +5,9 @@ from math import sqrt
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.checks.gains import positive
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError, positive
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.motion.limited import limited
-from aerarm_ros.motion.task_reference import TaskReference
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.motion.signals import Array, TaskReference, limited
 
 # Targets further apart in time are separate targets, not samples of a path.
 _STREAM_GAP = 0.25

@@ -1,29 +1,91 @@
 """Executes trajectories, set points and streamed references in time."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.checks import JointLimits, RejectedInputError, non_negative, positive
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
-from aerarm_ros.control.references.motion_end import MotionEnd
-from aerarm_ros.control.references.streamed_point import Posture, StreamedPoint
 from aerarm_ros.control.references.transition import (
     FollowedMotion,
+    Posture,
+    StreamedPoint,
     Transition,
     find_transition,
     joined,
     rest_to_rest_path,
 )
-from aerarm_ros.motion.joint_brake import brake
-from aerarm_ros.motion.joint_reference import JointReference
-from aerarm_ros.motion.path_stop import acceleration_rows, stop_along
+from aerarm_ros.motion.path_stop import acceleration_rows, brake, stop_along
 from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import Array, JointReference
 
-Array = npt.NDArray[np.float64]
+
+class MotionEnd(Enum):
+    """What ended it."""
+
+    REACHED = 'it has reached its goal'
+    OFF_PATH = 'the arm was too far from its path'
+    OFF_GOAL = 'the arm was too far from its goal when its time was over'
+    REPLACED = 'another motion has taken its place'
+    STOPPED = 'it was stopped, or control began anew'
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerTolerances:
+    """Tolerances of n joints, and times.
+
+    Attributes
+    ----------
+    start : (n,) ndarray
+        Distance [rad] of a trajectory's first point from the present reference.
+    path : (n,) ndarray
+        Error [rad] under way beyond which the motion is aborted; positive, infinite for no check.
+    goal : (n,) ndarray
+        Error [rad] at which the goal counts as reached; positive, infinite for no check.
+    goal_time : float
+        Time [s] after the end to reach the goal.
+    stream_timeout : float
+        Silence [s] after which a streamed reference brakes.
+    """
+
+    start: Array
+    path: Array
+    goal: Array
+    goal_time: float
+    stream_timeout: float
+
+    @classmethod
+    def uniform(
+        cls,
+        n: int,
+        start: float = 0.1,
+        path: float = 0.3,
+        goal: float = 0.01,
+        goal_time: float = 1.0,
+        stream_timeout: float = 0.1,
+    ) -> 'FollowerTolerances':
+        """Return the same tolerances for each of n joints.
+
+        Raises
+        ------
+        ValueError
+            If a value isn't positive.
+        """
+        return cls(
+            start=non_negative('start', start, n),
+            path=np.full(n, _limit('path', path)),
+            goal=np.full(n, _limit('goal', goal)),
+            goal_time=_limit('goal_time', goal_time),
+            stream_timeout=positive('stream_timeout', stream_timeout),
+        )
+
+
+def _limit(name: str, value: float) -> float:
+    return value if value == np.inf else positive(name, value)
+
 
 # Times that the limits need to stop, up to which a trajectory's first point is reached without.
 _JOINED = 3.0

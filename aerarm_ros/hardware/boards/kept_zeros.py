@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.boards.board_link import BoardLink
-from aerarm_ros.hardware.boards.encoder_zeros import EncoderZeros
-from aerarm_ros.hardware.frames.board_state import TIMESTAMP_PERIOD
-from aerarm_ros.hardware.gate.command_buffer import Array
+from aerarm_ros.hardware.boards.homing import EncoderZeros
+from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD
+from aerarm_ros.motion.signals import Array
 
 # Longest time without an answer after which a board's clock, which repeats every 65.5 s, still
 # shows that it went on [s].

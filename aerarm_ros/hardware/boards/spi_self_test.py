@@ -4,10 +4,10 @@ from collections.abc import Callable
 from time import sleep
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.hardware.frames.board_command import BoardCommand
+from aerarm_ros.hardware.frames.board_messages import BoardCommand
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
-from aerarm_ros.hardware.gate.answer import Answer
+from aerarm_ros.hardware.gate.command_intake import Answer
 from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport
 
 _EXCHANGES = 50

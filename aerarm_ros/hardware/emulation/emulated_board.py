@@ -1,20 +1,121 @@
 """An emulated dual-motor board: frames in, frames out, motors in between."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import sqrt
 
 import numpy as np
 
-from aerarm_ros.description.motor_config import MotorConfig
-from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
-from aerarm_ros.hardware.emulation.board_faults import BoardFaults
-from aerarm_ros.hardware.emulation.board_wiring import BoardWiring
-from aerarm_ros.hardware.emulation.emulated_heat import CRITICAL, EmulatedHeat
-from aerarm_ros.hardware.emulation.emulated_motor import EmulatedMotor
-from aerarm_ros.hardware.emulation.emulated_supply import EmulatedSupply
-from aerarm_ros.hardware.frames.board_command import BoardCommand
-from aerarm_ros.hardware.frames.board_state import TIMESTAMP_PERIOD, BoardState
+from aerarm_ros.description.drive_config import MotorConfig
+from aerarm_ros.hardware.emulation.emulated_motor import (
+    CRITICAL,
+    AlignmentTiming,
+    EmulatedHeat,
+    EmulatedMotor,
+)
+from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD, BoardCommand, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES, FrameProfile
+
+
+@dataclass(slots=True)
+class BoardFaults:
+    """Lasting faults of one emulated board; all off by default.
+
+    Attributes
+    ----------
+    bit_error_rate
+        Share of frames, each way, in which one to three bits flip.
+    lost_frame_rate
+        Share of exchanges that the board misses: it reads nothing, and the line stays low.
+    lost_command_rate
+        Share of commands that do not reach the board, while its answers reach the host.
+    dead
+        No supply: the line stays low and the motors are free.
+    deaf
+        The board sends but receives nothing, so its time-out strikes.
+    mute
+        The board receives but is not heard: the line to the host stays low.
+    answer_bytes
+        Bytes of an answer that reach the host.
+    exchange_time
+        Duration of an exchange [s].
+    """
+
+    bit_error_rate: float = 0.0
+    lost_frame_rate: float = 0.0
+    lost_command_rate: float = 0.0
+    dead: bool = False
+    deaf: bool = False
+    mute: bool = False
+    answer_bytes: int = FRAME_BYTES
+    exchange_time: float = 40e-6
+
+
+def _of_both(value: float) -> list[float]:
+    return [value, value]
+
+
+@dataclass(slots=True)
+class BoardWiring:
+    """Errors made at the bench, of one board and its two motors; none by default.
+
+    They last: no power cycle mends a cable. Lists have one entry per channel.
+
+    Attributes
+    ----------
+    swapped
+        Whether the two motors, with their encoders, are plugged into each other's channel.
+    direction
+        -1 for a motor that turns its joint against the configuration's sign, else 1.
+    reduction
+        Motor turns per joint turn; 0 for the configuration's.
+    delivery
+        Share of the requested current that the driver delivers. Its measurement is right.
+    friction
+        Factor of the dry friction of the joint that the motor drives.
+    """
+
+    swapped: bool = False
+    direction: list[float] = field(default_factory=lambda: _of_both(1.0))
+    reduction: list[float] = field(default_factory=lambda: _of_both(0.0))
+    delivery: list[float] = field(default_factory=lambda: _of_both(1.0))
+    friction: list[float] = field(default_factory=lambda: _of_both(1.0))
+
+
+_RESISTANCE = 0.05  # [ohm] battery and leads
+_VOLTAGE = 24.0  # [V]
+
+
+class EmulatedSupply:
+    """A battery behind its leads, or a supply that cannot sink current and the board's capacitors.
+
+    Attributes
+    ----------
+    source
+        Voltage without a load [V].
+    capacitance
+        Of the board [F] if its supply takes no current back; 0 for a battery, which does.
+    voltage
+        At the board [V].
+    """
+
+    def __init__(self) -> None:
+        self.source = self.voltage = _VOLTAGE
+        self.capacitance = 0.0
+
+    def step(self, power: float, duration: float) -> None:
+        """Go on by a duration [s] with the power [W] that the motors take."""
+        loaded = self.source - _RESISTANCE * power / self.source
+        if not self.capacitance or power > 0.0 and self.voltage <= self.source:
+            self.voltage = loaded
+            return
+        # No current flows back: what the motors give stays in the capacitors, C/2 V^2.
+        stored = self.voltage**2 - 2.0 * power * duration / self.capacitance
+        self.voltage = max(sqrt(max(stored, 0.0)), min(loaded, self.source))
+
 
 ENCODER_ERRORS = (1, 6)  # of motor 1, motor 2
 TIMEOUT_ERROR = 2

@@ -1,11 +1,266 @@
 """One motor of an emulated board."""
 
-from math import exp, pi, sin
+from __future__ import annotations
 
-from aerarm_ros.description.motor_config import MotorConfig
-from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
-from aerarm_ros.hardware.emulation.emulated_encoder import EmulatedEncoder
-from aerarm_ros.hardware.emulation.emulated_heat import EmulatedHeat
+from dataclasses import dataclass
+from math import exp, floor, pi, sin
+
+import numpy as np
+
+from aerarm_ros.description.drive_config import JointConfig, MotorConfig
+
+
+@dataclass(frozen=True)
+class AlignmentTiming:
+    """The field that turns an unaligned rotor: one electrical turn forward, then back.
+
+    Attributes
+    ----------
+    forward, reverse, hold
+        Durations [s] of the turn forward, the turn back, and the rest at the end.
+    current
+        Current in the field's direction [A].
+    """
+
+    forward: float = 0.5
+    reverse: float = 0.5
+    hold: float = 0.3
+    current: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check the durations; raises ValueError."""
+        if min(self.forward, self.reverse, self.hold, self.current) <= 0.0:
+            raise ValueError('alignment durations and current must be above 0')
+
+    @property
+    def total(self) -> float:
+        """Duration of the whole alignment [s]."""
+        return self.forward + self.reverse + self.hold
+
+
+COUNTS_PER_TURN = 4096
+RAD_PER_COUNT = 2.0 * pi / COUNTS_PER_TURN
+_COUNTS_PER_RAD = COUNTS_PER_TURN / (2.0 * pi)
+_VELOCITY_BANDWIDTH = 2.0 * pi * 100.0  # [rad/s] low-pass of the firmware
+
+
+class EmulatedEncoder:
+    """An encoder of a motor: quantised angle, filtered speed, one index pulse a turn.
+
+    Parameters
+    ----------
+    substep
+        Time between two samples [s].
+    zero
+        True motor angle [rad] at which the count is zero; where it is first sampled if None.
+    absolute
+        Whether it knows its angle after a restart; else it counts from where it is then.
+    pulse_offset
+        True motor angle of an index pulse, modulo one turn [rad].
+
+    Attributes
+    ----------
+    position, velocity
+        What the firmware measures [rad], [rad/s].
+    index_detected, index_toggle
+        Set at the first index pulse; flips at each one.
+    stuck
+        Fault: the count no longer changes.
+    """
+
+    def __init__(
+        self,
+        substep: float,
+        zero: float | None = 0.0,
+        absolute: bool = False,
+        pulse_offset: float = 0.0,
+    ) -> None:
+        self._substep = substep
+        self._gain = 1.0 - exp(-_VELOCITY_BANDWIDTH * substep)
+        self._shift = 0.0 if zero is None else -zero
+        self._begins = zero is None  # to count where it is first sampled
+        self._shift_absolute = self._shift if absolute else None
+        self._pulse_offset = pulse_offset
+        self._angle: float | None = None
+        self._turn = 0
+        self.position = 0.0
+        self.velocity = 0.0
+        self.index_detected = False
+        self.index_toggle = False
+        self.stuck = False
+
+    def sample(self, angle: float, compensate_index: bool = False) -> None:
+        """Measure a true motor angle [rad].
+
+        With `compensate_index`, the next index pulse makes the position jump so that the
+        pulse lies at zero, as the firmware's index offset compensation does.
+        """
+        if self._angle is None:
+            self.place(angle)
+        if self.stuck and self._angle is not None:
+            angle = self._angle
+        self._angle = angle
+        turn = self._turns(angle)
+        if turn != self._turn:
+            self._pass_index(max(turn, self._turn), compensate_index)
+            self._turn = turn
+        position = self._quantised(angle)
+        self.velocity += self._gain * ((position - self.position) / self._substep - self.velocity)
+        self.position = position
+
+    def place(self, angle: float) -> None:
+        """Go to a true motor angle [rad] unseen, as if turned there between two samples."""
+        if self._begins:
+            self._shift, self._begins = -angle, False
+        self._angle = angle
+        self._turn = self._turns(angle)
+        self.position = self._quantised(angle)
+        self.velocity = 0.0
+
+    def remount(self, angle: float) -> None:
+        """Go on counting on another shaft, which is at an angle [rad]."""
+        if self._angle is None:
+            return  # it has not begun
+        self._shift += self._angle - angle
+        self._angle = angle
+        self._turn = self._turns(angle)
+
+    def restart(self) -> None:
+        """Begin to count, with no pulse met: the supply was off and on."""
+        angle = self._angle or 0.0
+        self._shift = -angle if self._shift_absolute is None else self._shift_absolute
+        self.position, self.velocity = self._quantised(angle), 0.0
+        self.index_detected = self.index_toggle = self.stuck = False
+
+    def jump(self, angle: float) -> None:
+        """Fault: add an angle [rad] to the count at once, as lost or doubled pulses would."""
+        self._shift += angle
+
+    def _pass_index(self, turn: int, compensate: bool) -> None:
+        if compensate and not self.index_detected:
+            shift = -2.0 * pi * turn - self._pulse_offset
+            self.position += shift - self._shift  # the firmware's speed does not see this jump
+            self._shift = shift
+        self.index_detected = True
+        self.index_toggle = not self.index_toggle
+
+    def _turns(self, angle: float) -> int:
+        """Return how many index pulses lie below a true motor angle [rad], from the offset on."""
+        return floor((angle - self._pulse_offset) / (2.0 * pi))
+
+    def _quantised(self, angle: float) -> float:
+        return floor((angle + self._shift) * _COUNTS_PER_RAD) * RAD_PER_COUNT
+
+
+ROOM = 25.0  # [degC]
+CRITICAL = 130.0
+"""Temperature of a winding at which an emulated board reports its error [degC]."""
+# Copper resistance vanishes, by extrapolation, at this temperature [degC] (IEC 60034-1).
+_ABSENT = -234.5
+# Of the way from copper to housing: thermal resistance and heat capacity on the copper's side.
+_COPPER_RESISTANCE, _COPPER_CAPACITY = 0.12, 0.35
+# Losses in the stator's iron at this speed [rad/s] are this share of the continuous copper loss.
+_IRON_SPEED, _IRON_SHARE = 150.0, 0.1
+# Made motors differ from what is known of them by up to this share: thermal resistances, heat
+# capacities, resistance of the copper.
+_SPREAD = 0.1
+_COPPER_SPREAD = 0.05
+_SHORTEST = 5.0  # steps in the shortest time constant, for a stable explicit integration
+
+
+class EmulatedHeat:
+    """Three bodies in a row: copper, stator iron, housing; the air beyond them has 25 degC.
+
+    It shares no code with the estimator of `hardware.heat`: there are more bodies, iron losses,
+    another numerical method (explicit midpoint) and, with a seed, other parameters.
+
+    Parameters
+    ----------
+    motor
+        Its data, as the configuration states them.
+    seed
+        Of the deviations; None for a motor as stated.
+
+    Attributes
+    ----------
+    temperatures
+        Of copper, iron and housing [degC].
+    """
+
+    def __init__(self, motor: MotorConfig, seed: int | None = None) -> None:
+        self.temperatures = [ROOM, ROOM, ROOM]
+        draw = [0.0] * 6
+        if seed is not None:
+            draw = np.random.default_rng(seed).uniform(-1.0, 1.0, 6).tolist()
+        off = [1.0 + _SPREAD * value for value in draw]
+        data = motor.thermal_or_guess
+        self._cold = motor.resistance * (1.0 + _COPPER_SPREAD * draw[5])
+        hottest = data.temperature_max
+        hot = motor.resistance * (hottest - _ABSENT) / (ROOM - _ABSENT)
+        steady_loss = 1.5 * hot * data.continuous_current**2
+        whole = (hottest - ROOM) / steady_loss
+        inner, outer = (1.0 - data.housing_share) * whole, data.housing_share * whole
+        store = data.winding_time / inner
+        self._conductance = (
+            1.0 / (off[0] * _COPPER_RESISTANCE * inner),
+            1.0 / (off[0] * (1.0 - _COPPER_RESISTANCE) * inner),
+            1.0 / (off[1] * outer),
+        )
+        self._capacity = (
+            off[2] * _COPPER_CAPACITY * store,
+            off[3] * (1.0 - _COPPER_CAPACITY) * store,
+            off[4] * data.housing_time / outer,
+        )
+        self._iron = _IRON_SHARE * steady_loss / _IRON_SPEED**2
+        self._longest = self._capacity[0] / (_SHORTEST * self._conductance[0])
+
+    @classmethod
+    def of_joint(cls, joint: JointConfig, arm_seed: int | None) -> EmulatedHeat:
+        """Return the heat of a joint's motor in the emulated arm of a seed; None: as stated."""
+        if arm_seed is None:
+            return cls(joint.motor)
+        return cls(joint.motor, 2 * (1000 * arm_seed + joint.board) + joint.channel)
+
+    @property
+    def copper(self) -> float:
+        """Temperature of the copper [degC]."""
+        return self.temperatures[0]
+
+    @property
+    def resistance(self) -> float:
+        """Resistance of a phase at the copper's temperature [ohm]."""
+        return self._cold * (self.temperatures[0] - _ABSENT) / (ROOM - _ABSENT)
+
+    def warm(self, temperature: float) -> None:
+        """Bring the whole motor to a temperature [degC]."""
+        self.temperatures = [temperature, temperature, temperature]
+
+    def step(self, square: float, speed: float, duration: float) -> None:
+        """Go on by a duration [s] with a mean squared current [A^2] and a speed [rad/s]."""
+        steps = int(duration / self._longest) + 1
+        dt = duration / steps
+        for _ in range(steps):
+            half = self._moved(self._slopes(square, speed), 0.5 * dt)
+            before, self.temperatures = self.temperatures, half
+            slopes = self._slopes(square, speed)
+            self.temperatures = before
+            self.temperatures = self._moved(slopes, dt)
+
+    def _moved(self, slopes: tuple[float, float, float], dt: float) -> list[float]:
+        return [t + dt * slope for t, slope in zip(self.temperatures, slopes, strict=True)]
+
+    def _slopes(self, square: float, speed: float) -> tuple[float, float, float]:
+        copper, iron, housing = self.temperatures
+        inside = self._conductance[0] * (copper - iron)
+        through = self._conductance[1] * (iron - housing)
+        away = self._conductance[2] * (housing - ROOM)
+        loss = 1.5 * self.resistance * square
+        return (
+            (loss - inside) / self._capacity[0],
+            (self._iron * speed * speed + inside - through) / self._capacity[1],
+            (through - away) / self._capacity[2],
+        )
+
 
 _CURRENT_BANDWIDTH = 2.0 * pi * 1000.0  # [rad/s] of the closed current loop
 _TRAVEL_TOLERANCE = 0.3  # of an electrical turn, beyond which the alignment has failed

@@ -1,14 +1,143 @@
 """Emulated boards on a simulated arm, in step with the caller's time."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from math import isfinite
 
 import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
-from aerarm_ros.hardware.emulation.emulated_hand import EmulatedHand
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedMotor
-from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, Array
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant
+
+_LAG_MAX = 20  # states; beyond it a command would be too old to be let in anyway
+
+
+class AnswerWatch:
+    """Follows which state was answered last, and says whether the next must wait for an answer.
+
+    A controller stamps a command with the stamp of the state that it answers. Once one does, it is
+    expected to go on, each answer at most `lag` states behind. Who does not within the patience of
+    whoever waits is given up, until its next answer, and with a larger lag from then on: it may
+    answer every tenth state only. A command with a stamp of its own is no answer, and nobody waits
+    for the next.
+
+    Parameters
+    ----------
+    period_ns
+        From state to state [ns].
+    lag
+        Number of states that may be without an answer.
+    """
+
+    def __init__(self, period_ns: int, lag: int) -> None:
+        self._period_ns = period_ns
+        self._lag = self._first_lag = lag
+        self._answered_ns = 0
+        self._expects = False
+
+    @property
+    def expects(self) -> bool:
+        """Whether somebody answers states."""
+        return self._expects
+
+    def note(self, stamp_ns: int, newest_ns: int) -> None:
+        """Take note of a command with a stamp, while the newest state has another [ns]."""
+        self._expects = self.is_answer(stamp_ns, newest_ns)
+        self._answered_ns = stamp_ns
+
+    def is_answer(self, stamp_ns: int, newest_ns: int) -> bool:
+        """Whether a stamp [ns] is that of the newest state, or of one not long before."""
+        states, rest = divmod(newest_ns - stamp_ns, self._period_ns)
+        return 0 <= states <= _LAG_MAX and rest == 0
+
+    def awaits(self, newest_ns: int) -> bool:
+        """Whether the answer to the state of this stamp [ns], or one shortly before, is due."""
+        return self._expects and newest_ns - self._answered_ns > self._lag * self._period_ns
+
+    def give_up(self) -> None:
+        """Expect nothing until the next answer, and from then on a little less."""
+        self._expects = False
+        self._lag = min(4 * self._lag + 1, _LAG_MAX)
+
+    def forget(self) -> None:
+        """Begin anew: nobody commands the arm."""
+        self._expects = False
+        self._lag = self._first_lag
+
+
+_SPEED = 0.6  # [rad/s]
+_STIFFNESS = 150.0  # [Nm/rad]
+_DAMPING = 3.0  # [Nms/rad]
+_STRENGTH = 12.0  # [Nm] at most
+_ERROR = 0.01  # [rad] a hand places a joint against a mark or a set square so well
+_SETTLING = 0.5  # [s]
+
+
+def parse_turn(text: str, names: Sequence[str]) -> tuple[int, float]:
+    """Read JOINT:ANGLE and return the joint's number and the angle [rad].
+
+    Parameters
+    ----------
+    text
+        As a user writes it.
+    names
+        Joints of the arm; a prefix that they share may be left out.
+
+    Raises
+    ------
+    ValueError
+        If there is no such joint, or the angle is not a number.
+    """
+    name, _, number = text.strip().rpartition(':')
+    joints = [i for i, known in enumerate(names) if name and known.endswith(name)]
+    try:
+        angle = float(number)
+    except ValueError:
+        joints = []
+    if len(joints) != 1 or not isfinite(angle):
+        listed = ', '.join(names)
+        raise ValueError(f'{text!r} is not JOINT:ANGLE with one of {listed} and an angle [rad]')
+    return joints[0], angle
+
+
+class EmulatedHand:
+    """Turns a joint slowly to an angle, misses it a little, and lets go.
+
+    Parameters
+    ----------
+    joint
+        Number of the joint.
+    start, target
+        Angles [rad] where the joint is and where it shall be.
+    seed
+        Of the error of placement.
+    """
+
+    def __init__(self, joint: int, start: float, target: float, seed: int = 0) -> None:
+        self.joint = joint
+        miss = float(np.random.default_rng([seed, joint]).uniform(-_ERROR, _ERROR))
+        self._reference = start
+        self._target = target + miss
+        self._left = self.duration = abs(self._target - start) / _SPEED + _SETTLING
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the joint has been let go."""
+        return self._left <= 0.0
+
+    def effort(self, q: float, dq: float, duration: float) -> float:
+        """Return the torque [Nm] on the joint at q [rad], dq [rad/s], and go on for a time [s]."""
+        self._left -= duration
+        step = _SPEED * duration
+        away = self._target - self._reference
+        self._reference += min(max(away, -step), step)
+        effort = _STIFFNESS * (self._reference - q) - _DAMPING * dq
+        return min(max(effort, -_STRENGTH), _STRENGTH)
+
 
 _CATCH_UP = 0.010  # [s] most that one call simulates
 _RELEASE_TIME = 0.5  # [s] in which whoever carries the arm lets it go

@@ -1,15 +1,175 @@
 """Decides which joint commands are let in."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.command_buffer import CommandBuffer
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand, Source
+from aerarm_ros.motion.signals import Array
+
+
+class Answer(NamedTuple):
+    """Whether a request was accepted, and what happens now or why not."""
+
+    accepted: bool
+    message: str
+
+
+Mask = NDArray[np.bool_]
+
+
+class CommandBuffer:
+    """References of n joints, one by one; NaN where a quantity is unused.
+
+    A controller's `JointCommand` says for all joints at once what is unused. Here each joint
+    has its own mode, and the arrays stay: what is let in, limited and followed is written into
+    them in every cycle. What is given for a joint chooses its mode: effort alone is torque
+    control, velocity alone the boards' PI velocity loop (thesis (4.5)), position with velocity
+    and effort the boards' full law (4.4) with feed-forward.
+
+    Attributes
+    ----------
+    q, dq, tau
+        (n,) positions [rad], velocities [rad/s], efforts [Nm].
+    """
+
+    __slots__ = ('dq', 'q', 'tau')
+
+    def __init__(self, n: int) -> None:
+        self.q: Array = np.full(n, np.nan)
+        self.dq: Array = np.full(n, np.nan)
+        self.tau: Array = np.full(n, np.nan)
+
+    @classmethod
+    def standstill(cls, n: int) -> 'CommandBuffer':
+        """Return zero velocity for every joint: stay where you are."""
+        command = cls(n)
+        command.dq[:] = 0.0
+        return command
+
+
+# Whoever sent a command; None for somebody who cannot be told from another.
+Source = bytes | str | None
+Values = Sequence[float] | NDArray[np.float64] | None
+
+
+class OfferedCommand(NamedTuple):
+    """What somebody wants the joints to do, and who.
+
+    Attributes
+    ----------
+    names
+        The joints of the values below, in any order.
+    position, velocity, effort
+        One value for each name [rad], [rad/s], [Nm], NaN where unused; None or empty if
+        unused for all. What is given chooses a joint's mode, see `CommandBuffer`.
+    age_of_stamp
+        Age of the state that the command answers [s].
+    source
+        Who sent it: a second publisher is rejected while the first one's command lasts;
+        so is None, somebody who cannot be told from another.
+    allowed
+        Whether that publisher may command at all.
+    """
+
+    names: Sequence[str]
+    position: Values
+    velocity: Values
+    effort: Values
+    age_of_stamp: float
+    source: Source
+    allowed: bool = True
+
+
+_ONLY = 'the only publisher'
+_STOP = 'stop all but one'
+
+
+class CommandPublishers:
+    """Says of each message which publisher it is from, and whether that one may command.
+
+    The middleware's message info holds the publisher's global identifier (GID), and the list of
+    the topic's endpoints names the node of each GID. `look` takes that list now and then. Until the
+    first look that holds a GID, its node is unknown and not on any list.
+
+    Where the message info has no GID, the sender of a command is unknown. Then commands are
+    accepted while the topic has one publisher, and all are rejected while it has several.
+
+    Parameters
+    ----------
+    allowed
+        Nodes that may command, as names or as names with their name space; any if empty.
+
+    Attributes
+    ----------
+    names
+        Publishers at the last look, full names, sorted.
+    """
+
+    def __init__(self, allowed: Collection[str] = ()) -> None:
+        self.names: tuple[str, ...] = ()
+        self._allowed = frozenset(allowed)
+        self._nodes: Mapping[bytes, str] = {}
+        self._is_anonymous = False
+
+    def look(self, nodes: Mapping[bytes, str]) -> None:
+        """Take the full names of the nodes that publish now, by the GIDs of their publishers."""
+        self._nodes = nodes
+        self.names = tuple(sorted(nodes.values()))
+
+    def knows(self, gid: bytes | None) -> bool:
+        """Whether the last look has found the publisher; True where no message names one."""
+        return gid is None or gid in self._nodes
+
+    def judge(self, gid: bytes | None, matched: int) -> tuple[Source, bool]:
+        """Tell who sent a message.
+
+        Parameters
+        ----------
+        gid
+            The publisher, as the message info says; None if it does not.
+        matched
+            How many publishers the subscription is matched with; only used without a GID.
+
+        Returns
+        -------
+        source
+            The publisher; None if it cannot be distinguished from another one.
+        allowed : bool
+            Whether its node may command.
+        """
+        self._is_anonymous = gid is None
+        if gid is not None:
+            return gid, self.is_allowed(self._nodes.get(gid, ''))
+        is_alone = matched <= 1 and len(self.names) <= 1
+        is_allowed = not self._allowed or bool(self.names)
+        return _ONLY if is_alone else None, is_allowed and all(map(self.is_allowed, self.names))
+
+    def is_allowed(self, name: str) -> bool:
+        """Whether the list of allowed names holds a publisher's full name."""
+        names = {name, name.removeprefix('/'), name.rpartition('/')[2]} - {''}
+        return not self._allowed or not self._allowed.isdisjoint(names)
+
+    @property
+    def warning(self) -> str:
+        """What is wrong with the publishers present, '' if nothing is."""
+        others = [name for name in self.names if not self.is_allowed(name)]
+        if others:
+            return (
+                f'{", ".join(others)} publishes joint_command without being on the list '
+                'allowed_publishers: stop it, or add it to the list'
+            )
+        if len(self.names) < 2:
+            return ''
+        present = f'joint_command has {len(self.names)} publishers ({", ".join(self.names)})'
+        if self._is_anonymous:
+            return f'{present}, and this ROS does not name the sender of a command: {_STOP}'
+        return f'{present}, the first to command is followed: {_STOP}'
+
 
 # Why a command is not let in, and what to check.
 REJECTIONS: dict[str, str] = {

@@ -1,10 +1,142 @@
 """The boards on the host's SPI buses, through Linux's spidev."""
 
+import errno
 import importlib.util
+from collections.abc import Callable
+from time import monotonic
+from typing import Any
 
-from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.hardware.transports.spidev_device import SpidevDevice
+from aerarm_ros.description.arm_config import ArmConfig, BoardConfig
 from aerarm_ros.hardware.transports.transport import TransportError
+
+# What the driver says of a device that was removed, or of a file that is not open.
+_GONE = frozenset({errno.ESHUTDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
+# Other errors in a row after which it is opened anew all the same.
+_ERRORS_MAX = 200
+_WAIT_MIN, _WAIT_MAX = 0.2, 5.0  # [s] between two attempts to open it; doubled each time
+
+
+class SpidevDevice:
+    """A `/dev/spidev*` that is opened again when it was taken away and has come back.
+
+    A device that is removed, as by an adapter unplugged or a driver loaded anew, leaves a file
+    behind on which every transfer fails, also once a device of the same name is there again. So
+    the file is closed and opened anew, with waits that grow from 0.2 to 5 s. One error of a
+    transfer alone is passed over: the next frame comes in a millisecond.
+
+    Parameters
+    ----------
+    board
+        Device, clock and SPI mode.
+    clock
+        Returns the time [s, monotonic].
+
+    Attributes
+    ----------
+    problem
+        Why the last transfer failed, '' if it didn't.
+    duration, ended
+        Of the last transfer [s], and when it was over.
+    """
+
+    def __init__(self, board: BoardConfig, clock: Callable[[], float] = monotonic) -> None:
+        self.problem = ''
+        self.duration = self.ended = 0.0
+        self._board = board
+        self._clock = clock
+        self._file: Any = None
+        self._is_wanted = False
+        self._reason = 'the transport is not open'
+        self._errors = 0
+        self._wait = _WAIT_MIN
+        self._next_attempt = 0.0
+
+    def open(self) -> None:
+        """Open the file; raises TransportError that says what to check."""
+        board = self._board
+        try:
+            self._file = self._opened()
+        except OSError as error:
+            raise TransportError(
+                f'cannot open {board.device} for {board.name}: {error.strerror or error}: is '
+                'SPI switched on (dtparam=spi=on), is the device right, is the user in group '
+                'spi?'
+            ) from None
+        self._is_wanted = True
+
+    def close(self) -> None:
+        """Close the file for good; may be called again."""
+        self._is_wanted = False
+        self._reason = 'the transport is not open'
+        self._drop()
+
+    def transfer(self, frame: bytes) -> bytes:
+        """Send a frame and return the one that came back, b'' if the transfer failed."""
+        started = self._clock()
+        if self._file is None and self._is_wanted and started >= self._next_attempt:
+            self._reopen(started)
+        answer = self._transferred(frame) if self._file is not None else b''
+        self.ended = self._clock()
+        self.duration = self.ended - started
+        if self._errors == 0 and self._file is not None:
+            self.problem = ''
+        else:
+            self.problem = self._account()
+        return answer
+
+    def set_mode(self, mode: int) -> None:
+        """Change the SPI mode until it is opened anew; raises OSError if that cannot be."""
+        if self._file is None:
+            raise OSError(errno.EBADF, self._account())
+        self._file.mode = mode
+
+    def _transferred(self, frame: bytes) -> bytes:
+        try:
+            answer = bytes(self._file.xfer2(frame))
+        except OSError as error:
+            self._errors += 1
+            self._reason = error.strerror or str(error)
+            if error.errno in _GONE or self._errors >= _ERRORS_MAX:
+                self._drop()
+                self._next_attempt = self._clock() + self._wait
+            return b''
+        self._errors = 0
+        self._wait = _WAIT_MIN
+        return answer
+
+    def _reopen(self, now: float) -> None:
+        self._wait = min(2.0 * self._wait, _WAIT_MAX)
+        self._next_attempt = now + self._wait
+        try:
+            self._file = self._opened()
+        except OSError:
+            return  # the reason for which it was lost says more
+        self._errors = 0
+
+    def _opened(self) -> Any:
+        import spidev  # needs a compiler to install, so only who has a bus installs it
+
+        file = spidev.SpiDev()
+        try:
+            file.open_path(self._board.device)
+            file.max_speed_hz = self._board.clock_hz
+            file.mode = self._board.mode
+            file.bits_per_word = 8
+        except OSError:
+            file.close()
+            raise
+        return file
+
+    def _drop(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _account(self) -> str:
+        text = f'{self._board.device} reports: {self._reason}: does the device still exist?'
+        if self._file is None and self._is_wanted:
+            text += f' It is opened again once it does, tried every {self._wait:g} s'
+        return text
 
 
 class SpidevTransport:

@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.conditioning.kinematics_filter import KinematicsFilter
-from aerarm_ros.identification.conditioning.motion_band import motion_band, position_band
 from aerarm_ros.identification.conditioning.motion_check import (
+    ConditioningOptions,
     aperiodic_warnings,
     fundamental_warnings,
     harmonics_warnings,
@@ -21,25 +19,138 @@ from aerarm_ros.identification.conditioning.periodicity import (
     count_harmonics,
     find_periodic_part,
 )
-from aerarm_ros.identification.conditioning.samples import BLOCKS, Samples
-from aerarm_ros.identification.conditioning.signal_delays import SignalDelays
 from aerarm_ros.identification.conditioning.spectral_filter import (
     SETTLING_PERIODS,
     SpectralFilter,
     low_pass_gain,
 )
 from aerarm_ros.identification.conditioning.uniform_motion import (
+    BLOCKS,
     SHORTEST,
+    KinematicsFilter,
+    Samples,
     UniformMotion,
     aperiodic_motion,
     periodic_motion,
     sampling_time,
 )
-from aerarm_ros.identification.conditioning.velocity_lag import velocity_lag
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.motion.signals import Array
 
-Array = npt.NDArray[np.float64]
+
+@dataclass(frozen=True, eq=False)
+class SignalDelays:
+    """Delays against the positions of the same message, which are the reference of time.
+
+    Attributes
+    ----------
+    velocity, effort : (n,) ndarray
+        [s], positive where the signal is late.
+    """
+
+    velocity: Array
+    effort: Array
+
+    @classmethod
+    def none(cls, n: int) -> 'SignalDelays':
+        """Return delays of zero for n joints."""
+        return cls(np.zeros(n), np.zeros(n))
+
+
+# Below it a lag costs less than it is sure of: a twentieth of a period at 25 Hz.
+_LEAST = 2e-3  # [s]
+_CLEAR = 3.0  # standard deviations
+_CORRELATION = 0.5  # periods of the cut-off that one independent sample takes
+
+
+def velocity_lag(motions: Sequence[UniformMotion], cutoff: float) -> Array:
+    """Return by how much measured velocities come later than the positions' derivative.
+
+    Both through the same low-pass: a velocity that is late by e is the derivative less e times the
+    acceleration, so least squares tell e, without any model of the arm.
+
+    Parameters
+    ----------
+    motions : sequence of UniformMotion
+        Of one arm.
+    cutoff : float
+        Of the low-pass [Hz].
+
+    Returns
+    -------
+    (n,) ndarray
+        [s]; 0 where velocities were not measured, or the lag is too small to matter or to tell.
+    """
+    n = motions[0].q.shape[1]
+    if any(motion.dq is None for motion in motions):
+        return np.zeros(n)
+    products, squares, left, duration = (np.zeros(n) for _ in range(4))
+    for motion in motions:
+        _, derivative, ddq = KinematicsFilter(cutoff, from_position=True).apply(motion)
+        _, measured, _ = KinematicsFilter(cutoff).apply(motion)
+        difference = derivative - measured
+        products += (difference * ddq).sum(axis=0)
+        squares += (ddq**2).sum(axis=0)
+        left += (difference**2).sum(axis=0)
+        duration += motion.count * motion.dt
+    lag = products / np.maximum(squares, 1e-300)
+    left = np.maximum(left - lag * products, 0.0)
+    independent = np.maximum(duration * cutoff / _CORRELATION, 1.0)
+    deviation = np.sqrt(left / independent / np.maximum(squares, 1e-300))
+    return np.where((np.abs(lag) < _LEAST) | (np.abs(lag) < _CLEAR * deviation), 0.0, lag)
+
+
+_SHARE = 0.999  # of a velocity's power lies below its band's edge
+
+
+def motion_band(q: Array, dq: Array | None, dt: float) -> float:
+    """Return the frequency below which nearly all of a motion lies.
+
+    Parameters
+    ----------
+    q : (M, n) ndarray
+        Joint positions [rad].
+    dq : (M, n) ndarray or None
+        Measured joint velocities [rad/s]. A joint's motion is in both, noise in one of them: the
+        narrower band of the two counts.
+    dt : float
+        Sampling time [s].
+
+    Returns
+    -------
+    float
+        [Hz]; the largest of the joints'. White measurement noise is taken off first, at the
+        level of the upper half of the spectrum.
+    """
+    frequency = np.asarray(np.fft.rfftfreq(len(q), dt))
+    edges = _edges(frequency, q, derivative=1)
+    if dq is not None:
+        edges = np.minimum(edges, _edges(frequency, dq))
+    return float(max(np.max(edges, initial=0.0), frequency[1]))
+
+
+def position_band(q: Array, dt: float) -> float:
+    """Return the frequency [Hz] below which nearly all of the power of positions (M, n) lies.
+
+    Lower than the motion's, since velocity and acceleration grow with frequency, but far above
+    noise: no joint moves as little as its encoder's noise.
+    """
+    frequency = np.asarray(np.fft.rfftfreq(len(q), dt))
+    return float(max(np.max(_edges(frequency, q), initial=0.0), frequency[1]))
+
+
+def _edges(frequency: Array, values: Array, derivative: int = 0) -> Array:
+    """Return the (n,) band edges [Hz] of velocities or, by a derivative, of positions."""
+    window = np.hanning(len(values))[:, None]
+    power = np.abs(np.fft.rfft((values - values.mean(axis=0)) * window, axis=0)) ** 2
+    noise = np.median(power[len(power) // 2 :], axis=0) / np.log(2.0)
+    # Single bins of noise scatter about their mean: only what stands out of it counts.
+    signal = np.where(power > 10.0 * noise, power - noise, 0.0)
+    total = np.cumsum(signal * frequency[:, None] ** (2 * derivative), axis=0)
+    edges = [np.searchsorted(column, _SHARE * column[-1]) for column in total.T]
+    return np.asarray(frequency[edges])
+
 
 # Gautier (ICRA 1997): a low-pass ten times above the motion leaves its dynamics alone.
 _CUTOFF_PER_BAND = 10.0

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from aerarm_ros.motion.signals import Array
 
 _RATE = 10.0  # [Hz] the search works on the motion sampled this often
 _LONGEST = 240.0  # [s] and looks at no more than this much of it

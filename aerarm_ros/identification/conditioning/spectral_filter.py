@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from aerarm_ros.motion.signals import Array
+
 Gain = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
 
 # The impulse response of the low-pass below has died out after this many periods of its cut-off.

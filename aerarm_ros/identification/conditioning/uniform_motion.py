@@ -9,12 +9,90 @@ from aerarm_ros.identification.conditioning.periodicity import PeriodicPart
 from aerarm_ros.identification.conditioning.spectral_filter import (
     SETTLING_PERIODS,
     SpectralFilter,
+    harmonic_gain,
     low_pass_gain,
 )
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.motion.signals import Array
 
-Array = npt.NDArray[np.float64]
+FOLDS = 5
+"""Parts of a motion, of which each is predicted from the others."""
+
+BLOCKS = 5 * FOLDS
+"""Consecutive pieces of a motion, which the parts are made of."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Conditioned motion of one bag at two rates.
+
+    `fine` arrays, at a hundred times the cut-off or more, keep the steps of dry friction in
+    place; the others, at five times the cut-off, are those that are fitted.
+
+    Attributes
+    ----------
+    name : str
+        Of the bag.
+    recorded : int
+        Recorded samples that went in.
+    time : (M,) ndarray
+        Of the decimated samples [s] since the bag's start.
+    q, dq, ddq : (M, n) ndarray
+        [rad], [rad/s], [rad/s^2]
+    dq_fine, ddq_fine : (L, n) ndarray
+        [rad/s], [rad/s^2]
+    tau_raw, tau : (M, n) ndarray
+        Measured torque as recorded and low-pass filtered [Nm].
+    fine_filter, coarse_filter : SpectralFilter
+        The torque's low-pass, for regressor columns at the fine (then decimating) and at the
+        other rate: both sides of the equation pass the same filter.
+    kept : (M,) ndarray of bool
+        Samples away from the ends, where the filter has settled.
+    measured : (M, n) ndarray of bool
+        Kept, and the effort tells the joint's torque: not dead, not near saturation.
+    usable : (M, n) ndarray of bool
+        Rows to fit: measured, and the joint not standing still.
+    block : (M,) ndarray of int
+        Consecutive part of the motion, 0 .. `BLOCKS` - 1.
+    """
+
+    name: str
+    recorded: int
+    time: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    dq_fine: Array
+    ddq_fine: Array
+    tau_raw: Array
+    tau: Array
+    fine_filter: SpectralFilter
+    coarse_filter: SpectralFilter
+    kept: npt.NDArray[np.bool_]
+    measured: npt.NDArray[np.bool_]
+    usable: npt.NDArray[np.bool_]
+    block: npt.NDArray[np.intp]
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.q.shape[1])
+
+    @property
+    def fold(self) -> npt.NDArray[np.intp]:
+        """(M,) part for cross-validation, 0 .. `FOLDS` - 1: blocks in turn.
+
+        So every part has something of the whole motion. A fifth in one piece would be predicted
+        from postures that it never takes, and judge extrapolation instead of the model.
+        """
+        return np.asarray(self.block % FOLDS)
+
+    @property
+    def step(self) -> int:
+        """Every how many fine samples one is kept."""
+        return self.fine_filter.decimation
+
 
 SHORTEST = 3.0
 """Motion [s] to identify from: a shorter one excites next to nothing."""
@@ -209,3 +287,73 @@ def _resampled(
         window=window,
         period=period,
     )
+
+
+@dataclass(frozen=True)
+class KinematicsFilter:
+    """A choice of filter and of the source of velocity and acceleration.
+
+    Attributes
+    ----------
+    cutoff : float
+        Of the zero-phase low-pass [Hz].
+    harmonics : int or None
+        Pass constant and this many harmonics of whole periods only (rectangular windows in
+        the frequency domain); None for the low-pass.
+    from_position : bool
+        Differentiate positions (once, twice) rather than measured velocities.
+    in_time : bool
+        Whether what measured velocities are late has been taken off.
+    """
+
+    cutoff: float
+    harmonics: int | None = None
+    from_position: bool = False
+    in_time: bool = False
+
+    @property
+    def label(self) -> str:
+        """Short text for reports."""
+        if self.harmonics is None:
+            return f'zero-phase Butterworth at {self.cutoff:.3g} Hz, {self.source}'
+        return f'rectangular windows at {self.harmonics} harmonics, {self.source}'
+
+    @property
+    def source(self) -> str:
+        """Where velocities come from, in words."""
+        if self.from_position:
+            return 'differentiated positions'
+        return 'measured velocities' + (', their lag taken off' if self.in_time else '')
+
+    def apply(self, motion: UniformMotion) -> tuple[Array, Array, Array]:
+        """Return q, dq, ddq of the motion's window.
+
+        Parameters
+        ----------
+        motion : UniformMotion
+            Its window must consist of whole periods if `harmonics` is given.
+
+        Returns
+        -------
+        three (M, n) ndarrays
+            [rad], [rad/s], [rad/s^2] at the full rate; acceleration is the derivative of
+            the filtered velocity, section 3.5.1.
+        """
+        if self.harmonics is not None and motion.period is not None:
+            fundamental = 1.0 / (motion.period * motion.dt)
+            gain = harmonic_gain(fundamental, self.harmonics)
+            smooth = SpectralFilter(motion.count, motion.dt, gain)
+            part, inside = motion.window, slice(None)
+        else:
+            # The whole recording is filtered so that the window's ends have a real past.
+            gain = low_pass_gain(self.cutoff)
+            settling = SETTLING_PERIODS / self.cutoff
+            smooth = SpectralFilter(len(motion.time), motion.dt, gain, settling=settling)
+            part, inside = slice(None), motion.window
+        q = motion.q[part]
+        if self.from_position or motion.dq is None:
+            parts = smooth(q), smooth(q, derivative=1), smooth(q, derivative=2)
+        else:
+            dq = motion.dq[part]
+            parts = smooth(q), smooth(dq), smooth(dq, derivative=1)
+        return parts[0][inside], parts[1][inside], parts[2][inside]

@@ -6,15 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from aerarm_ros.description.config_reader import read_yaml
-from aerarm_ros.identification.files.estimate_reader import joint_terms
-from aerarm_ros.identification.files.friction_torque import friction_torque
-from aerarm_ros.identification.parameters.joint_term import COUPLED, JointTerm, TermKind
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.files.estimate_file import friction_torque, joint_terms
+from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
+from aerarm_ros.motion.signals import Array
 
 _CLEAR = 3.0  # standard deviations
 _SHARES = (0.2, 0.6, 1.0)  # of the speed that both motions reach
@@ -192,3 +189,74 @@ def _base(base: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
         for name, value, std in rows
         if not str(name).startswith(_FRICTION)
     }
+
+
+FRICTION = {
+    'viscous': ('viscous friction', 'Nms/rad'),
+    'coulomb': ('Coulomb friction', 'Nm'),
+    'load_friction': ("load's share of friction", ''),
+}
+INERTIA = {'rotor_inertia': ('rotor inertia', 'kg m²')}
+WEAR = {
+    'backlash': ('backlash', 'rad'),
+    'torque_constant': ('torque constant', 'Nm/A'),
+    'resistance': ('resistance', 'Ω'),
+}
+
+
+def compare_benches(old: Path, new: Path) -> EstimateComparison:
+    """Compare two files that the motor bench has written, in the joints and numbers of both.
+
+    Parameters
+    ----------
+    old, new : Path
+        motor_bench.yaml.
+
+    Raises
+    ------
+    ConfigError
+        If a file can't be read.
+    IdentificationError
+        If one is no motor_bench.yaml, or they have no joint in common.
+    """
+    first, second = (_bench_joints(path) for path in (old, new))
+    common = [joint for joint in first if joint in second]
+    if not common:
+        raise IdentificationError(
+            f'{old} is of {", ".join(first)}, {new} of {", ".join(second)}: compare two runs of '
+            'the bench with the same joints'
+        )
+    try:
+        friction, inertia, drives = (
+            tuple(
+                _change(joint, label, unit, first[joint][key], second[joint][key])
+                for joint in common
+                for key, (label, unit) in quantities.items()
+                if key in first[joint] and key in second[joint]
+            )
+            for quantities in (FRICTION, INERTIA, WEAR)
+        )
+    except (TypeError, ValueError) as error:
+        raise IdentificationError(
+            f'{old}, {new}: cannot be compared ({error}): give motor_bench.yaml as the bench has '
+            'written it'
+        ) from None
+    return EstimateComparison(friction, inertia, 0, drives)
+
+
+def _bench_joints(path: Path) -> Mapping[str, Mapping[str, Any]]:
+    try:
+        joints = read_yaml(path)['joints']
+        return {str(name): dict(entry) for name, entry in joints.items()}
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise IdentificationError(
+            f'{path}: is no motor_bench.yaml: give the file as the bench has written it'
+        ) from None
+
+
+def _change(joint: str, label: str, unit: str, old: object, new: object) -> EstimateChange:
+    (before, spread), (after, other) = (np.array(pair, dtype=float) for pair in (old, new))
+    if not np.isfinite([before, spread, after, other]).all():
+        raise ValueError(f'{label} of {joint} is no number')
+    name, std = f'{label} of {joint}', np.hypot(spread, other)
+    return EstimateChange(name, unit, float(before), float(after), float(std))

@@ -9,7 +9,7 @@ from collections.abc import Collection
 from pathlib import Path
 from types import TracebackType
 
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
 
 MARKER = 'summary.json'
 

@@ -5,19 +5,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from aerarm_ros.identification.assessment.assessment import BagAssessment
-from aerarm_ros.identification.assessment.bag_demand import BagDemand
-from aerarm_ros.identification.assessment.identification_result import (
+from aerarm_ros.identification.assessment import BagAssessment, BagDemand, ResidualTrend
+from aerarm_ros.identification.identification_result import (
     IdentificationResult,
     Solution,
 )
-from aerarm_ros.identification.assessment.residual_trend import ResidualTrend
-from aerarm_ros.identification.assessment.truth import InertialTorqueError
-from aerarm_ros.identification.parameters.joint_term import JointTerm, TermKind
-from aerarm_ros.identification.payload.payload import Payload
-from aerarm_ros.identification.recording.bag_facts import BagFacts
+from aerarm_ros.identification.joint_model import JointTerm, TermKind
+from aerarm_ros.identification.payload import Payload
+from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
-from aerarm_ros.identification.rollout.rollout_error import RolloutError
+from aerarm_ros.identification.rollout import RolloutError
+from aerarm_ros.identification.truth import InertialTorqueError
 
 
 def summarise(

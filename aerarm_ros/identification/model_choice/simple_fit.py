@@ -6,13 +6,43 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.identification.conditioning.samples import FOLDS
-from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
-from aerarm_ros.identification.parameters.joint_term import ROTOR, JointTerm, TermKind
-from aerarm_ros.identification.regression.prior import LINK_SPREAD
-from aerarm_ros.identification.regression.sample_columns import SampleColumns
+from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.conditioning.uniform_motion import BLOCKS, FOLDS
+from aerarm_ros.identification.joint_model import ROTOR, JointTerm, TermKind
+from aerarm_ros.identification.regression.base_parameters import LINK_SPREAD
+from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.motion.signals import Array
 
-Array = npt.NDArray[np.float64]
+
+def block_sums(
+    blocks: Sequence[npt.NDArray[np.intp]],
+    residuals: Sequence[Array],
+    counted: Sequence[npt.NDArray[np.bool_]] | None = None,
+) -> Array:
+    """Return the squared residuals of each block of each bag, summed over the joints.
+
+    Parameters
+    ----------
+    blocks : sequence of (M,) ndarray of int
+        `Samples.block` of each bag.
+    residuals : sequence of (M, n) ndarray
+        [Nm]; NaN does not count.
+    counted : sequence of (M, n) ndarray of bool, optional
+        Which ones count; all that are known by default.
+    """
+    sums = []
+    for index, (block, residual) in enumerate(zip(blocks, residuals, strict=True)):
+        counts = np.isfinite(residual) if counted is None else counted[index]
+        squares = (np.where(counts, residual, 0.0) ** 2).sum(axis=1)
+        sums.append(np.bincount(block, squares, BLOCKS))
+    return np.concatenate(sums)
+
+
+def standard_errors(differences: Array) -> float:
+    """Return how far from zero the sum of independent differences is, in its standard errors."""
+    error = float(differences.std() * np.sqrt(len(differences)))
+    return float(differences.sum()) / error if error > 0.0 else 0.0
+
 
 SIMPLE_TERMS = (
     JointTerm(TermKind.VISCOUS),

@@ -3,13 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction
-from aerarm_ros.identification.motor_bench.motor_run import MotorRun
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, MotorRun
+from aerarm_ros.motion.signals import Array
 
 LARGEST = 0.1  # [rad] of play that is looked for
 _RATE = 1000.0  # [Hz] of the uniform grid

@@ -8,24 +8,183 @@ import numpy.typing as npt
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.motor_bench.joint_rattle import rattle_of_others
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.motor_bench.motor_backlash import (
     LARGEST,
     fit_backlash,
     is_largest,
     is_told,
 )
-from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, fit_motor_friction
-from aerarm_ros.identification.motor_bench.motor_inertia import fit_inertia
-from aerarm_ros.identification.motor_bench.motor_resistance import find_resistance
+from aerarm_ros.identification.motor_bench.motor_friction import (
+    MotorFriction,
+    MotorRun,
+    MotorSupply,
+    find_resistance,
+    fit_motor_friction,
+)
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
-from aerarm_ros.identification.motor_bench.motor_run import MotorRun
-from aerarm_ros.identification.motor_bench.motor_supply import MotorSupply
-from aerarm_ros.identification.motor_bench.motor_torque_constant import fit_torque_constant
-from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.motion.signals import Array
 
-Array = npt.NDArray[np.float64]
+_PLAY = 0.05  # [rad] that a joint has at most
+
+
+def rattle_of_others(
+    dynamics: Dynamics, posture: Array, joint: int, amplitude: float, acceleration: float
+) -> Array:
+    """Return how far each joint's play shifts the link of one that swings, at most (n,) [rad].
+
+    Links push each other: what a joint accelerates asks for torque of the others, by the inertia
+    that couples them. One that gravity presses harder than that onto a flank stays there. One that
+    nothing presses moves within its play, and takes the link that is watched along.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+        Of the arm.
+    posture : (n,) ndarray
+        About which the joint swings [rad].
+    joint : int
+        The one that swings.
+    amplitude, acceleration : float
+        Largest of its motion [rad], [rad/s^2].
+    """
+    inertia = np.abs(dynamics.inertia_matrix(posture))
+    gravity = np.abs(dynamics.gravity(posture))
+    coupling, own = inertia[joint], np.diag(inertia)
+    moves = np.minimum(_PLAY, amplitude * coupling / own)
+    shift = np.where(gravity > coupling * acceleration, 0.0, moves * coupling / own[joint])
+    shift[joint] = 0.0
+    return np.asarray(shift)
+
+
+_RATE = 1000.0  # [Hz] of the uniform grid
+_CUTOFF = 12.0  # [Hz] of the zero-phase low-pass: a run's own frequencies lie below
+_ORDER = 3
+_ENDS = 5  # such times at both ends, where the filter knows one side only
+_STEP = 20  # samples from one row to the next
+_INDEPENDENT = 0.5 / _CUTOFF  # [s] between samples with independent noise
+_SHORTEST = 0.5  # [s]
+# Slower than this share of its top speed [-] a joint may stick, and friction is then anything.
+_STICKING = 0.1
+
+
+def fit_inertia(
+    runs: Sequence[MotorRun], friction: MotorFriction, name: str
+) -> tuple[float, float]:
+    """Return everything that a joint has to accelerate, and its standard deviation [kg m^2].
+
+    Gravity is known from the velocity steps. Viscous and Coulomb friction are fitted again,
+    since runs are faster than steps. Torque and regressor pass the same filter, so that the
+    balance (4.11) holds for what is left.
+
+    Parameters
+    ----------
+    runs : sequence of MotorRun
+        Acceleration runs of one joint.
+    friction : MotorFriction
+        Of its velocity steps.
+    name : str
+        Of the joint, for errors.
+
+    Raises
+    ------
+    IdentificationError
+        If the runs are too short or the inertia is not positive.
+    """
+    filtered = [_filtered(run, friction) for run in runs if _long_enough(run)]
+    if not filtered:
+        raise IdentificationError(f'{name}: its acceleration runs are shorter than {_SHORTEST} s')
+    columns, torque = (np.concatenate(part) for part in zip(*filtered, strict=True))
+    theta, *_ = np.linalg.lstsq(columns, torque, rcond=None)
+    residual = torque - columns @ theta
+    variance = residual @ residual / max(len(torque) - columns.shape[1], 1)
+    covariance = variance * np.linalg.pinv(columns.T @ columns)
+    if theta[0] <= 0.0:
+        raise IdentificationError(
+            f'{name}: its inertia comes out as {theta[0]:.3g} kg m^2, not above zero: check the '
+            'sign of the motor, and raise the acceleration share'
+        )
+    return float(theta[0]), float(np.sqrt(covariance[0, 0]))
+
+
+def _long_enough(run: MotorRun) -> bool:
+    return len(run.time) > 1 and bool(run.time[-1] - run.time[0] >= _SHORTEST)
+
+
+def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
+    """Return the columns ddq, dq, sgn(dq) and the torque without gravity, filtered alike."""
+    # Imported here: it takes longer than all the rest of this module.
+    from scipy.signal import butter, sosfiltfilt
+
+    time = np.arange(run.time[0], run.time[-1], 1.0 / _RATE)
+    q, tau = np.interp(time, run.time, run.q), np.interp(time, run.time, run.tau)
+    low_pass = butter(_ORDER, _CUTOFF, fs=_RATE, output='sos')
+    smooth = sosfiltfilt(low_pass, q)
+    dq = np.gradient(smooth, 1.0 / _RATE)
+    ddq = np.gradient(dq, 1.0 / _RATE)
+    rest = tau - friction.load_torque(smooth, dq)
+    edge = round(_INDEPENDENT * _RATE)
+    columns = np.column_stack([ddq, dq, sosfiltfilt(low_pass, np.sign(dq))])
+    # The filter carries what happens at standstill into its neighbourhood.
+    slow = np.abs(dq) < _STICKING * np.abs(dq).max()
+    free = np.convolve(slow, np.ones(2 * edge + 1), 'same') == 0.0
+    free[: _ENDS * edge] = free[-_ENDS * edge :] = False
+    rows = np.flatnonzero(free)[::_STEP]
+    return columns[rows], sosfiltfilt(low_pass, rest)[rows]
+
+
+# What the mass adds to gravity's torque must be this many standard deviations.
+_SIGNIFICANT = 20.0
+_PLAUSIBLE = 2.0  # factor to the stated torque constant
+
+
+def fit_torque_constant(
+    friction: MotorFriction, without: Array | None, known: Array | float, name: str
+) -> tuple[float, float]:
+    """Return true over stated torque constant, and its standard deviation [-].
+
+    The current says how large the mass's torque is if the stated constant were right; weight
+    and lever say how large it is. Gear friction does not enter: it has the same magnitude in
+    both directions, gravity's torque the same sign.
+
+    Parameters
+    ----------
+    friction : MotorFriction
+        Fitted with the mass.
+    without : (2,) ndarray or None
+        Gravity's a and b [Nm] without the mass; None for a bare motor, which carries nothing
+        else.
+    known : (2,) ndarray or float
+        What the mass adds to a and b [Nm]; or, if the lever's angle is not known, m g r.
+    name : str
+        Of the joint, for errors.
+
+    Raises
+    ------
+    IdentificationError
+        If the mass's torque is too small to measure by, or does not fit its weight.
+    """
+    added = friction.gravity - (0.0 if without is None else without)
+    spread = friction.covariance[3:, 3:] * (1.0 if without is None else 2.0)
+    size = float(np.linalg.norm(known))
+    direction = added if np.ndim(known) == 0 else np.asarray(known)
+    direction = direction / max(float(np.linalg.norm(direction)), 1e-300)
+    measured = float(added @ direction)
+    std = float(np.sqrt(direction @ spread @ direction))
+    if size < _SIGNIFICANT * std or size == 0.0:
+        raise IdentificationError(
+            f'{name}: the mass turns it with {size:.3g} Nm at most, measured to {std:.2g} Nm: '
+            'choose a posture in which the mass has a lever about this joint, or a larger mass'
+        )
+    if not size / _PLAUSIBLE < measured < size * _PLAUSIBLE:
+        raise IdentificationError(
+            f'{name}: the mass should add {size:.3g} Nm and adds {measured:.3g} Nm: check '
+            'mass, position of the mass, and that the result without it is of the same posture'
+        )
+    ratio = size / measured
+    return ratio, ratio * std / measured
+
 
 _ROUNDS = 2  # steps give gravity to the runs, which give inertia to the steps
 _SAME_POSTURE = 0.02  # [rad]

@@ -4,13 +4,78 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.identification.motor_bench.motor_blocks import MotorBlocks
-from aerarm_ros.identification.motor_bench.motor_run import MotorRun
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.motion.signals import Array
 
-Array = npt.NDArray[np.float64]
+
+@dataclass(frozen=True, eq=False)
+class MotorBlocks:
+    """Mean motion and torque of a joint in each of B blocks of time.
+
+    Attributes
+    ----------
+    speed : float or None
+        Commanded velocity, signed [rad/s].
+    sine, cosine : (B,) ndarray
+        Means of sin(q) and cos(q), which gravity's torque is made of [-].
+    dq, ddq, tau : (B,) ndarray
+        [rad/s], [rad/s^2], [Nm], at the joint.
+    """
+
+    speed: float | None
+    sine: Array
+    cosine: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+
+
+@dataclass(frozen=True, eq=False)
+class MotorRun:
+    """Measured motion of a joint while the others stand still.
+
+    Attributes
+    ----------
+    speed : float or None
+        Commanded velocity, signed [rad/s]; None in an acceleration run and in swings.
+    time : (M,) ndarray
+        Rising [s].
+    q, dq, tau : (M,) ndarray
+        [rad], [rad/s], and the torque of the measured current [Nm], at the joint.
+    swings : bool
+        Whether the joint swings about the posture, for the gear's play.
+    """
+
+    speed: float | None
+    time: Array
+    q: Array
+    dq: Array
+    tau: Array
+    swings: bool = False
+
+    def blocks(self, length: float) -> MotorBlocks:
+        """Return means over blocks of `length` [s]: noise is averaged, ripple of gears too."""
+        since = self.time - self.time[0]
+        index = (since / length).astype(int)
+        index = np.minimum(index, max(index[-1] - 1, 0))  # the rest belongs to the last block
+        count = np.maximum(np.bincount(index), 1)
+
+        def mean(values: Array) -> Array:
+            return np.asarray(np.bincount(index, weights=values) / count)
+
+        # Slope of a straight line through the velocities of each block.
+        offset = since - mean(since)[index]
+        spread = np.maximum(mean(offset**2), 1e-12)
+        return MotorBlocks(
+            speed=self.speed,
+            sine=mean(np.sin(self.q)),
+            cosine=mean(np.cos(self.q)),
+            dq=mean(self.dq),
+            ddq=mean(offset * self.dq) / spread,
+            tau=mean(self.tau),
+        )
+
 
 _BLOCK = 0.1  # [s]: noise of two blocks is independent
 # Share of the transmitted torque that a gear loses: one standard deviation of the prior. Where
@@ -169,3 +234,93 @@ def _check_steps(name: str, blocks: Sequence[MotorBlocks], dq: Array) -> None:
         )
     if not (dq.min() < 0.0 < dq.max()):
         raise IdentificationError(f'{name}: steps in one direction only: both are needed')
+
+
+@dataclass(frozen=True, eq=False)
+class MotorSupply:
+    """What the boards tell of one motor besides its motion.
+
+    Attributes
+    ----------
+    time : (M,) ndarray
+        Rising [s]; none where power is not measured.
+    current, speed, power : (M,) ndarray
+        Quadrature current [A], speed of the motor [rad/s], and electrical power by the voltage
+        that the board reports, 3/2 u_q i_q [W].
+    reported : float
+        Phase resistance that the board reports [ohm]; NaN if it does not.
+    """
+
+    time: Array
+    current: Array
+    speed: Array
+    power: Array
+    reported: float = float('nan')
+
+
+VOLTAGE, BOARD = 'voltage', 'board'
+
+_DIVISIBLE = 0.004  # [A] some counts: below, power over current is no voltage
+# [A] of a block's mean: the noise of currents, which is in what is fitted and in what it is fitted
+# to, would pull a resistance towards zero where there is not much more than noise.
+_LEAST_CURRENT = 0.1
+_BLOCK = 0.1  # [s]: noise of two blocks is independent
+_LEAST_RESISTANCE_BLOCKS = 6
+_KNOWN = 0.3  # relative standard deviation beyond which nothing is known
+
+
+@dataclass(frozen=True)
+class MotorResistance:
+    """Resistance of one phase.
+
+    Attributes
+    ----------
+    ohm, std : float
+        Value and its standard deviation [ohm].
+    source : str
+        'voltage': measured by the voltage that the board reports; 'board': taken over from the
+        resistance that the board reports.
+    """
+
+    ohm: float
+    std: float
+    source: str
+
+
+def find_resistance(supply: MotorSupply, board_uncertainty: float) -> MotorResistance | None:
+    """Return a motor's resistance, None if nothing tells it.
+
+    Parameters
+    ----------
+    supply : MotorSupply
+    board_uncertainty : float
+        Relative standard deviation of a resistance that a board reports [-].
+    """
+    stated = supply.reported
+    for found in (_fit(supply), MotorResistance(stated, board_uncertainty * stated, BOARD)):
+        if found is not None and 0.0 <= found.std < _KNOWN * found.ohm:  # not of NaN
+            return found
+    return None
+
+
+def _fit(supply: MotorSupply) -> MotorResistance | None:
+    """Fit ``u_q = R i_q + k omega_m``, thesis (4.1) over 3/2 i_q, by least squares."""
+    divisible = np.abs(supply.current) > _DIVISIBLE
+    current, speed = supply.current[divisible], supply.speed[divisible]
+    voltage = supply.power[divisible] / (1.5 * current)
+    numbers = np.floor(supply.time[divisible] / _BLOCK)
+    _, block, count = np.unique(numbers, return_inverse=True, return_counts=True)
+    sums = [np.bincount(block, weights=values) for values in (current, speed, voltage)]
+    means = np.column_stack(sums) / count[:, np.newaxis]
+    flowing = np.abs(means[:, 0]) > _LEAST_CURRENT
+    if flowing.sum() < _LEAST_RESISTANCE_BLOCKS:
+        return None
+    rows = np.sqrt(count[flowing])[:, np.newaxis] * means[flowing]
+    columns, rest = rows[:, :2], rows[:, 2]
+    theta, _, rank, _ = np.linalg.lstsq(columns, rest, rcond=None)
+    if rank < columns.shape[1]:
+        return None
+    residual = rest - columns @ theta
+    variance = residual @ residual / (len(rest) - columns.shape[1])
+    covariance = variance * np.linalg.inv(columns.T @ columns)
+    return MotorResistance(float(theta[0]), float(np.sqrt(covariance[0, 0])), VOLTAGE)

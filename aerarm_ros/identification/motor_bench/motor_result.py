@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction
-from aerarm_ros.identification.motor_bench.motor_resistance import MotorResistance
+from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, MotorResistance
 
 # A rotor's inertia is told apart from its links' if it is known to this share.
 _KNOWN = 0.3

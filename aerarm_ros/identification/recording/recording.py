@@ -7,16 +7,225 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.identification.recording.faulty_effort import saturated_effort, without_spikes
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.recording.stamps import check_stamp_unit, sound_messages
-from aerarm_ros.identification.recording.units import check_units
-from aerarm_ros.identification.recording.used_span import UsedSpan, moving_span
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.recording.signal_checks import (
+    check_stamp_unit,
+    check_units,
+    saturated_effort,
+    sound_messages,
+    without_spikes,
+)
+from aerarm_ros.motion.signals import Array
 
-Array = npt.NDArray[np.float64]
+_MISSED_MAX = 0.01  # share of the bridge's cycles; single long steps are filtered away
+
+
+@dataclass(frozen=True)
+class BagFacts:
+    """How a bag was used and how well it was recorded.
+
+    Attributes
+    ----------
+    used : str
+        Which part of it, in words.
+    lost : int or None
+        Joint states missing between the first and the last; None without numbers.
+    missed_cycles : int or None
+        Cycles the bridge missed meanwhile; None if the bag has no diagnostics.
+    columns : str
+        Columns of each joint in a table; empty for a bag.
+    """
+
+    used: str
+    lost: int | None = None
+    missed_cycles: int | None = None
+    columns: str = ''
+
+    @property
+    def text(self) -> str:
+        """One line for a terminal."""
+        parts = [f'used {self.used}']
+        if self.lost is not None:
+            parts.append(f'{self.lost} states lost')
+        if self.missed_cycles is not None:
+            parts.append(f'{self.missed_cycles} cycles missed')
+        columns = f'\n  columns: {self.columns}' if self.columns else ''
+        return ', '.join(parts) + columns
+
+    def warnings(self, name: str, states: int) -> list[str]:
+        """Return what the user should know of how the bag was recorded.
+
+        Parameters
+        ----------
+        name : str
+            Of the bag.
+        states : int
+            Joint states in the bag, one for each cycle that was not missed.
+        """
+        missed = self.missed_cycles or 0
+        share = missed / max(states + (self.lost or 0) + missed, 1)
+        if share <= _MISSED_MAX:
+            return []
+        return [
+            f'{name}: {100.0 * share:.2g} % of the cycles were missed: torque and velocity then '
+            'belong to longer steps; give the bridge real-time priority '
+            '(as in config/parameters_spi.yaml), or close what loads the computer'
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class DesiredVelocity:
+    """Commanded joint velocities of a bag.
+
+    Attributes
+    ----------
+    time : (K,) ndarray
+        [s] since the bag's beginning, increasing.
+    dq : (K, n) ndarray
+        [rad/s]
+    """
+
+    time: Array
+    dq: Array
+
+
+RUNNING = 'running'
+"""Mode in which the bridge follows commands."""
+
+_SMALLEST_MOTION = 1e-3  # [rad], as far as a joint that rests may stray
+_MARGIN = 0.5  # [s] kept at both ends of a motion, as the filters' past
+_LONGEST_PAUSE = 0.5  # [s] between two commands of one motion
+_LOOKS = 1000  # positions that measure a motion: with every one, noise would add up
+
+
+@dataclass(frozen=True)
+class UsedSpan:
+    """The part of a bag that is used.
+
+    Attributes
+    ----------
+    first, last : float
+        Its ends [s], since the bag's first state.
+    whole : float
+        Duration of the bag [s].
+    reason : str
+        What it was chosen by.
+    """
+
+    first: float
+    last: float
+    whole: float
+    reason: str
+
+    @property
+    def text(self) -> str:
+        """Short text for reports."""
+        return f'{self.first:.1f} .. {self.last:.1f} s of {self.whole:.1f} s ({self.reason})'
+
+
+def running_span(
+    time: Array, q: Array, modes: Sequence[tuple[float, str]]
+) -> tuple[slice, str] | None:
+    """Return the rows in which an arm follows commands, by the modes its bridge announced.
+
+    Idle, aligning, ready and damping arms rest, are moved by the boards, or sink: none of
+    that is the motion that was commanded.
+
+    Parameters
+    ----------
+    time : (M,) ndarray
+        Reception of the joint states [s].
+    q : (M, n) ndarray
+        [rad]
+    modes : sequence of (time, mode)
+        Reception [s], in order, and mode.
+
+    Returns
+    -------
+    slice and reason, or None if no mode is known or the arm never ran. Of several runs the
+    one with most motion.
+    """
+    runs = []
+    for index, (begin, mode) in enumerate(modes):
+        if mode != RUNNING:
+            continue
+        # The first mode is the one that was in force when recording began.
+        first = 0 if index == 0 else int(np.searchsorted(time, begin))
+        end = modes[index + 1][0] if index + 1 < len(modes) else np.inf
+        last = int(np.searchsorted(time, end))
+        if last - first > 1:
+            runs.append(slice(first, last))
+    return _liveliest(q, runs, f'arm_mode {RUNNING}')
+
+
+def commanded_span(stamp: Array, q: Array, commands: Array) -> tuple[slice, str] | None:
+    """Return the rows while commands came.
+
+    Parameters
+    ----------
+    stamp : (M,) ndarray
+        Of the joint states [s].
+    q : (M, n) ndarray
+        [rad]
+    commands : (K,) ndarray
+        Stamps of the commands [s].
+    """
+    commands = np.sort(commands[np.isfinite(commands)])
+    if len(commands) < 2:
+        return None
+    steps = np.diff(commands)
+    pauses = np.flatnonzero(steps > max(_LONGEST_PAUSE, 5.0 * float(np.median(steps))))
+    begins = commands[np.concatenate(([0], pauses + 1))]
+    ends = commands[np.concatenate((pauses, [len(commands) - 1]))]
+    runs = []
+    for begin, end in zip(begins, ends, strict=True):
+        inside = np.flatnonzero((stamp >= begin) & (stamp <= end))
+        if len(inside) > 1:
+            runs.append(slice(int(inside[0]), int(inside[-1]) + 1))
+    return _liveliest(q, runs, 'joint_command')
+
+
+def moving_span(time: Array, q: Array) -> tuple[slice, str]:
+    """Return the rows from first to last motion, with a short rest before and after."""
+    time = np.maximum.accumulate(time)  # what runs backwards is judged by others
+    ends = [end for column in q.T if (end := _ends_of_motion(column)) is not None]
+    if not ends:
+        return slice(0, len(q)), 'whole bag'
+    left, arrived = min(first for first, _ in ends), max(last for _, last in ends)
+    first = int(np.searchsorted(time, time[left] - _MARGIN))
+    last = int(np.searchsorted(time, time[arrived] + _MARGIN, side='right'))
+    whole = first == 0 and last >= len(q)
+    return slice(first, last), 'whole bag' if whole else 'motion'
+
+
+def _ends_of_motion(q: Array) -> tuple[int, int] | None:
+    """Return when a joint has left its first position and not yet reached its last one."""
+    finite = np.isfinite(q)
+    if not finite.any():
+        return None
+    first, last = q[np.argmax(finite)], q[len(q) - 1 - np.argmax(finite[::-1])]
+    away = finite & (np.abs(q - first) > _SMALLEST_MOTION)
+    to_go = finite & (np.abs(q - last) > _SMALLEST_MOTION)
+    if not (away.any() and to_go.any()):
+        return None
+    return int(np.argmax(away)), len(q) - 1 - int(np.argmax(to_go[::-1]))
+
+
+def _liveliest(q: Array, runs: Sequence[slice], reason: str) -> tuple[slice, str] | None:
+    """Return the run that moves farthest; None if none moves."""
+    travel = [_travel(q[run]) for run in runs]
+    if not travel or max(travel) < _SMALLEST_MOTION:
+        return None
+    others = f', the liveliest of {len(runs)}' if len(runs) > 1 else ''
+    return runs[int(np.argmax(travel))], reason + others
+
+
+def _travel(q: Array) -> float:
+    thinned = q[:: max(1, len(q) // _LOOKS)]
+    return float(np.nansum(np.abs(np.diff(thinned, axis=0))))
+
 
 # An encoder count of a coarse drive is about 1e-4 rad: less than this is no motion.
-_SMALLEST_MOTION = 1e-3
 _LOCKED_MOTION = 0.05  # [rad] or [m]: a held joint sags, fingers close a little
 _FEWEST_MESSAGES = 20
 _LARGEST = 1e6  # [rad], [rad/s], [Nm]: no arm gets there, and squares stay finite

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.joint_model import JointModel, TermKind
+from aerarm_ros.identification.regression.regression import ReducedRegression
+from aerarm_ros.motion.signals import Array
 
 # The model's own dependencies are exact up to rounding; any excitation is far above this.
 _RANK_TOLERANCE = 1e-8
@@ -124,3 +127,134 @@ def _expression(name: str, row: Array, names: Sequence[str]) -> str:
             factor = '' if abs(size - 1.0) < 1e-5 else f'{size:.4g} '
             parts.append(f'{"-" if coefficient < 0.0 else "+"} {factor}{other}')
     return ' '.join(parts)
+
+
+_SMALLEST_SHARE = 1e-6  # of a joint's torque: keeps weights finite on data without noise
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Residual torque of each joint.
+
+    Attributes
+    ----------
+    std : (n,) ndarray
+        [Nm]
+    correlation : (n,) ndarray
+        Samples that carry the information of one independent sample, at least 1. Filtering
+        and model errors both correlate neighbouring residuals; taking them as independent
+        would make standard deviations too small.
+    """
+
+    std: Array
+    correlation: Array
+
+    @property
+    def weights(self) -> Array:
+        """(n,) factors of the joints' rows for a fit [1/Nm].
+
+        One over the noise; the correlation common to all joints lowers the data's weight
+        against the prior's. A joint's own correlation is no reason to trust it less than
+        its noise says.
+        """
+        return np.asarray(1.0 / (self.std * np.sqrt(np.median(self.correlation))))
+
+    @property
+    def information_weights(self) -> Array:
+        """(n,) factors that give unit variance an independent sample, for covariances [1/Nm]."""
+        return np.asarray(1.0 / (self.std * np.sqrt(self.correlation)))
+
+
+def noise_from_residuals(
+    residuals: Sequence[Array], usable: Sequence[npt.NDArray[np.bool_]], torque_rms: Array
+) -> Noise:
+    """Measure the noise.
+
+    Parameters
+    ----------
+    residuals : sequence of (M, n) arrays
+        Measured minus predicted torque of each bag [Nm].
+    usable : sequence of (M, n) bool arrays
+        Which of these count.
+    torque_rms : (n,) ndarray
+        Size of each joint's torque [Nm].
+    """
+    n = len(torque_rms)
+    std, correlation = np.empty(n), np.ones(n)
+    for joint in range(n):
+        kept = [r[u[:, joint], joint] for r, u in zip(residuals, usable, strict=True)]
+        count = sum(len(part) for part in kept)
+        power = sum(float(part @ part) for part in kept)
+        floor = _SMALLEST_SHARE * max(float(torque_rms[joint]), 1e-6)
+        std[joint] = max(np.sqrt(power / max(count, 1)), floor)
+        if count and power / count > floor**2:
+            times = [_correlation_time(part) * len(part) for part in kept if len(part) > 3]
+            correlation[joint] = max(1.0, sum(times) / count)
+    return Noise(std, correlation)
+
+
+def _correlation_time(residual: Array) -> float:
+    """Return the integrated autocorrelation time [samples], summed to five times itself.
+
+    The window is Sokal's: a longer sum would add noise, a shorter one cut correlation off.
+    """
+    padded = np.fft.rfft(residual, 2 * len(residual))
+    covariance = np.fft.irfft(np.abs(padded) ** 2)[: len(residual)]
+    if covariance[0] <= 0.0:
+        return 1.0
+    total = 2.0 * np.cumsum(covariance / covariance[0]) - 1.0
+    inside = np.arange(len(total)) < 5.0 * total
+    last = int(np.argmin(inside)) if not inside.all() else len(total) - 1
+    return float(max(total[last], 1.0))
+
+
+# Relative standard deviation of an inertial parameter: a drawing misses cables, screws and
+# the infill of printed parts, but not half of a link.
+LINK_SPREAD = 0.3
+# Of a joint's coefficient, as a share of what would explain all of its torque.
+_TERM_SPREAD = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Independent normal distributions, deliberately wide.
+
+    They matter for combinations that the motion doesn't excite, which would otherwise be
+    undetermined, and are overruled by data everywhere else.
+
+    Attributes
+    ----------
+    mean, std : (p,) ndarray
+        In the parameters' own units.
+    """
+
+    mean: Array
+    std: Array
+
+
+def prior_from_cad(
+    cad: ArmParameters,
+    model: JointModel,
+    regression: ReducedRegression,
+    link_spread: float = LINK_SPREAD,
+) -> Prior:
+    """Return a weak prior about the CAD parameters.
+
+    Parameters
+    ----------
+    cad : ArmParameters
+    model : JointModel
+    regression : ReducedRegression
+        Of the same columns: gives the scale of friction from the size of the torques.
+    link_spread : float
+        Standard deviation of the inertial parameters over their natural size.
+    """
+    mean = cad.vector(model)
+    norms, torque = regression.column_norms(), regression.torque_norms
+    joints = []
+    for index, (joint, term) in enumerate(model.joint_columns, start=10 * model.n):
+        norm = norms[joint, index]
+        share = _TERM_SPREAD * torque[joint] / norm if norm > 0.0 else 0.0
+        least = 0.5 * mean[index] if term.kind is not TermKind.OFFSET else 0.0
+        joints.append(max(share, least, 1e-6))
+    return Prior(mean, np.concatenate([link_spread * cad.inertial_scale().ravel(), joints]))

@@ -1,17 +1,18 @@
 """The report: one HTML file that needs nothing else to be read."""
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
-from aerarm_ros.energy.energy_balance import EnergyBalance
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.assessment.truth import InertialTorqueError, Truth
-from aerarm_ros.identification.payload.payload import Payload
-from aerarm_ros.identification.recording.bag_facts import BagFacts
-from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
-from aerarm_ros.identification.report.grouped_warnings import grouped_warnings
-from aerarm_ros.identification.report.inertia_view import inertia_view
-from aerarm_ros.identification.report.interval_view import interval_view
+import numpy as np
+
+from aerarm_ros.energy.energy_model import EnergyBalance
+from aerarm_ros.identification.arm_parameters import inertia_boxes
+from aerarm_ros.identification.files.estimate_comparison import EstimateChange, EstimateComparison
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.payload import Payload
+from aerarm_ros.identification.recording.recording import BagFacts, DesiredVelocity
 from aerarm_ros.identification.report.report_figures import (
     cutoff_figure,
     friction_figure,
@@ -35,9 +36,207 @@ from aerarm_ros.identification.report.report_tables import (
     rollout_table,
     truth_table,
 )
-from aerarm_ros.pages.html_text import Html, page, paragraph, section
-from aerarm_ros.pages.page_origin import origin
-from aerarm_ros.pages.plots import plotting_script
+from aerarm_ros.identification.truth import InertialTorqueError, Truth
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.pages.html_text import (
+    Html,
+    bullets,
+    folded,
+    markup,
+    origin,
+    page,
+    paragraph,
+    section,
+    table,
+)
+from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
+
+_NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
+
+
+def grouped_warnings(warnings: Iterable[str], names: Sequence[str]) -> Html:
+    """Return a list of warnings, one entry a kind; the others of it are opened by a click.
+
+    Parameters
+    ----------
+    warnings : iterable of str
+    names : sequence of str
+        Of joints, links and bags: what may differ within a kind.
+    """
+    longest_first = sorted((re.escape(name) for name in names if name), key=len, reverse=True)
+    name = re.compile('|'.join(longest_first)) if longest_first else None
+    kinds: dict[str, list[str]] = {}
+    for text in warnings:
+        kind = name.sub('@', text) if name else text
+        kinds.setdefault(_NUMBER.sub('#', kind), []).append(text)
+    items = []
+    for texts in kinds.values():
+        more = folded(f'{len(texts) - 1} more like it', bullets(texts[1:])) if texts[1:] else ''
+        items.append(Html(markup(texts[0]) + more))
+    return bullets(items, 'warnings')
+
+
+# Corners of the twelve triangles of a box whose corners are numbered as `corners` does, x slowest.
+_TRIANGLES = np.array(
+    [
+        *((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)),
+        *((2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
+    ]
+)
+_EYE = {'x': 2.9, 'y': 2.9, 'z': 1.0}  # far enough to see all of an upright arm
+_BEFORE, _AFTER, _ARM = '#d0672b', '#0b62c4', '#1c2430'
+
+
+def inertia_view(result: IdentificationResult) -> Html:
+    """Return the figure: boxes of CAD and of the recommended estimate about the arm's axes.
+
+    An estimate that no body could have is shown without boxes for the links concerned.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+    """
+    robot = result.robot
+    q = result.identification[0].samples.q.mean(axis=0)
+    poses = np.array([Kinematics(robot, link).transform(q) for link in robot.link_names])
+    traces: list[dict[str, Any]] = [_skeleton(poses, robot.joint_names)]
+    for name, inertial, colour in (
+        ('before: CAD', result.cad.inertial, _BEFORE),
+        ('after: sdp', result.recommended.estimate.inertial, _AFTER),
+    ):
+        traces += _boxes(inertial, poses, robot.link_names, name, colour)
+    axes = {axis: {'title': {'text': f'{axis[0]} [m]'}} for axis in ('xaxis', 'yaxis', 'zaxis')}
+    layout = {
+        'height': 640,
+        'margin': {'l': 0, 'r': 0, 't': 10, 'b': 0},
+        'template': 'none',
+        'legend': {'orientation': 'h'},
+        'scene': {'aspectmode': 'data', 'camera': {'eye': _EYE}, **axes},
+    }
+    return figure_html('inertia-boxes', traces, layout)
+
+
+def _boxes(
+    inertial: Array, poses: Array, links: tuple[str, ...], name: str, colour: str
+) -> list[dict[str, Any]]:
+    traces: list[dict[str, Any]] = []
+    corners = inertia_boxes(inertial).corners()
+    for link, box, pose, parameters in zip(links, corners, poses, inertial, strict=True):
+        if not np.isfinite(box).all():
+            continue
+        x, y, z = (box @ pose[:3, :3].T + pose[:3, 3]).round(5).T.tolist()
+        i, j, k = _TRIANGLES.T.tolist()
+        traces.append(
+            {
+                'type': 'mesh3d',
+                'x': x,
+                'y': y,
+                'z': z,
+                'i': i,
+                'j': j,
+                'k': k,
+                'name': name,
+                'legendgroup': name,
+                'showlegend': not traces,
+                'color': colour,
+                'opacity': 0.45,
+                'flatshading': True,
+                'hoverinfo': 'text',
+                'text': f'{plain_text(link)}, {name}<br>{parameters[0]:.4g} kg',
+            }
+        )
+    return traces
+
+
+def _skeleton(poses: Array, joints: tuple[str, ...]) -> dict[str, Any]:
+    """Return the line from the base through the joints."""
+    points = np.vstack([np.zeros(3), poses[:, :3, 3]]).round(5)
+    x, y, z = points.T.tolist()
+    return {
+        'type': 'scatter3d',
+        'mode': 'lines+markers',
+        'x': x,
+        'y': y,
+        'z': z,
+        'name': 'joints',
+        'hoverinfo': 'text',
+        'marker': {'size': 4, 'color': _ARM},
+        'line': {'width': 6, 'color': _ARM},
+        'text': ['base', *map(plain_text, joints)],
+    }
+
+
+_ROW = 17  # [px]
+_NAME = 34  # characters of an expression that are shown
+_DEVIATIONS = 2.0  # on either side: 95 %
+_FARTHEST = 6.0  # standard deviations of CAD that are shown
+
+
+def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
+    """Return the figure: base parameters of the recommended estimate with their intervals.
+
+    All on one scale: the distance from CAD, in standard deviations of what CAD leaves open.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+    truth : Truth or None
+        Of a simulated arm, shown beside.
+    """
+    base, prior = result.used_base, result.fit.prior.std
+    names = [_short(text) for text in base.expressions()]
+    open_left = np.sqrt(
+        prior[base.independent] ** 2 + base.combination**2 @ prior[base.dependent] ** 2
+    )
+    scale = np.maximum(open_left, 1e-300)
+    cad = base.values(result.cad.vector(result.fit.model))
+    found = base.values(result.recommended.estimate.theta)
+    place = (found - cad) / scale
+    spread = np.minimum(_DEVIATIONS * result.base_deviations / scale, 1e3)
+    # What the motion says nothing of has bars beyond all others.
+    reach = float(np.clip(1.2 * np.abs(place).max(initial=0.0), 1.0, _FARTHEST))
+    traces: list[dict[str, Any]] = [
+        {
+            'type': 'scatter',
+            'mode': 'markers',
+            'name': 'sdp, 95 %',
+            'x': place.round(5).tolist(),
+            'y': names,
+            'error_x': {'type': 'data', 'array': spread.round(5).tolist()},
+            'marker': {'color': '#0b4fa3', 'size': 6},
+        }
+    ]
+    if truth is not None:
+        true = (truth.base_values(result.fit, base) - cad) / scale
+        known = np.isfinite(true)
+        traces.append(
+            {
+                'type': 'scatter',
+                'mode': 'markers',
+                'name': 'true',
+                'x': true[known].round(5).tolist(),
+                'y': [name for name, shown in zip(names, known, strict=True) if shown],
+                'marker': {'color': '#0b7a3b', 'symbol': 'x', 'size': 7},
+            }
+        )
+    layout = {
+        'height': _ROW * len(names) + 110,
+        'margin': {'l': 260, 'r': 15, 't': 30, 'b': 45},
+        'template': 'none',
+        'legend': {'orientation': 'h', 'y': 1.0, 'yanchor': 'bottom'},
+        'xaxis': {
+            'title': {'text': 'distance from CAD, in its standard deviations'},
+            'range': [-reach, reach],
+        },
+        'yaxis': {'autorange': 'reversed', 'tickfont': {'size': 11}, 'type': 'category'},
+    }
+    return figure_html('intervals', traces, layout)
+
+
+def _short(expression: str) -> str:
+    text = expression if len(expression) <= _NAME else expression[: _NAME - 1] + '…'
+    return plain_text(text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,3 +479,73 @@ def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
         ):
             parts.append(section(f'{title}: {what}', figure.html(f'{name}-{index}')))
     return parts
+
+
+_ROW = 17  # [px]
+_NAME = 34  # characters that are shown
+_SOME = 60.0  # standard deviations beyond which a bar is cut
+
+
+def comparison_page(comparison: EstimateComparison, old: str, new: str) -> str:
+    """Return a page that opens offline.
+
+    Parameters
+    ----------
+    comparison : EstimateComparison
+    old, new : str
+        Names of the two results.
+
+    Raises
+    ------
+    IdentificationError
+        If the plotting script isn't installed.
+    """
+    clear = [change.name for change in comparison.changes if change.is_clear]
+    lead = f'{len(clear)} of {len(comparison.changes)} differ by more than three of their '
+    lead += f'standard deviations{": " if clear else ""}{", ".join(clear)}.'
+    parts = [paragraph(lead, 'lead')]
+    for title, changes in (
+        ('Friction', comparison.friction),
+        ('Inertia', comparison.inertia),
+        ('Drives', comparison.drives),
+    ):
+        if changes:
+            identifier = title.lower()
+            parts.append(section(title, _figure(changes, identifier), _table(changes, old, new)))
+    if comparison.unmatched:
+        parts.append(
+            paragraph(
+                f'{comparison.unmatched} sums of parameters are determined by one of the two '
+                'motions only.',
+                'note',
+            )
+        )
+    return page(f'{new} against {old}', plotting_script(), parts, origin())
+
+
+def _table(changes: tuple[EstimateChange, ...], old: str, new: str) -> Html:
+    rows = [
+        [c.name, Html(c.unit), c.old, c.new, c.new - c.old, c.std, c.deviations] for c in changes
+    ]
+    headings = ['', 'unit', old, new, 'difference', 'standard deviation', 'in deviations']
+    return table(headings, rows, [i for i, change in enumerate(changes) if change.is_clear])
+
+
+def _figure(changes: tuple[EstimateChange, ...], identifier: str) -> Html:
+    """Return bars: differences in standard deviations."""
+    names = [c.name if len(c.name) <= _NAME else c.name[: _NAME - 1] + '…' for c in changes]
+    trace: dict[str, Any] = {
+        'type': 'bar',
+        'orientation': 'h',
+        'x': [round(max(-_SOME, min(_SOME, c.deviations)), 3) for c in changes],
+        'y': [plain_text(name) for name in names],
+        'marker': {'color': ['#b3261e' if c.is_clear else '#a9bdd6' for c in changes]},
+    }
+    layout = {
+        'height': _ROW * len(changes) + 90,
+        'margin': {'l': 260, 'r': 15, 't': 10, 'b': 45},
+        'template': 'none',
+        'xaxis': {'title': {'text': 'difference, in its standard deviations'}},
+        'yaxis': {'autorange': 'reversed', 'tickfont': {'size': 11}, 'type': 'category'},
+    }
+    return figure_html(identifier, [trace], layout)

@@ -4,17 +4,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from aerarm_ros.energy.energy_balance import EnergyBalance
-from aerarm_ros.identification.assessment.assessment import BagAssessment
-from aerarm_ros.identification.assessment.identification_result import (
+from aerarm_ros.energy.energy_model import EnergyBalance
+from aerarm_ros.identification.assessment import BagAssessment
+from aerarm_ros.identification.files.summary import term_text
+from aerarm_ros.identification.identification_result import (
     IdentificationResult,
     Solution,
 )
-from aerarm_ros.identification.assessment.truth import InertialTorqueError, Truth
-from aerarm_ros.identification.files.summary import term_text
-from aerarm_ros.identification.parameters.joint_term import JointTerm
-from aerarm_ros.identification.payload.payload import Payload
-from aerarm_ros.identification.recording.bag_facts import BagFacts
+from aerarm_ros.identification.joint_model import JointTerm
+from aerarm_ros.identification.payload import Payload
+from aerarm_ros.identification.recording.recording import BagFacts
+from aerarm_ros.identification.truth import InertialTorqueError, Truth
 from aerarm_ros.model.inertia import PARAMETER_NAMES
 from aerarm_ros.pages.html_text import (
     Html,

@@ -1,16 +1,13 @@
 """Consistent least squares with an entropic prior, by Lee, Wensing and Park (T-RO 2020)."""
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.regression.prior import LINK_SPREAD, Prior
-from aerarm_ros.identification.regression.reduced_regression import TriangularSystem
-from aerarm_ros.identification.solvers.cone_program import ConeProgram, triangle
-from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
-from aerarm_ros.identification.solvers.physical_program import PhysicalProgram
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.regression.base_parameters import LINK_SPREAD, Prior
+from aerarm_ros.identification.regression.regression import TriangularSystem
+from aerarm_ros.identification.solvers.cone_program import ConeProgram, PhysicalProgram, triangle
+from aerarm_ros.identification.solvers.estimate import PhysicalLimits
+from aerarm_ros.motion.signals import Array
 
 _FLAT = 1e-6  # eigenvalue of a scaled pseudo-inertia that no solid body has
 _ROWS, _COLUMNS = np.tril_indices(4)

@@ -3,17 +3,16 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.reduced_regression import TriangularSystem
-from aerarm_ros.identification.regression.regression_bank import RegressionBank
-from aerarm_ros.identification.regression.regularised_regression import solve_regularised
-from aerarm_ros.identification.regression.sample_columns import SampleColumns
-from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
-from aerarm_ros.identification.solvers.relaxation import solve_relaxed
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.identification.regression.model_fit import (
+    ModelFit,
+    RegressionBank,
+    solve_regularised,
+)
+from aerarm_ros.identification.regression.regression import SampleColumns, TriangularSystem
+from aerarm_ros.identification.solvers.estimate import PhysicalLimits
+from aerarm_ros.identification.solvers.semidefinite_solver import solve_relaxed
+from aerarm_ros.motion.signals import Array
 
 _ROUNDS = 8
 _BEND = 1.345  # standard deviations: 95 % as efficient as least squares on normal noise

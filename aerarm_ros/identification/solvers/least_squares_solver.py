@@ -4,9 +4,8 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.identification.regression.base_parameters import find_base_parameters
-from aerarm_ros.identification.regression.reduced_regression import ReducedRegression
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.identification.regression.regression import ReducedRegression
+from aerarm_ros.motion.signals import Array
 
 
 def solve_least_squares(

@@ -1,14 +1,11 @@
 """Coefficients of the joints by simulated positions (output error), the links left as they are."""
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.rollout.rollout import Rollout
-from aerarm_ros.identification.rollout.rollout_windows import RolloutWindows
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.joint_model import JointModel
+from aerarm_ros.identification.rollout import Rollout, RolloutWindows
+from aerarm_ros.motion.signals import Array
 
 _ROUNDS = 8
 _SETTLED = 1e-3  # of the cost

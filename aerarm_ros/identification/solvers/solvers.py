@@ -5,28 +5,25 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
-from aerarm_ros.identification.parameters.inertia_boxes import inertia_boxes
-from aerarm_ros.identification.parameters.joint_term import TermKind
-from aerarm_ros.identification.parameters.link_bounds import LinkBounds
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.arm_parameters import ArmParameters, LinkBounds, inertia_boxes
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.joint_model import TermKind
 from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.sample_columns import SampleColumns
-from aerarm_ros.identification.rollout.rollout_windows import RolloutWindows
-from aerarm_ros.identification.solvers.annealing_solver import solve_annealing
+from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.rollout import RolloutWindows
 from aerarm_ros.identification.solvers.entropic_solver import solve_entropic
-from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
 from aerarm_ros.identification.solvers.huber_solver import solve_huber
 from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
 from aerarm_ros.identification.solvers.output_error_solver import solve_output_error
-from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
-from aerarm_ros.identification.solvers.relaxation import solve_relaxed
-from aerarm_ros.identification.solvers.slsqp_solver import solve_slsqp
-from aerarm_ros.identification.solvers.thesis_problem import ThesisProblem
-
-Array = npt.NDArray[np.float64]
+from aerarm_ros.identification.solvers.semidefinite_solver import solve_relaxed
+from aerarm_ros.identification.solvers.thesis_solvers import (
+    ThesisProblem,
+    solve_annealing,
+    solve_slsqp,
+)
+from aerarm_ros.motion.signals import Array
 
 RECOMMENDED = 'sdp'
 """The solver whose estimate is physically consistent."""

@@ -11,14 +11,11 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.hardware.frames.frame_field import ProfileError
-from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile, ProfileError, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES
-from aerarm_ros.ros.parameters.drone_file import DRONE_FILE
-from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS
+from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE, REAL_TIME_PARAMETERS
 
 _DEFAULTS = BridgeSettings()
 AUTO = 'auto'

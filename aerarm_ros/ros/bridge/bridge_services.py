@@ -2,13 +2,110 @@
 
 from __future__ import annotations
 
+import threading
+from collections import deque
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.gate.answer import Answer
-from aerarm_ros.ros.bridge.cycle_requests import Action, NotActiveError
+from aerarm_ros.hardware.gate.command_intake import Answer
+
+if TYPE_CHECKING:  # who only asks loads no bridge
+    from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+
+Action = Callable[['BridgeCycle'], Answer]
+
+_ANSWER_TIMEOUT = 1.0  # [s]
+_NOT_ACTIVE = 'the bridge is not active: activate it first (ros2 lifecycle set)'
+
+
+class NotActiveError(RuntimeError):
+    """No cycle is running: the bridge was not activated, or is ending."""
+
+
+def says_not_active(text: str) -> bool:
+    """Tell whether the answer of a bridge's service says that no cycle is running."""
+    return text.endswith(_NOT_ACTIVE)
+
+
+class CycleRequests:
+    """Queue of actions that are run between two cycles, so that none needs a lock."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[Action, Future[Answer]]] = deque()
+        self._closed = threading.Event()
+        self._closed.set()
+
+    def ask(self, action: Action, insist: bool = False) -> Answer:
+        """Let the cycle's thread do something and return its answer.
+
+        Who was told that nothing happened must not be surprised later: after the time-out the
+        action is not run any more, unless to `insist` is safer, as to stop the arm.
+
+        Raises
+        ------
+        NotActiveError
+            If no cycle is running.
+        TimeoutError
+            If it does not come to it within a second.
+        """
+        if self._closed.is_set():
+            raise NotActiveError(_NOT_ACTIVE)
+        answer = self._put(action)
+        try:
+            return answer.result(_ANSWER_TIMEOUT)
+        except TimeoutError:
+            if not insist:
+                answer.cancel()
+            raise
+
+    def post(self, action: Action) -> None:
+        """Let the cycle's thread do something soon, if a cycle is running."""
+        if self.is_open:
+            self._put(action)
+
+    def serve(self, cycle: BridgeCycle) -> None:
+        """Do what is asked; what an action raises goes to who asked."""
+        while self._waiting:
+            action, answer = self._waiting.popleft()
+            if not answer.set_running_or_notify_cancel():
+                continue
+            try:
+                answer.set_result(action(cycle))
+            except ValueError as error:
+                answer.set_exception(error)
+
+    def open(self) -> None:
+        """Take requests: a cycle will run from now on."""
+        self._waiting.clear()
+        self._closed.clear()
+
+    def close(self) -> None:
+        """Take no more: the last cycle has run."""
+        self._closed.set()
+
+    def wait_closed(self, timeout: float) -> bool:
+        """Wait up to `timeout` [s]; return whether no cycle runs any more."""
+        return self._closed.wait(timeout)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a cycle runs."""
+        return not self._closed.is_set()
+
+    @property
+    def are_waiting(self) -> bool:
+        """Whether there is something to serve."""
+        return bool(self._waiting)
+
+    def _put(self, action: Action) -> Future[Answer]:
+        answer: Future[Answer] = Future()
+        self._waiting.append((action, answer))
+        return answer
+
 
 ACTIONS: dict[str, Action] = {
     'enable': lambda cycle: cycle.enable(),

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.float64_array_cdr import Float64ArrayCdr
-from aerarm_msgs_py.codecs.joint_sample import JointSample
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.codecs.joint_state_conversion import decode_as_sent
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
+from aerarm_msgs_py.codecs.joint_state_cdr import JointSample, JointStateCdr, decode_as_sent
+from aerarm_msgs_py.live_topics import RawReader
+from aerarm_ros.motion.signals import Array
 
-Array = NDArray[np.float64]
 # Joint names and content of a joint command, and the GID of its publisher, None where unknown.
 Command = tuple[Sequence[str], JointSample, bytes | None]
 

@@ -19,14 +19,14 @@ from aerarm_ros.commissioning.commissioning_record import (
     record_path,
 )
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.description.config_reader import ConfigError
 from aerarm_ros.description.resources import resource
-from aerarm_ros.hardware.boards.probe_messages import OFF, ProbeReport, ProbeRequest
+from aerarm_ros.hardware.boards.commissioning_probe import OFF, ProbeReport, ProbeRequest
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.gate.answer import Answer
-from aerarm_ros.ros.bridge.cycle_requests import Action
-from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.states.arm_modes import OFF as OFF_MODES
+from aerarm_ros.hardware.bridge_modes import OFF as OFF_MODES
+from aerarm_ros.hardware.gate.command_intake import Answer
+from aerarm_ros.ros.bridge.bridge_services import Action
+from aerarm_ros.ros.parameters.parameter_table import Parameter
 
 AUTO = 'auto'
 # A mode is that of the last cycle: the drive of a client that has ended is over.

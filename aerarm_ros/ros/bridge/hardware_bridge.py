@@ -7,8 +7,11 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from lifecycle_msgs.srv import ChangeState
 from numpy.typing import ArrayLike
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
@@ -18,16 +21,18 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.boards.spi_self_test import self_test
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
-from aerarm_ros.hardware.gate.answer import Answer
-from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.hardware.gate.command_intake import Answer, CommandPublishers, OfferedCommand
 from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport
 from aerarm_ros.hardware.transports.transport import Transport
 from aerarm_ros.hardware.zero_file import ZeroFile
-from aerarm_ros.realtime.cycle_slack import CycleSlack
-from aerarm_ros.realtime.periodic_loop import PeriodicLoop
-from aerarm_ros.realtime.steady_clock import SteadyClock
-from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, Status, Watched
+from aerarm_ros.realtime.periodic_loop import CycleSlack, PeriodicLoop, SteadyClock
+from aerarm_ros.ros.bridge.bridge_diagnostics import (
+    BridgeDiagnostics,
+    BridgeTiming,
+    Status,
+    Watched,
+)
+from aerarm_ros.ros.bridge.bridge_logs import ModeLog, RejectionLog, followed_by
 from aerarm_ros.ros.bridge.bridge_parameters import (
     BRIDGE_PARAMETERS,
     board_gains,
@@ -35,25 +40,62 @@ from aerarm_ros.ros.bridge.bridge_parameters import (
     frame_profile,
     state_file,
 )
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS, BridgeServices
+from aerarm_ros.ros.bridge.bridge_services import ACTIONS, Action, BridgeServices, CycleRequests
 from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams, Command
-from aerarm_ros.ros.bridge.bridge_timing import BridgeTiming
 from aerarm_ros.ros.bridge.commissioning_topics import CommissioningTopics, RecordWatch
-from aerarm_ros.ros.bridge.cycle_requests import Action, CycleRequests
-from aerarm_ros.ros.bridge.invalid_transitions import answer_invalid_transitions
-from aerarm_ros.ros.bridge.mode_log import ModeLog
-from aerarm_ros.ros.bridge.rejection_log import RejectionLog
-from aerarm_ros.ros.bridge.robot_description import RobotDescription
-from aerarm_ros.ros.diagnostics.sentences import followed_by
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
-from aerarm_ros.ros.graph.rival_watch import RivalWatch
-from aerarm_ros.ros.parameters.arm_files import load_arm
-from aerarm_ros.ros.parameters.drone_file import load_drone
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.graph import PublisherWatch, RivalWatch
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.parameters.real_time_parameters import prepare_thread
-from aerarm_ros.ros.process.exit_status import print_account
-from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone, prepare_thread
+from aerarm_ros.ros.process.process_end import StopSignals, print_account
+
+
+class RobotDescription:
+    """Publishes a URDF once; whoever subscribes later still gets it.
+
+    Parameters
+    ----------
+    node
+        Owner of the publisher.
+    urdf_text
+        The URDF itself, for example `Robot.urdf_text`.
+    """
+
+    def __init__(self, node: Node, urdf_text: str) -> None:
+        self._node = node
+        topic = topics.ROBOT_DESCRIPTION
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._publisher.publish(String(data=urdf_text))
+
+    def destroy(self) -> None:
+        """Destroy the publisher; the text is gone for later subscribers."""
+        self._node.destroy_publisher(self._publisher)
+
+
+def answer_invalid_transitions(node: LifecycleNode) -> None:
+    """Let a node refuse transitions that its state doesn't have, and log which it has.
+
+    rclpy (7.1) raises instead, so the client never gets an answer.
+    """
+    service = node._service_change_state
+    change = service.callback
+
+    def handle(request: ChangeState.Request, response: ChangeState.Response) -> object:
+        try:
+            return change(request, response)
+        except RCLError:
+            machine = node._state_machine
+            _, state = machine.current_state
+            labels = [label for _, label, *_ in machine.available_transitions]
+            wanted = request.transition.label or f'number {request.transition.id}'
+            node.get_logger().warning(
+                f'no transition {wanted} from {state}: possible are {", ".join(labels)}'
+            )
+            response.success = False
+            return response
+
+    service.callback = handle
+
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 # Long enough for the last frames of a cycle, short enough for a lifecycle client.

@@ -11,18 +11,15 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.live_topics.topic import Topic
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_msgs_py.topics import Topic
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.hardware.bridge_modes import COMMANDABLE, to_switch_on
+from aerarm_ros.motion.signals import ArmState, JointReference
 from aerarm_ros.ros.controllers.payload_intake import PayloadIntake
-from aerarm_ros.ros.controllers.plan_topic import PlanTopic
-from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
-from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.requests.arm_at_end import AT_END_PARAMETERS, ArmAtEnd
-from aerarm_ros.ros.states.arm_modes import COMMANDABLE, to_switch_on
+from aerarm_ros.ros.controllers.state_node import PlanTopic, StateNode, state_node_parameters
+from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
+from aerarm_ros.ros.requests.arm_client import AT_END_PARAMETERS, ArmAtEnd
 
 _DISTURBANCE_PERIOD = 10  # answered states
 

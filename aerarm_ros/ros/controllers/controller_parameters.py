@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from geometry_msgs.msg import InertiaStamped
+from std_msgs.msg import Header
 
-from aerarm_ros.control.base.answer_correction import AnswerCorrection
+from aerarm_ros.control.base.base_motion import Mount
 from aerarm_ros.control.base.base_motion_estimator import (
     FULL,
     HOVER,
@@ -18,28 +20,68 @@ from aerarm_ros.control.base.base_motion_estimator import (
     NONE,
     BaseMotionEstimator,
 )
-from aerarm_ros.control.base.drone_in_base import carrier_parameters
-from aerarm_ros.control.base.feedback_check import check_feedback, largest_feedback_gain
-from aerarm_ros.control.base.free_base_estimator import FREE, FreeBaseEstimator
-from aerarm_ros.control.base.mount import Mount
+from aerarm_ros.control.base.feedback_check import (
+    OscillationWatch,
+    check_feedback,
+    largest_feedback_gain,
+)
+from aerarm_ros.control.base.free_base_estimator import FREE, AnswerCorrection, FreeBaseEstimator
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.base.oscillation_watch import OscillationWatch
-from aerarm_ros.control.base.rotor_wrench import RotorWrench
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
-from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
-from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
-from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
+from aerarm_ros.control.checks import JointLimits
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.model.last_link import checked_payload
+from aerarm_ros.model.dynamics import Dynamics, checked_payload
+from aerarm_ros.model.inertia import checked_body, parameters_of_body
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
-from aerarm_ros.ros.parameters.drone_file import DRONE_FILE, load_drone
-from aerarm_ros.ros.parameters.parameter import Parameter, grouped
-from aerarm_ros.ros.parameters.real_time_parameters import REAL_TIME_PARAMETERS
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.parameters.shared_parameters import (
+    ARM_FILES,
+    DRONE_FILE,
+    REAL_TIME_PARAMETERS,
+    load_arm,
+    load_drone,
+)
+
+
+def inertia_message(header: Header, mass: float, centre: Array, inertia: Array) -> InertiaStamped:
+    """Return the message of a body.
+
+    Parameters
+    ----------
+    header : Header
+        Its frame is that of centre and axes.
+    mass : float
+        [kg]
+    centre : (3,) ndarray
+        [m]
+    inertia : (3, 3) ndarray
+        About the centre [kg m^2].
+    """
+    message = InertiaStamped(header=header)
+    body, tensor = message.inertia, inertia.tolist()
+    body.m = float(mass)
+    body.com.x, body.com.y, body.com.z = centre.tolist()
+    body.ixx, body.ixy, body.ixz = tensor[0]
+    body.iyy, body.iyz, body.izz = tensor[1][1], tensor[1][2], tensor[2][2]
+    return message
+
+
+def body_of_message(message: InertiaStamped) -> Array:
+    """Return the inertial parameters (10,) of a message's body, in its frame; raises ValueError."""
+    body = message.inertia
+    centre = [body.com.x, body.com.y, body.com.z]
+    tensor = [
+        [body.ixx, body.ixy, body.ixz],
+        [body.ixy, body.iyy, body.iyz],
+        [body.ixz, body.iyz, body.izz],
+    ]
+    return checked_body('payload', parameters_of_body(body.m, centre, tensor))
+
 
 ARM_PARAMETERS = grouped(
     'How the base moves',

@@ -9,13 +9,12 @@ import numpy as np
 from geometry_msgs.msg import InertiaStamped
 
 from aerarm_ros.control.base.base_motion import BaseMotion
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.model.momentum_regressor import MomentumRegressor
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.model.regressor import MomentumRegressor
+from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_hand_over import PayloadHandOver
-from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm
-from aerarm_ros.ros.controllers.inertia_message import body_of_message
-from aerarm_ros.ros.parameters.parameter import Parameter, grouped
+from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm, body_of_message
+from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
 
 # The model is told in steps of that [s], the estimate judged in others.
 _STEP = 0.005

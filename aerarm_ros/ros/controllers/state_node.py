@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
+import numpy as np
 import rclpy
+from builtin_interfaces.msg import Duration
+from numpy.typing import NDArray
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from aerarm_msgs_py.live_topics.topic import Topic
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.topics import Topic
+from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.motion.signals import ArmState, JointReference
 from aerarm_ros.ros.controllers.controller_parameters import (
     ARM_PARAMETERS,
     LOOP_PARAMETERS,
@@ -22,15 +28,83 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     ControlledArm,
     payload_problem,
 )
-from aerarm_ros.ros.diagnostics.waiting_notice import WaitingNotice
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.parameters.real_time_parameters import prepare_thread
-from aerarm_ros.ros.process.exit_status import print_account
-from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.diagnostics import WaitingNotice
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.shared_parameters import prepare_thread
+from aerarm_ros.ros.process.process_end import StopSignals, print_account
 from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
-from aerarm_ros.ros.states.state_stream import StateStream
+from aerarm_ros.ros.states.state_stream import StateStream, base_header
+
+HORIZON = 0.1
+"""How far ahead a plan goes [s]: a drone's rotors and link want some 30 ms."""
+_POINT_PERIOD = 0.02  # [s] quintics between points are near enough
+_PERIOD_NS = 10_000_000  # between two plans
+
+_TIMES = np.linspace(0.0, HORIZON, round(HORIZON / _POINT_PERIOD) + 1)
+_SECOND = 1_000_000_000
+
+
+class PlanTopic:
+    """Publishes the motion of the next 0.1 s, a hundred times a second of the arm's time.
+
+    Its `update` is called in the loop's thread, once a command is sent, so that it delays none. It
+    is an `Attendant` of a controller.
+
+    Parameters
+    ----------
+    node
+        Owner of the publisher.
+    joint_names
+        In the order of all arrays.
+    stamp_ns
+        Returns the stamp of the newest state [ns], None before the first.
+    ahead
+        Returns the references (M, n) at times (M,) after that state [s], None while nobody knows.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        joint_names: Sequence[str],
+        stamp_ns: Callable[[], int | None],
+        ahead: Callable[[NDArray[np.float64]], JointReference | None],
+    ) -> None:
+        self._node = node
+        self._stamp_ns = stamp_ns
+        self._ahead = ahead
+        self._told_ns = -_PERIOD_NS
+        topic = topics.PLANNED_MOTION
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._message = JointTrajectory(joint_names=list(joint_names))
+        self._message.points = [
+            JointTrajectoryPoint(time_from_start=Duration(nanosec=round(time * _SECOND)))
+            for time in _TIMES.tolist()
+        ]
+
+    def update(self) -> None:
+        """Publish if it is due and somebody listens."""
+        stamp_ns = self._stamp_ns()
+        if stamp_ns is None or 0 <= stamp_ns - self._told_ns < _PERIOD_NS:
+            return
+        self._told_ns = stamp_ns
+        if not self._publisher.get_subscription_count():
+            return  # it would cost the loop a tenth of its time for nobody
+        plan = self._ahead(_TIMES)
+        if plan is None:
+            return
+        message = self._message
+        message.header = base_header(stamp_ns, '')
+        for point, q, dq, ddq in zip(message.points, *map(np.ndarray.tolist, plan), strict=True):
+            point.positions, point.velocities, point.accelerations = q, dq, ddq
+        self._publisher.publish(message)
+
+    def give_up(self, reason: str) -> None:
+        """Say nothing: an arm that is not controlled has no plan."""
+
+    def destroy(self) -> None:
+        """Destroy the publisher."""
+        self._node.destroy_publisher(self._publisher)
 
 
 def state_node_parameters(*parameters: Parameter) -> ParameterTable:

@@ -2,16 +2,48 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
 from geometry_msgs.msg import PoseStamped
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.base.frame_conversion import quaternion
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.base.base_motion import quaternion
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
-from aerarm_ros.ros.executors.steady_timer import create_steady_timer
-from aerarm_ros.ros.states.base_header import base_header
+from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
+from aerarm_ros.ros.executors import create_steady_timer
+from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.states.state_stream import base_header
+
+TARGET_PARAMETERS = (
+    Parameter('frame', 'tool0', 'link that is moved'),
+    Parameter('target_frequency', 15.0, 'stiffness of the path to a target', 'rad/s', 0.1, 100.0),
+    Parameter('tool_velocity_max', 0.8, 'largest speed of the reference', 'm/s', 1e-3, 10.0),
+    Parameter('tool_acceleration_max', 4.0, 'and its acceleration', 'm/s^2', 1e-2, 100.0),
+)
+
+
+def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetFollower:
+    """Return the reference generator; targets beyond the stretched arm are out of reach."""
+    return TargetFollower(
+        Kinematics(arm.robot, values.frame),
+        values.target_frequency,
+        values.tool_velocity_max,
+        values.tool_acceleration_max,
+        _stretched_length(arm, values.frame),
+    )
+
+
+def _stretched_length(arm: ControlledArm, frame: str) -> float:
+    """Return the sum of the distances from joint to joint, and on to the frame [m]."""
+    model, frame = arm.robot.model, arm.robot.full_name(frame)
+    offsets = [model.jointPlacements[index].translation for index in range(1, model.njoints)]
+    offsets.append(model.frames[model.getFrameId(frame)].placement.translation)
+    return float(sum(np.linalg.norm(offset) for offset in offsets))
+
 
 _POSE_PERIOD = 0.02  # [s]
 

@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from builtin_interfaces.msg import Duration, Time
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
+from trajectory_msgs.msg import JointTrajectoryPoint
 
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
-from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
+from aerarm_ros.control.references.trajectory_goals import (
+    ABORTED,
+    CANCELED,
+    SUCCEEDED,
+    GoalResult,
+    ResultCode,
+    TrajectoryGoals,
+    resolve_tolerances,
+)
+from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.executors import create_steady_timer
 
 # How far from now a trajectory may start [s].
 _LATEST, _EARLIEST = 1.0, 60.0
@@ -116,3 +135,198 @@ def go_to_set_point(follower: TrajectoryFollower, message: JointState, now: floa
     if not np.all(np.isfinite(q)):
         raise RejectedInputError('set point: positions must be finite numbers')
     follower.go_to(q, now)
+
+
+NAME = 'follow_joint_trajectory'
+_FEEDBACK_PERIOD = 0.05  # [s]
+_BILLION = 1_000_000_000
+
+
+def serve_trajectories(
+    controller: ControllerNode,
+    follower: TrajectoryFollower,
+    problem: Callable[[], str] = lambda: '',
+) -> None:
+    """Serve the action `~/follow_joint_trajectory`, unless control_msgs is missing.
+
+    Parameters
+    ----------
+    controller, follower
+        What runs the follower.
+    problem
+        Returns why the controller takes no goal now, '' if it does.
+    """
+    if find_spec('control_msgs') is None:
+        controller.node.get_logger().info(
+            f'control_msgs is not installed: no action ~/{NAME}, trajectories come on the topic'
+        )
+        return
+    action_type = import_module('control_msgs.action').FollowJointTrajectory
+    controller.attend(TrajectoryAction(controller, follower, action_type, problem))
+
+
+class TrajectoryAction:
+    """Serves goals; what they mean is decided by `TrajectoryGoals` in the loop's thread.
+
+    Parameters
+    ----------
+    controller, follower
+        What runs the follower, and is attended.
+    action_type
+        control_msgs/action/FollowJointTrajectory.
+    problem
+        Returns why the controller takes no goal now, '' if it does.
+    """
+
+    def __init__(
+        self,
+        controller: ControllerNode,
+        follower: TrajectoryFollower,
+        action_type: Any,
+        problem: Callable[[], str],
+    ) -> None:
+        self._controller = controller
+        self._follower = follower
+        self._type = action_type
+        self._problem = problem
+        self._goals = TrajectoryGoals(follower)
+        self._own = follower.tolerances
+        # Goals that wait for their result, by their ids, and those that have one.
+        self._waiting: dict[Any, tuple[Any, Future]] = {}
+        self._ended: deque[tuple[Any, GoalResult]] = deque()
+        node = controller.node
+        self._news = node.create_guard_condition(self._hand_over)
+        self._timer = create_steady_timer(
+            node, _FEEDBACK_PERIOD, self._publish_feedback, autostart=False
+        )
+        self._server = ActionServer(
+            node,
+            action_type,
+            f'~/{NAME}',
+            self._execute,
+            goal_callback=self._judge,
+            cancel_callback=self._cancel,
+        )
+
+    # In the loop's thread.
+
+    def update(self) -> None:
+        """Notice a goal that has ended by the last update of the follower."""
+        self._end(self._goals.update())
+
+    def give_up(self, reason: str) -> None:
+        """End the goal under way: the arm is not controlled any more."""
+        self._end(self._goals.give_up(reason))
+
+    def destroy(self) -> None:
+        """Destroy the server; the loop has ended."""
+        self._server.destroy()
+
+    def _start(self, handle: Any, now: float) -> None:
+        try:
+            problem = self._controller.commandable_problem(NAME) or self._problem()
+            if problem:
+                raise RejectedInputError(problem)
+            trajectory, start = self._read(handle.request, now)
+            ended = self._goals.start(_id(handle), trajectory, now, start, self._tolerances(handle))
+        except RejectedInputError as error:
+            self._end([(_id(handle), GoalResult(ABORTED, ResultCode.INVALID_GOAL, str(error)))])
+            raise
+        self._end(ended)
+
+    def _read(self, request: Any, now: float) -> tuple[JointTrajectory, float | None]:
+        partial = self._controller.values.allow_partial_joints_goal
+        staying = self._follower.reference.q if partial else None
+        return read_trajectory(self._follower.limits, request.trajectory, now, staying)
+
+    def _tolerances(self, handle: Any) -> FollowerTolerances:
+        request, time = handle.request, handle.request.goal_time_tolerance
+        try:
+            return resolve_tolerances(
+                self._own,
+                self._follower.limits.names,
+                [(tolerance.name, tolerance.position) for tolerance in request.path_tolerance],
+                [(tolerance.name, tolerance.position) for tolerance in request.goal_tolerance],
+                time.sec + time.nanosec / _BILLION,
+            )
+        except RejectedInputError as error:
+            # As joint_trajectory_controller does.
+            self._controller.reject(f'{error}; the defaults are used')
+            return self._own
+
+    def _end(self, ended: list[tuple[Any, GoalResult]]) -> None:
+        if ended:
+            self._ended += ended
+            self._news.trigger()
+
+    # In the executor's thread.
+
+    def _judge(self, request: Any) -> GoalResponse:
+        try:
+            problem = self._controller.commandable_problem(NAME) or self._problem()
+            if problem:
+                raise RejectedInputError(problem)
+            if not request.trajectory.points:
+                raise RejectedInputError(f'{NAME}: the trajectory has no points')
+            if request.multi_dof_trajectory.points:
+                raise RejectedInputError(f'{NAME}: the arm has no joints of several degrees')
+            now = self._controller.stamp_ns / _BILLION
+            # As it stands now; what changes until the loop begins the goal aborts it.
+            trajectory, start = self._read(request, now)
+            self._follower.check_goal(trajectory, now, start)
+        except RejectedInputError as error:
+            self._controller.reject(str(error))
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _cancel(self, handle: Any) -> CancelResponse:
+        self._controller.act(lambda now: self._end(self._goals.cancel(_id(handle), now)))
+        return CancelResponse.ACCEPT
+
+    async def _execute(self, handle: Any) -> Any:
+        result: Future = Future()
+        self._waiting[_id(handle)] = handle, result
+        self._controller.act(lambda now: self._start(handle, now))
+        self._timer.reset()
+        ended: GoalResult = await result
+        end = {SUCCEEDED: handle.succeed, ABORTED: handle.abort, CANCELED: handle.canceled}
+        end[ended.state]()
+        self._controller.node.get_logger().info(f'{NAME}: {ended.state}: {ended.text}')
+        return self._type.Result(error_code=int(ended.code), error_string=ended.text)
+
+    def _hand_over(self) -> None:
+        while self._ended:
+            goal, result = self._ended.popleft()
+            if goal in self._waiting:
+                self._waiting.pop(goal)[1].set_result(result)
+        if not self._waiting:
+            self._timer.cancel()
+
+    def _publish_feedback(self) -> None:
+        goal, state = self._goals.active, self._controller.state
+        if goal not in self._waiting or state is None:
+            return
+        reference, stamp_ns = self._follower.reference, self._controller.stamp_ns
+        stamp = Time(sec=stamp_ns // _BILLION, nanosec=stamp_ns % _BILLION)
+        feedback = self._type.Feedback(
+            header=Header(stamp=stamp),
+            joint_names=list(self._follower.limits.names),
+            desired=_point(reference.q, reference.dq, reference.ddq, self._follower.elapsed),
+            actual=_point(state.q, state.dq),
+            error=_point(reference.q - state.q, reference.dq - state.dq),
+        )
+        self._waiting[goal][0].publish_feedback(feedback)
+
+
+def _id(handle: Any) -> bytes:
+    return bytes(handle.goal_id.uuid)
+
+
+def _point(q: Any, dq: Any, ddq: Any = (), elapsed: float = 0.0) -> JointTrajectoryPoint:
+    elapsed_ns = max(0, round(elapsed * _BILLION))
+    return JointTrajectoryPoint(
+        positions=list(q),
+        velocities=list(dq),
+        accelerations=list(ddq),
+        time_from_start=Duration(sec=elapsed_ns // _BILLION, nanosec=elapsed_ns % _BILLION),
+    )

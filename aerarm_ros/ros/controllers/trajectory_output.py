@@ -6,7 +6,7 @@ import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from aerarm_ros.motion.joint_motion import JointMotion
+from aerarm_ros.motion.signals import JointMotion
 
 POINT_PERIOD = 0.02
 """Between two points [s]: with velocity and acceleration, quintics between them are near enough."""

@@ -6,13 +6,18 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from aerarm_ros.ros.parameters.parameter import Parameter, grouped
-from aerarm_ros.simulation.delayed_sensor import DelayedSensor
-from aerarm_ros.simulation.faulty_imu import FaultyImu, ImuErrors, ImuReading
-from aerarm_ros.simulation.flying_plant import FlyingPlant
-from aerarm_ros.simulation.free_base_plant import FreeBasePlant
-from aerarm_ros.simulation.noisy_odometry import NoisyOdometry, OdometryErrors, OdometryReading
-from aerarm_ros.simulation.random_drift import RandomDrift
+from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.simulation.flying_plant import FlyingPlant, FreeBasePlant
+from aerarm_ros.simulation.sensors import (
+    DelayedSensor,
+    FaultyImu,
+    ImuErrors,
+    ImuReading,
+    NoisyOdometry,
+    OdometryErrors,
+    OdometryReading,
+    RandomDrift,
+)
 
 _GUST_PERIOD = 1e-3  # [s]
 _IMU_SEED, _ODOMETRY_SEED, _GUST_SEED = range(3)

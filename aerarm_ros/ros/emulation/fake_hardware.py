@@ -14,27 +14,28 @@ import yaml
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.resources import write_whole
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.description.whole_file import write_whole
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulation.emulated_base import mount_on_base, mount_on_drone
-from aerarm_ros.hardware.emulation.emulated_hand import parse_turn
-from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
-from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.emulation.fault_injection import FAULTS
-from aerarm_ros.hardware.emulation.fault_request import FORM, FaultRequest
+from aerarm_ros.hardware.bridge_modes import OFF
+from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport, parse_turn
+from aerarm_ros.hardware.emulation.emulation import (
+    make_emulated_transport,
+    mount_on_base,
+    mount_on_drone,
+)
+from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM, FaultRequest
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
-from aerarm_ros.hardware.gate.answer import Answer
+from aerarm_ros.hardware.gate.command_intake import Answer
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.bridge.bridge_diagnostics import Status
 from aerarm_ros.ros.bridge.bridge_parameters import BRIDGE_PARAMETERS
+from aerarm_ros.ros.bridge.bridge_services import Action
 from aerarm_ros.ros.bridge.bridge_streams import Command
 from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
-from aerarm_ros.ros.bridge.cycle_requests import Action
 from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
 from aerarm_ros.ros.emulation import drone_parameters
 from aerarm_ros.ros.emulation.drone_parameters import CONTACT, DRONE_PARAMETERS
-from aerarm_ros.ros.emulation.emulated_drone import EmulatedDrone
 from aerarm_ros.ros.emulation.emulated_world import (
     LAG,
     PACE_PARAMETERS,
@@ -42,13 +43,12 @@ from aerarm_ros.ros.emulation.emulated_world import (
     EmulatedWorld,
 )
 from aerarm_ros.ros.emulation.emulation_parameters import EMULATION_PARAMETERS, plant_parameters
-from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
-from aerarm_ros.ros.parameters.drone_file import load_drone
+from aerarm_ros.ros.emulation.flying_drone import EmulatedDrone, FlyingDrone
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.states.arm_modes import OFF
+from aerarm_ros.ros.parameters.shared_parameters import load_drone
+from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
 from aerarm_ros.simulation.flying_plant import FlyingPlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
 
 PARAMETERS = ParameterTable(
     # An emulated arm needs no commissioning.

@@ -3,22 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import InertiaStamped, PoseStamped, WrenchStamped
-from numpy.typing import NDArray
 from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.base.frame_conversion import rotation_matrix
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
-from aerarm_ros.flight.flight_path import FlightPath
-from aerarm_ros.flight.flight_target import FlightTarget, yaw_of
+from aerarm_ros.control.base.base_motion import rotation_matrix
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
+from aerarm_ros.flight.flight_state import FlightPath, FlightTarget, yaw_of
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone
 
-Array = NDArray[np.float64]
+
+def load_flown_drone(values: SimpleNamespace) -> tuple[ArmConfig, DroneConfig, MassProperties]:
+    """Return the arm, the drone, and both as one body with the arm at rest.
+
+    Parameters
+    ----------
+    values
+        Of `ARM_FILES` and `DRONE_FILE`.
+
+    Raises
+    ------
+    ValueError
+        If no drone is named, or a file can't be used.
+    """
+    config, robot = load_arm(values)
+    drone = load_drone(values, config, robot)
+    if drone is None:
+        raise ValueError('parameter drone_file is empty: name the drone, as config/drone.yaml')
+    arm = MovingBaseDynamics(robot).composite_inertia(np.array(config.rest_position))
+    return config, drone, MassProperties.of(drone, *arm)
 
 
 class ArmTopics:

@@ -6,17 +6,13 @@ from types import SimpleNamespace
 
 from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight
 from aerarm_ros.autopilot.betaflight_link import BetaflightLink
-from aerarm_ros.autopilot.px4_flight import Px4Flight
-from aerarm_ros.autopilot.px4_gains import Px4Gains
+from aerarm_ros.autopilot.px4 import Px4Gains
+from aerarm_ros.autopilot.px4_loops import Px4Flight
 from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.flight.arm_feed_forward import ArmFeedForward
-from aerarm_ros.flight.disturbance import Disturbance
-from aerarm_ros.flight.disturbance_observer import DisturbanceObserver
-from aerarm_ros.flight.flight_control import FlightControl
-from aerarm_ros.flight.flight_gains import FlightGains
-from aerarm_ros.flight.incremental_estimate import IncrementalEstimate
-from aerarm_ros.flight.mass_properties import MassProperties
-from aerarm_ros.ros.parameters.parameter import Parameter, grouped
+from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
+from aerarm_ros.flight.disturbances import Disturbance, DisturbanceObserver, IncrementalEstimate
+from aerarm_ros.flight.flight_control import FlightControl, FlightGains
+from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
 
 OWN, PX4, BETAFLIGHT = 'own', 'px4', 'betaflight'
 INTEGRAL, OBSERVER, INDI = 'integral', 'observer', 'indi'

@@ -9,26 +9,21 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
-from aerarm_ros.control.base.frame_conversion import rotation_matrix
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.flight.arm_feed_forward import HOLD, ArmFeedForward
-from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
-from aerarm_ros.ros.executors.steady_timer import create_steady_timer
-from aerarm_ros.ros.flight.flight_inputs import ArmTopics
-from aerarm_ros.ros.flight.flown_drone import load_flown_drone
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES
-from aerarm_ros.ros.parameters.drone_file import DRONE_FILE
-from aerarm_ros.ros.parameters.parameter import Parameter, grouped
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.control.base.base_motion import rotation_matrix
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.flight.arm_load import HOLD, ArmFeedForward
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.executors import create_steady_timer
+from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone
+from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable, grouped
+from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE
+from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.states.arm_clock import ArmClock
-
-Array = NDArray[np.float64]
 
 _SPIN = 0.1  # [s] longest time until a stop signal is noticed
 _ATTITUDE_AGE = 0.2  # [s]

@@ -7,26 +7,267 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import numpy.typing as npt
 
+from aerarm_msgs_py.bags.bag_reader import read_contents
+from aerarm_msgs_py.storage.read_limits import BagError as BagError
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
+from aerarm_ros.identification.assessment import BagAssessment
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions
 from aerarm_ros.identification.identify import identify as run
-from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.recording.recording import (
     JointMapping,
     Recording,
     recording_from_states,
 )
+from aerarm_ros.identification.recording.table_file import (
+    TABLES,
+    TableOptions,
+    TableStates,
+    read_table,
+)
+from aerarm_ros.identification.report.report import ReportExtras
+from aerarm_ros.identification.report.report_tables import error_table, parameter_table
+from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.stopwatch import Stopwatch
-from aerarm_ros.ros.library.identified_arm import IdentifiedArm
-from aerarm_ros.ros.library.motions import NUMBERED, Motion
+from aerarm_ros.model.regressor import Regressor
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.pages.html_text import bullets, paragraph
 from aerarm_ros.ros.programs.identifier_bags import (
     IdentifierBags,
     bag_names,
     repeated_bags,
 )
+from aerarm_ros.ros.programs.identifier_run import RESULT_FILES, terminal_table, write_result
+
+
+class IdentifiedArm:
+    """An arm as identified: its parameters, and how well they predict torque.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+        All that is known, for those who want more than is offered here.
+    seconds : dict of str to float
+        How long each stage took [s].
+    """
+
+    def __init__(self, result: IdentificationResult, seconds: dict[str, float]) -> None:
+        self.result = result
+        self._seconds = seconds
+
+    @property
+    def estimate(self) -> Estimate:
+        """Physically consistent parameters, with standard deviations."""
+        return self.result.recommended.estimate
+
+    @property
+    def robot(self) -> Robot:
+        """The arm with the identified links, under gravity as it was found."""
+        return self.result.robot.with_inertial_parameters(self.estimate.inertial)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every parameter by its name, as `m_link1` or `fv_joint2`, in SI units."""
+        names = self.estimate.model.columns
+        return dict(zip(names, self.estimate.theta.tolist(), strict=True))
+
+    def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
+        """Return the torque of the whole model, thesis (3.5): links, rotors, friction.
+
+        Parameters
+        ----------
+        q, dq, ddq : (n,) or (M, n) array_like
+            [rad], [rad/s], [rad/s^2]
+
+        Returns
+        -------
+        (n,) or (M, n) ndarray
+            [Nm]
+
+        Raises
+        ------
+        ValueError
+            If the shapes differ, or are not those of this arm.
+        """
+        motion = [np.asarray(values, dtype=float) for values in (q, dq, ddq)]
+        shape = motion[0].shape
+        n = self.result.robot.n
+        is_known = shape[-1:] == (n,) and len(shape) <= 2
+        if not is_known or any(values.shape != shape for values in motion):
+            shapes = ', '.join(str(values.shape) for values in motion)
+            raise ValueError(f'q, dq and ddq have the shapes {shapes}: give ({n},) or (M, {n})')
+        rows = [values.reshape(-1, n) for values in motion]
+        inertial = self.estimate.inertial.ravel()
+        links = Regressor(self.robot).stack_rigid(*rows) @ inertial
+        torque = self.estimate.model.torque(self.estimate.theta, links, rows[1], rows[2])
+        return torque.reshape(shape)
+
+    @property
+    def errors(self) -> list[BagAssessment]:
+        """Torque errors on validation, or, where there was none, on identification."""
+        recommended = self.result.recommended
+        return recommended.validation or recommended.identification
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to know before trusting it, and what to check."""
+        return list(self.result.warnings)
+
+    def summary(self) -> str:
+        """Return the torque errors of each solver on each bag, and warnings, as text."""
+        lines = [terminal_table(self.result, {})]
+        return '\n'.join(lines + [f'- {text}' for text in self.warnings])
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the figures of `summary.json`."""
+        return summarise(self.result, self._seconds)
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        """Write what the identifier writes: YAML, URDF, MJCF, SDF, summary.json and report.html.
+
+        Parameters
+        ----------
+        folder : path
+            May be missing, empty, or an earlier result, which is replaced.
+
+        Raises
+        ------
+        IdentificationError
+            If it can't be written, or holds something else.
+        """
+        with ResultDirectory(Path(folder), 'save(folder)', RESULT_FILES) as directory:
+            write_result(self.result, directory, ReportExtras())
+            directory.write_json(MARKER, self.as_dict())
+        return directory.target
+
+    def __repr__(self) -> str:
+        """Return the figure that matters."""
+        worst = max(self.errors, key=lambda bag: bag.filtered)
+        return (
+            f'<IdentifiedArm {self.result.robot.model.name}: torque error {worst.filtered:.2f} % '
+            f'filtered, {worst.filtered_measured:.2f} % only the measured one, {worst.raw:.2f} % '
+            f'raw on {worst.bag}>'
+        )
+
+    def _repr_html_(self) -> str:
+        """Return tables for a notebook."""
+        parts = [error_table(self.result)]
+        if self.warnings:
+            parts.append(bullets(self.warnings, 'warnings'))
+        parts += [paragraph(f'{self.result.samples} samples'), parameter_table(self.result, None)]
+        return ''.join(parts)
+
+
+Motion = TableStates
+"""What was recorded of n joints: names, stamp (M,), position, velocity and effort (M, n)."""
+
+NUMBERED = tuple(f'joint{i}' for i in range(1, 33))
+"""What joints without names are called, from base to tool."""
+
+
+def read_bag(
+    path: str | os.PathLike[str],
+    topic: str = '/joint_states',
+    *,
+    rate: float | None = None,
+    degrees: bool = False,
+    numbered_from: int | None = None,
+) -> Motion:
+    """Return the joint states of a bag, or of a table, as arrays.
+
+    Parameters
+    ----------
+    path : path
+        rosbag2 directory, .mcap, .db3, .csv or .npz file, or .bag of ROS 1.
+    topic : str
+        Of the bag's JointStates.
+    rate : float, optional
+        Of the rows [Hz], for a table without time.
+    degrees : bool
+        Whether a table's angles are in degrees.
+    numbered_from : {0, 1}, optional
+        Number of the first joint in a table's columns; recognized from the columns by default.
+
+    Raises
+    ------
+    BagError, IdentificationError
+        If it can't be read; the message says what to check.
+    """
+    file = Path(path)
+    if file.suffix.lower() in TABLES:
+        return read_table(file, NUMBERED, TableOptions(rate, degrees, numbered_from))
+    name = '/' + topic.lstrip('/')
+    states = read_contents(file, name).joint_states[name]
+    return Motion(
+        tuple(states.names), states.stamp, states.position, states.velocity, states.effort
+    )
+
+
+def from_arrays(
+    time: npt.ArrayLike,
+    q: npt.ArrayLike,
+    tau: npt.ArrayLike,
+    dq: npt.ArrayLike | None = None,
+    names: Sequence[str] | None = None,
+) -> Motion:
+    """Return arrays or lists as a motion.
+
+    Parameters
+    ----------
+    time : (M,) array_like
+        [s]
+    q, tau : (M, n) array_like
+        Positions [rad] and torques [Nm].
+    dq : (M, n) array_like, optional
+        Velocities [rad/s]; positions are differentiated without.
+    names : sequence of n str, optional
+        Of the joints; joint1, joint2 ... by default.
+
+    Raises
+    ------
+    IdentificationError
+        If a shape is wrong.
+    """
+    stamp = _numbers('time', time)
+    if stamp.ndim != 1:
+        raise IdentificationError(f'time has the shape {stamp.shape}: give (M,), one a sample')
+    position = _numbers('q', q)
+    if position.ndim != 2 or len(position) != len(stamp):
+        raise IdentificationError(
+            f'q has the shape {position.shape}: give (M, n) with M = {len(stamp)} as time has it'
+        )
+    joints = NUMBERED[: position.shape[1]] if names is None else tuple(names)
+    if len(joints) != position.shape[1]:
+        raise IdentificationError(f'{len(joints)} names for {position.shape[1]} joints of q')
+    velocity, effort = (_like(position, *given) for given in (('dq', dq), ('tau', tau)))
+    return Motion(joints, stamp, position, velocity, effort)
+
+
+def _like(position: Array, word: str, given: npt.ArrayLike | None) -> Array:
+    """Return values (M, n) as positions have them, NaN without any."""
+    if given is None:
+        return np.full_like(position, np.nan)
+    array = _numbers(word, given)
+    if array.shape != position.shape:
+        raise IdentificationError(
+            f'{word} has the shape {array.shape}: give {position.shape} as q has it'
+        )
+    return array
+
+
+def _numbers(word: str, values: npt.ArrayLike) -> Array:
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise IdentificationError(f'{word} must be numbers, in rows of equal length') from None
+
 
 Bag = str | os.PathLike[str] | Motion
 """A bag's or a table's path, or a motion."""

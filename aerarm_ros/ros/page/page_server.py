@@ -2,21 +2,288 @@
 
 from __future__ import annotations
 
+import gzip
+import hmac
 import http
+import secrets
+import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from functools import lru_cache
+from ipaddress import ip_address
+from typing import Annotated, Any
+from urllib.parse import urlsplit
 
+import msgspec
 import viser
 import websockets.asyncio.server as websocket_server
 from websockets import Headers
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from aerarm_ros.ros.page.page_dress import dress
-from aerarm_ros.ros.page.page_guard import PageGuard
-from aerarm_ros.ros.page.page_messages import is_allowed
+# As wide as viser calls a phone (its breakpoint xs).
+_PHONE = '36em'
+# Elements without a name of their own are found by the mode that they hold: P is the panel, C the
+# list of its elements, M the mode; the emergency stop comes after M.
+_P = '.mantine-Paper-root:has(.arm-mode)'
+_C = 'div:has(> div > div > .arm-mode)'
+_M = 'div:has(> div > .arm-mode)'
+# Stop and mode stay on top, however far the panel is scrolled. On a phone the panel would lie over
+# the arm's right half: there it has the upper half of the screen, and the arm the lower one.
+_STYLE = f"""
+.arm-mode {{ font-size: 1.6em; font-weight: bold; }}
+{_M} + div button {{ height: 2.8em !important; font-weight: bold; }}
+.mantine-ScrollArea-content div:has(.arm-mode) {{ overflow: clip !important; }}
+{_C} {{ display: flex; flex-direction: column; }}
+{_M} {{ order: -1; position: sticky; top: 3.2em; z-index: 20;
+        background: var(--mantine-color-body); box-shadow: 0 -1em var(--mantine-color-body); }}
+{_M} + div {{ order: -2; position: sticky; top: 0; z-index: 21;
+              background: var(--mantine-color-body); }}
+@media (max-width: {_PHONE}) {{
+  {_P} {{
+    top: 0; left: 0; bottom: auto !important; width: 100% !important;
+    max-height: 58dvh !important; overflow-y: auto !important;
+  }}
+  {_P} div:has(.arm-mode) {{
+    width: 100% !important; max-height: none !important; height: auto !important;
+    overflow: visible !important;
+  }}
+  #root > div > div:has(canvas) {{
+    position: fixed !important; bottom: 0; height: 42dvh !important; width: 100%;
+  }}
+}}
+"""
+_SCRIPT = """
+setInterval(() => {
+  const mode = document.querySelector('.arm-mode');
+  if (mode && document.title !== mode.dataset.title) document.title = mode.dataset.title;
+  // A plot that got its data before its width has no numbers along its time axis.
+  for (const {chart} of Object.values(window.__viserTestpoints?.uplots ?? {}))
+    if (!chart.axes[0]._splits?.length) chart.redraw(false, true);
+}, 300);
+"""
+_DRESS = f'<style>{_STYLE}</style><script>{_SCRIPT}</script></head>'.encode()
+
+
+def dress(response: Response) -> None:
+    """Add title and layout to a page that is served, in place; leave anything else alone."""
+    if not response.headers.get('Content-Type', '').startswith('text/html'):
+        return
+    packed = response.headers.get('Content-Encoding') == 'gzip'
+    response.body = _dressed(bytes(response.body), packed)
+    del response.headers['Content-Length']
+    response.headers['Content-Length'] = str(len(response.body))
+
+
+@lru_cache(maxsize=4)
+def _dressed(page: bytes, packed: bool) -> bytes:
+    plain = gzip.decompress(page) if packed else page
+    plain = plain.replace(b'<title>Viser</title>', b'<title>aerarm</title>', 1)
+    plain = plain.replace(b'</head>', _DRESS, 1)
+    return gzip.compress(plain) if packed else plain
+
+
+_WILDCARDS = ('', '0.0.0.0', '::')
+_LOOPBACK = ('localhost', '127.0.0.1', '::1')
+
+
+class PageGuard:
+    """Judges requests before anything is answered.
+
+    A browser lets every site open connections to every address, the loopback one included, and
+    tells in `Origin` which site it is: only the page itself may. A site whose name its owner has
+    led to this computer (DNS rebinding) is its own origin, but its name is in `Host`: only
+    names of this computer may be there. On a network a token, the first part of the path, is
+    asked for as well.
+
+    Parameters
+    ----------
+    host
+        Name or address at which the page is served, or that of all interfaces.
+    token
+        What the path begins with; none is asked for if empty.
+    """
+
+    def __init__(self, host: str, token: str = '') -> None:
+        self._names = {name.lower() for name in (*_LOOPBACK, *_own_names(host))}
+        self._any_address = host in _WILDCARDS
+        self._token = token.encode()
+
+    @classmethod
+    def for_host(cls, host: str) -> PageGuard:
+        """Return a guard with a new token, unless only this computer can reach the page."""
+        return cls(host, '' if is_loopback(host) else secrets.token_urlsafe(24))
+
+    def refusal(
+        self, path: str, hosts: Sequence[str], origins: Sequence[str], socket_wanted: bool
+    ) -> str:
+        """Return why a request is refused, '' if it may be answered.
+
+        Parameters
+        ----------
+        path
+            Its path, with query.
+        hosts, origins
+            All its headers of these names.
+        socket_wanted
+            Whether it asks for a websocket; browsers then tell the origin, always.
+        """
+        if len(hosts) != 1 or not self._is_own(hosts[0]):
+            return f'{_shown(hosts)} is no name of this computer: use the address it prints'
+        if len(origins) > 1 or (socket_wanted and not origins):
+            return f'the origin is {_shown(origins)}, not the page'
+        if origins and origins[0].lower() != f'http://{hosts[0]}'.lower():
+            return f'the origin is {_shown(origins)}, another site'
+        given, _ = _split(path)
+        if self._token and not hmac.compare_digest(given.encode(errors='replace'), self._token):
+            return 'the address lacks the token: use the one that was printed at the start'
+        return ''
+
+    def inner_path(self, path: str) -> str:
+        """Return a path without its token."""
+        return _split(path)[1] if self._token else path
+
+    def address(self, host: str, port: int) -> str:
+        """Return what to open in a browser."""
+        name = socket.gethostname() if host in _WILDCARDS else host
+        shown = f'[{name}]' if ':' in name else name
+        return f'http://{shown}:{port}' + (f'/{self._token.decode()}/' if self._token else '')
+
+    def _is_own(self, host: str) -> bool:
+        try:
+            parts = urlsplit(f'//{host}')
+            name, _ = parts.hostname, parts.port
+        except ValueError:
+            return False
+        if name is None or parts.username is not None or parts.path or parts.query:
+            return False
+        if name in self._names:
+            return True
+        # Whoever asks for a number is led astray by no name.
+        return self._any_address and _is_number(name)
+
+
+def is_loopback(host: str) -> bool:
+    """Tell whether only this computer reaches what is served there."""
+    return host.lower() == 'localhost' or (_is_number(host) and ip_address(host).is_loopback)
+
+
+def _own_names(host: str) -> Iterable[str]:
+    if host not in _WILDCARDS:
+        return [host]
+    name = socket.gethostname()
+    return [name, f'{name}.local', socket.getfqdn()]
+
+
+def _is_number(host: str) -> bool:
+    try:
+        ip_address(host)
+    except ValueError:
+        return False
+    return True
+
+
+def _split(path: str) -> tuple[str, str]:
+    """Return the first part of a path and, from its slash on, the rest."""
+    plain, question, query = path.partition('?')
+    first, _, rest = plain.removeprefix('/').partition('/')
+    return first, f'/{rest}{question}{query}'
+
+
+def _shown(headers: Sequence[str]) -> str:
+    """Return headers for people, short and without control characters."""
+    return repr(', '.join(headers)[:80]) if headers else 'not told'
+
+
+Vector = tuple[float, float, float]
+Text = Annotated[str, msgspec.Meta(max_length=200)]
+
+
+class CameraMoved(
+    msgspec.Struct, tag_field='type', tag='ViewerCameraMessage', forbid_unknown_fields=True
+):
+    """Where somebody looks at the arm from; it is of no consequence for others."""
+
+    wxyz: tuple[float, float, float, float]
+    position: Vector
+    fov: float
+    near: float
+    far: float
+    image_height: int
+    image_width: int
+    look_at: Vector
+    up_direction: Vector
+
+
+class Change(msgspec.Struct, forbid_unknown_fields=True):
+    """What a click changes of a button, a slider, a box to tick, a list or a text."""
+
+    value: bool | float | Text
+
+
+class ElementChanged(
+    msgspec.Struct, tag_field='type', tag='GuiUpdateMessage', forbid_unknown_fields=True
+):
+    """A click. The same message could hide, rename or disable any element for everybody."""
+
+    uuid: str
+    updates: Change
+
+
+class TargetMoved(
+    msgspec.Struct,
+    tag_field='type',
+    tag='TransformControlsUpdateMessage',
+    forbid_unknown_fields=True,
+):
+    """The tool's target, dragged."""
+
+    name: Text
+    wxyz: tuple[float, float, float, float]
+    position: Vector
+    owner: Text
+
+
+class TargetTaken(
+    msgspec.Struct,
+    tag_field='type',
+    tag='TransformControlsDragStartMessage',
+    forbid_unknown_fields=True,
+):
+    """The tool's target is held from now on."""
+
+    name: Text
+    owner: Text
+
+
+class TargetLeft(
+    msgspec.Struct,
+    tag_field='type',
+    tag='TransformControlsDragEndMessage',
+    forbid_unknown_fields=True,
+):
+    """The tool's target is held no more."""
+
+    name: Text
+    owner: Text
+
+
+_DECODER = msgspec.msgpack.Decoder(
+    CameraMoved | ElementChanged | TargetMoved | TargetTaken | TargetLeft
+)
+
+
+def is_allowed(message: object) -> bool:
+    """Tell whether a message of a websocket is one that the page itself sends."""
+    if not isinstance(message, bytes):
+        return False
+    try:
+        _DECODER.decode(message)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return False
+    return True
+
 
 MESSAGE_MAX = 4096  # [bytes] the page's own are a tenth of it
 _REPORT_PERIOD = 10.0  # [s]

@@ -2,20 +2,185 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from html import escape
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
+from geometry_msgs.msg import PoseStamped
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from aerarm_ros.ros.page.child_program import ChildProgram
-from aerarm_ros.ros.page.page_motion import PageMotion
-from aerarm_ros.ros.page.page_programs import CONTROLLERS, PagePrograms
+from aerarm_msgs_py import topics
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
+from aerarm_ros.ros.graph import endpoint_name
+from aerarm_ros.ros.page.page_programs import CONTROLLERS, ChildProgram, PagePrograms
 from aerarm_ros.ros.page.view_panel import ViewPanel, indented
 from aerarm_ros.ros.page.view_scene import ARM_BASE
+from aerarm_ros.ros.requests.bridge_service import BridgeService
+from aerarm_ros.ros.requests.stop_request import StopService
 
-Array = NDArray[np.float64]
+_SHORTEST = 0.5  # [s]
+# The controller starts where it wants the arm, which is not quite where the arm is: at the whole of
+# a limit the way from there would be refused.
+_OF_LIMITS = 0.95
+# They hear everything, and move nothing.
+_LISTENERS = ('recorder', 'view')
+
+
+class PageMotion:
+    """Publishes postures to go to, and places for the tool.
+
+    Parameters
+    ----------
+    node
+        Owner of the publishers.
+    config
+        The arm, its limits.
+    base
+        Link in which the tool's place is given.
+    """
+
+    def __init__(self, node: Node, config: ArmConfig, base: str) -> None:
+        self._node = node
+        self._names = list(config.joint_names)
+        self._base = base
+        self._velocity_max = np.array(config.column('velocity_max'))
+        self._acceleration_max = np.array(config.column('acceleration_max'))
+        self._trajectories, self._targets = (
+            node.create_publisher(topic.type, topic.name, topic.offered)
+            for topic in (topics.JOINT_TRAJECTORY, topics.TOOL_TRAJECTORY)
+        )
+
+    def go(self, start: Array, goal: Sequence[float], share: float) -> tuple[bool, str]:
+        """Send the arm from joint angles to others, (n,) [rad] each.
+
+        Parameters
+        ----------
+        start, goal
+            Where it is, and where it shall be.
+        share
+            Of the speed limits, that no joint exceeds on the way.
+
+        Returns
+        -------
+        sent, text
+            Whether somebody listens, and what to tell.
+        """
+        if not self._is_heard(topics.JOINT_TRAJECTORY.name):
+            return False, 'no controller follows joints: start computed_torque'
+        share *= _OF_LIMITS
+        duration = rest_to_rest_duration(
+            np.asarray(goal) - start,
+            share * self._velocity_max,
+            share * self._acceleration_max,
+            _SHORTEST,
+        )
+        point = JointTrajectoryPoint(positions=[float(angle) for angle in goal])
+        point.time_from_start = Duration(seconds=duration).to_msg()
+        self._trajectories.publish(JointTrajectory(joint_names=self._names, points=[point]))
+        return True, f'on the way, {duration:.1f} s'
+
+    def aim(self, place: Sequence[float]) -> tuple[bool, str]:
+        """Send the tool to a place (3,) [m] in the base; returns as `go`."""
+        if not self._is_heard(topics.TOOL_TRAJECTORY.name):
+            return False, 'no controller follows the tool: start kinematic_control'
+        message = PoseStamped()
+        message.header.frame_id = self._base
+        message.pose.orientation.w = 1.0
+        p = message.pose.position
+        p.x, p.y, p.z = (float(x) for x in place)
+        self._targets.publish(message)
+        return True, f'tool to {p.x:.3f}, {p.y:.3f}, {p.z:.3f} m'
+
+    def _is_heard(self, topic: str) -> bool:
+        """Whether a node that moves the arm listens."""
+        listeners = self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name(topic))
+        names = [endpoint_name(listener).rpartition('/')[2] for listener in listeners]
+        return any(name and name not in _LISTENERS for name in names)
+
+
+PUT_BACK = 'put_back'
+_FAULT = 'fault '
+_TIMEOUT = 3.0  # [s] to find a parameter's node, and again for its answer
+
+
+class PageRequests:
+    """Calls the bridge's services, and mends an emulated board as `arm fault` does.
+
+    Parameters
+    ----------
+    node
+        An executor must spin it in another thread.
+    bridges
+        Node names of the bridges.
+    """
+
+    def __init__(self, node: Node, bridges: Sequence[str]) -> None:
+        self._node = node
+        self._bridges = bridges
+        self._stops = {action: StopService(node, action, bridges) for action in STOPS}
+        self._services = {
+            action: BridgeService(node, action, bridges)
+            for action in (*ACTIONS, PUT_BACK)
+            if action not in STOPS
+        }
+        self._lock = threading.Lock()
+        self._parameters: dict[str, AsyncParameterClient] = {}
+
+    @property
+    def emulated(self) -> str:
+        """Node name of a bridge with emulated boards that is there, or ''."""
+        return self._services[PUT_BACK].found
+
+    def look_for_bridges(self) -> None:
+        """Get ready to stop those that are there by now, whatever they are called."""
+        for stop in self._stops.values():
+            stop.look()
+
+    def ask(self, action: str) -> tuple[bool, str]:
+        """Ask for an action by its name, or for 'fault NAME:BOARD'; blocks until it is answered.
+
+        Returns
+        -------
+        done, text
+            Whether it was done, and what the bridge says.
+        """
+        if action.startswith(_FAULT):
+            return self._mend(action.removeprefix(_FAULT))
+        service = self._stops.get(action) or self._services.get(action)
+        return (False, f'there is no {action}') if service is None else service.call()
+
+    def _mend(self, fault: str) -> tuple[bool, str]:
+        """Set the parameter `fault` of the emulated bridge."""
+        with self._lock:
+            for bridge in self._bridges:
+                client = self._client(bridge)
+                if client.wait_for_services(_TIMEOUT):
+                    return self._set(client, fault)
+        return False, 'no emulated bridge takes a fault'
+
+    def _client(self, bridge: str) -> AsyncParameterClient:
+        if bridge not in self._parameters:
+            self._parameters[bridge] = AsyncParameterClient(self._node, bridge)
+        return self._parameters[bridge]
+
+    def _set(self, client: AsyncParameterClient, fault: str) -> tuple[bool, str]:
+        answered = threading.Event()
+        future = client.set_parameters([Parameter('fault', value=fault)])
+        future.add_done_callback(lambda _: answered.set())
+        if not answered.wait(_TIMEOUT):
+            return False, f'no answer within {_TIMEOUT:g} s'
+        answer = future.result().results[0]
+        return bool(answer.successful), answer.reason or fault
+
 
 _STEP = 0.01  # [rad] of a slider
 _TARGET_SCALE = 0.25

@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import viser
-from numpy.typing import NDArray
 
-from aerarm_ros.description.description_error import DescriptionError
+from aerarm_ros.description.config_reader import DescriptionError
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.description.robot_shapes import load_shapes
-
-Array = NDArray[np.float64]
+from aerarm_ros.motion.signals import Array
 
 ARM_BASE = '/arm/base_of_arm'
 """Where in the scene the arm's base frame is: under a drone it is not that of the URDF's root."""

@@ -5,16 +5,3 @@ date, or a `ParameterError` that says what would be right. Files of arm and
 drone and wishes to the
 operating system are parameters of several nodes, so they are here.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        'arm_files': ['ARM_FILES', 'load_arm'],
-        'drone_file': ['DRONE_FILE', 'load_drone'],
-        'parameter': ['Parameter'],
-        'parameter_table': ['ParameterError', 'ParameterTable'],
-        'real_time_parameters': ['REAL_TIME_PARAMETERS', 'prepare_thread'],
-    },
-)

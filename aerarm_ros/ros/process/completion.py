@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # tools without ROS complete their options, too
-    from aerarm_ros.ros.parameters.parameter import Parameter
+    from aerarm_ros.ros.parameters.parameter_table import Parameter
 
 OPTION = '--completion'
 # Said once in a script, also where zsh reads it.

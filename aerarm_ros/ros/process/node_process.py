@@ -11,8 +11,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO
 
-from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
-from aerarm_ros.ros.process.log_directory import find_log_directory
+from aerarm_ros.ros.process.discovery import use_packaged_profile
+from aerarm_ros.ros.process.node_main import find_log_directory
 
 # [s] Far longer than any node's own shut-down (a bag's last chunk, the boards' last frames), which
 # takes 0.3 s alone and more than 10 s beside 20 busy programs: what is killed must hang, for a

@@ -10,8 +10,8 @@ import sys
 import rclpy
 from rclpy.node import Node
 
-from aerarm_ros.ros.executors.spinning import spin_until, this_domain
-from aerarm_ros.ros.process.exit_status import print_notice
+from aerarm_ros.ros.executors import spin_until, this_domain
+from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 from aerarm_ros.ros.requests.commissioning_client import CommissioningClient, EmulatedPerson
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import atexit
 import json
+import re
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,12 +18,86 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.description.resources import resource
-from aerarm_ros.ros.process.discovery_profile import use_packaged_profile
-from aerarm_ros.ros.process.log_directory import find_log_directory
+from aerarm_ros.hardware.bridge_modes import OFF
+from aerarm_ros.ros.process.discovery import use_packaged_profile
+from aerarm_ros.ros.process.node_main import find_log_directory
 from aerarm_ros.ros.process.node_process import NodeProcess
-from aerarm_ros.ros.programs.demo_account import DemoAccount
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
-from aerarm_ros.ros.states.arm_modes import OFF
+
+_CYCLES = re.compile(
+    r'\d+ cycles, the world ran at [\d.]+ % of real time(?P<slow>.*too slow.*)?$', re.MULTILINE
+)
+_MESSAGES = re.compile(r'\d+ messages, (?P<lost>\d+|unknown) lost$', re.MULTILINE)
+_ADVICE = (
+    'close what else computes, and give the nodes real-time priority '
+    '(docs/how-to/raspberry_pi.md, "Real time")'
+)
+
+
+@dataclass(frozen=True)
+class DemoAccount:
+    """Last words of the bridge and of the recorders.
+
+    Attributes
+    ----------
+    cycles
+        Of the bridge.
+    too_slow
+        Whether the host would have kept a real arm waiting.
+    messages
+        Of the recorder of each motion.
+    lost
+        Messages lost, of each motion; None where the middleware does not number them.
+    """
+
+    cycles: str
+    too_slow: bool
+    messages: Mapping[str, str]
+    lost: Mapping[str, int | None]
+
+    @classmethod
+    def read(cls, bridge: Path, recorders: Mapping[str, Path]) -> DemoAccount:
+        """Read the logs of the bridge and of the motions' recorders, by the motions' names.
+
+        Raises
+        ------
+        ValueError
+            If a log ends without an account.
+        """
+        cycles = _last(_CYCLES, bridge)
+        messages = {name: _last(_MESSAGES, log) for name, log in recorders.items()}
+        return cls(
+            cycles[0],
+            cycles['slow'] is not None,
+            {name: found[0] for name, found in messages.items()},
+            {name: _count(found['lost']) for name, found in messages.items()},
+        )
+
+    def lines(self) -> Iterator[str]:
+        """Yield what to print at the end, warnings last."""
+        yield f'Bridge    {self.cycles}'
+        for name, text in self.messages.items():
+            yield f'Recorder  {name}: {text}'
+        if self.too_slow:
+            yield (
+                'NOTE      the world waited for this host, so the result is as on a faster one; a '
+                f'real arm would not have waited: {_ADVICE}'
+            )
+        if any(self.lost.values()):
+            lost = sum(filter(None, self.lost.values()))
+            yield f'WARNING   the bags lack {lost} messages: {_ADVICE}'
+
+
+def _count(text: str) -> int | None:
+    return None if text == 'unknown' else int(text)
+
+
+def _last(pattern: re.Pattern[str], log: Path) -> re.Match[str]:
+    found = list(pattern.finditer(log.read_text(errors='replace')))
+    if not found:
+        raise ValueError(f'{log} ends without an account of {pattern.pattern!r}')
+    return found[-1]
+
 
 # [s] A slow or busy machine takes long to load its libraries, and for the arm's time to pass.
 _START_TIME = 120

@@ -10,20 +10,24 @@ from pathlib import Path
 
 import numpy as np
 
-from aerarm_msgs_py.bags.bag_contents import BagContents, lost_messages, read_contents
-from aerarm_msgs_py.bags.joint_state_series import JointStateSeries
-from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
-from aerarm_msgs_py.storage.read_limits import ReadLimits
-from aerarm_ros.identification.recording.bag_facts import BagFacts
-from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_msgs_py.bags.bag_reader import (
+    BagContents,
+    JointStateSeries,
+    lost_messages,
+    read_contents,
+)
+from aerarm_msgs_py.storage.read_limits import BagError, BagWarning, ReadLimits
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import (
+    BagFacts,
+    DesiredVelocity,
     JointMapping,
     Recording,
+    commanded_span,
     recording_from_states,
+    running_span,
 )
 from aerarm_ros.identification.recording.table_file import TABLES, TableOptions, read_table
-from aerarm_ros.identification.recording.used_span import commanded_span, running_span
 
 _COMMAND, _MODE, _DIAGNOSTICS = 'joint_command', 'arm_mode', 'diagnostics'
 _MOST = 2_000_000  # messages, 33 min at 1 kHz: no excitation needs more, and memory has an end

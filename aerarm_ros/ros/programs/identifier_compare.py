@@ -6,14 +6,14 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
-from aerarm_ros.identification.files.bench_comparison import compare_benches
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_comparison import (
     EstimateComparison,
+    compare_benches,
     compare_estimates,
 )
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.report.comparison_page import comparison_page
+from aerarm_ros.identification.report.report import comparison_page
 
 _FILE, _BENCH, _PAGE = 'estimate.yaml', 'motor_bench.yaml', 'comparison.html'
 

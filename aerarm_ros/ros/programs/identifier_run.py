@@ -3,32 +3,237 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from aerarm_ros.identification.assessment.bag_energy import bag_energies
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.assessment.truth import inertial_torque_errors, load_truth
-from aerarm_ros.identification.assessment.verdict import Verdict, judge, read_limits
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
+import numpy as np
+
+from aerarm_msgs_py.storage.read_limits import ReadLimits
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
+from aerarm_ros.identification.arm_parameters import LinkBounds
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.files.estimate_file import (
+    estimate_yaml,
+    payload_yaml,
+    read_estimate,
+    read_gravity,
+)
+from aerarm_ros.identification.files.identified_robot import (
+    equivalent_friction,
+    identified_mjcf,
+    identified_sdf,
+    identified_urdf,
+    unwritten,
+)
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.identification.identification_result import (
+    IdentificationResult,
+    Verdict,
+    bag_energies,
+    judge,
+    read_limits,
+)
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.parameters.link_bounds import LinkBounds
-from aerarm_ros.identification.payload.identify_payload import identify_payload
-from aerarm_ros.identification.payload.payload import Payload
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.report.report import ReportExtras
+from aerarm_ros.identification.joint_model import TermKind
+from aerarm_ros.identification.payload import Payload, identify_payload, weigh_payload
+from aerarm_ros.identification.recording.recording import BagFacts, JointMapping, Recording
+from aerarm_ros.identification.recording.table_file import TABLES, TableOptions
+from aerarm_ros.identification.report.report import ReportExtras, report_html
 from aerarm_ros.identification.solvers.solvers import FAST
 from aerarm_ros.identification.stopwatch import Stopwatch
-from aerarm_ros.ros.programs.identifier_bags import repeated_bags
-from aerarm_ros.ros.programs.identifier_files import RESULT_FILES, write_result
-from aerarm_ros.ros.programs.identifier_table import terminal_table
-from aerarm_ros.ros.programs.recorded_arm import RecordedArm, pair
+from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
+from aerarm_ros.ros.programs.identifier_bags import (
+    IdentifierBags,
+    RecordedBag,
+    bag_names,
+    repeated_bags,
+)
+
+RESULT_FILES = (
+    *('estimate.yaml', 'identified.urdf', 'identified.xml', 'identified.sdf', 'payload.yaml'),
+    *('report.html', MARKER),
+)
+"""All that a result may hold."""
+
+
+def write_result(
+    result: IdentificationResult, directory: ResultDirectory, extras: ReportExtras
+) -> tuple[str, ...]:
+    """Write estimate, URDF, MJCF, SDF, payload and report; return what is to be said of them.
+
+    Raises
+    ------
+    IdentificationError
+        If something can't be written.
+    """
+    estimate = result.recommended.estimate
+    viscous, coulomb = equivalent_friction(estimate, result.identification)
+    directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
+    load = estimate.joint_values(TermKind.LOAD.value)
+    beside = equivalent_friction(estimate, result.identification, beside_load=True)
+    urdf = identified_urdf(result.robot, estimate.inertial, *beside, load)
+    told = (*urdf.warnings, *unwritten(estimate))
+    result.warnings.extend(text for text in told if text not in result.warnings)
+    directory.write('identified.urdf', urdf.text)
+    rotors = estimate.joint_values(TermKind.ROTOR.value)
+    values = (estimate.inertial, viscous, coulomb, rotors)
+    directory.write('identified.xml', identified_mjcf(result.robot, *values))
+    directory.write('identified.sdf', identified_sdf(result.robot, *values))
+    if extras.payload is not None:
+        directory.write('payload.yaml', payload_yaml(estimate, extras.payload))
+    directory.write('report.html', report_html(result, extras))
+    return told
+
+
+_ROLES = ('identification', 'validation')
+
+
+def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) -> str:
+    """Return the errors of each solver on each bag, and what was used of the bags.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+    facts : mapping
+        Name of a bag to what is known of it.
+    """
+    groups = zip(_ROLES, (result.identification, result.validation), strict=True)
+    bags = [(role, bag.samples.name) for role, columns in groups for bag in columns]
+    width = max(22, *(len(text) for heading in bags for text in heading)) + 2
+    lines = ['Torque error [%], filtered / only the measured one filtered (raw)']
+    for row in zip(*bags, strict=True):
+        lines.append(' ' * 10 + ''.join(text.rjust(width) for text in row))
+    for name, solution in result.solutions.items():
+        cells = [
+            f'{bag.filtered:.2f} / {bag.filtered_measured:.2f} ({bag.raw:.2f})'.rjust(width)
+            for bag in (*solution.identification, *solution.validation)
+        ]
+        consistent = '' if solution.estimate.physically_consistent else '  not a physical arm'
+        lines.append(name.ljust(10) + ''.join(cells) + consistent)
+    if result.gravity is not None and result.gravity.tilt > 0.0:
+        degrees = math.degrees(result.gravity.tilt)
+        lines.append(f'gravity: {degrees:.2f} degrees off the stated direction, taken as found')
+    lines += [f'{bag}: {known.text}' for bag, known in facts.items()]
+    return '\n'.join(lines)
+
+
+_MB = 2**20  # bytes
+
+
+class RecordedArm:
+    """The URDF, the drives, and what was recorded of them.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        With the options of `identifier_options.add_arm_options`.
+    paths : sequence of Path
+        All bags that will be read, for their names.
+
+    Attributes
+    ----------
+    config : ArmConfig or None
+        None for the URDF of another arm without a configuration.
+    robot : Robot
+    messages : list of str
+        What reading the bags warned of; it may be added to.
+    read : dict
+        Name of a bag to the RecordedBag that was read of it.
+
+    Raises
+    ------
+    IdentificationError, DescriptionError, ConfigError
+        If an option, the URDF or the configuration is wrong.
+    """
+
+    def __init__(self, options: argparse.Namespace, paths: Sequence[Path]) -> None:
+        self._names = bag_names(paths)
+        tables = any(path.suffix.lower() in TABLES for path in paths)
+        given = {
+            '--degrees': options.degrees,
+            '--rate': options.rate is not None,
+            '--numbered-from': options.numbered_from is not None,
+        }
+        for option in () if tables else [name for name, is_given in given.items() if is_given]:
+            raise IdentificationError(
+                f'{option} is for tables (.csv, .npz), and there is none: bags have stamps and '
+                'joint names, and are in rad'
+            )
+        self.config = _load_config(options)
+        self.robot = _load_robot(options, self.config)
+        limits = ReadLimits(_MB * options.bag_part, options.bag_ratio)
+        table = TableOptions(options.rate, options.degrees, options.numbered_from)
+        self._bags = IdentifierBags(
+            options.topic, self.robot.joint_names, _mapping(options), limits, table
+        )
+        self.messages = self._bags.messages
+        self.read: dict[str, RecordedBag] = {}
+
+    def name(self, path: Path) -> str:
+        """Return a bag's short name."""
+        return self._names[path]
+
+    def recording(self, path: Path) -> Recording:
+        """Read a bag; raises BagError or IdentificationError with what to check."""
+        name = self._names[path]
+        self.read[name] = self._bags.read(path, name)
+        return self.read[name].recording
+
+    def facts(self) -> dict[str, BagFacts]:
+        """Return how complete the bags are that were read."""
+        return {name: bag.facts for name, bag in self.read.items()}
+
+
+def pair(text: str, option: str) -> tuple[str, str]:
+    """Return both sides of LEFT=RIGHT; raises IdentificationError for anything else."""
+    left, equals, right = text.partition('=')
+    if not (left and equals and right):
+        raise IdentificationError(f'{option} {text}: write it as LEFT=RIGHT')
+    return left, right
+
+
+def _load_config(options: argparse.Namespace) -> ArmConfig | None:
+    # Another arm's URDF says nothing about this package's motors.
+    if options.config is None and options.urdf is not None:
+        return None
+    return load_arm_config(options.config)
+
+
+def _load_robot(options: argparse.Namespace, config: ArmConfig | None) -> Robot:
+    gravity = options.gravity
+    if gravity is None:
+        gravity = config.gravity_in_base if config else STANDARD_GRAVITY
+    return load_robot(options.urdf, gravity_in_base=gravity, locked=options.lock)
+
+
+def _mapping(options: argparse.Namespace) -> JointMapping:
+    return JointMapping(
+        rename=dict(pair(text, '--rename') for text in options.rename),
+        prefix=options.tf_prefix,
+        ignored=tuple(options.ignore),
+        locked=tuple(options.lock),
+        effort_gain={
+            joint: _number(gain, '--effort-gain')
+            for joint, gain in (pair(text, '--effort-gain') for text in options.effort_gain)
+        },
+    )
+
+
+def _number(text: str, option: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float('nan')
+    if not np.isfinite(value) or value == 0.0:
+        raise IdentificationError(f'{option}: {text} must be a number other than zero')
+    return value
 
 
 class IdentifierRun:
@@ -192,3 +397,52 @@ def tell_replaced(directory: ResultDirectory) -> None:
 def _progress(text: str) -> None:
     if sys.stderr.isatty():
         print(f'identifier: {text} ...', file=sys.stderr)
+
+
+_FILES = ('payload.yaml', MARKER)
+
+
+class PayloadRun(IdentifierRun):
+    """What the command line asks for if it gives a model of the arm."""
+
+    def execute(self) -> str:
+        """Identify the payload, write it, and return what is to be printed.
+
+        Raises
+        ------
+        IdentificationError, BagError, ConfigError
+            If a bag or the model can't be used, or the result can't be written.
+        """
+        options = self._options
+        if options.bag or options.validation or not options.payload:
+            raise IdentificationError(
+                '--model fixes the arm: give the bags with the payload as --payload, and no --bag'
+            )
+        if options.verify:
+            raise IdentificationError('--verify judges an identified arm: give it without --model')
+        default = Path('output') / time.strftime('payload_%Y%m%d_%H%M%S', options.started)
+        with ResultDirectory(options.out or default, files=_FILES) as directory:
+            robot = self._arm.robot
+            estimate = read_estimate(options.model, robot)
+            if options.gravity is None:
+                robot = robot.with_gravity(read_gravity(options.model, robot))
+            recordings = [self._recording(path) for path in options.payload]
+            conditioning = ConditioningOptions(
+                fundamental=options.fundamental,
+                harmonics=options.harmonics,
+                cutoff=options.cutoff,
+                filter=options.filter,
+            )
+            payload = weigh_payload(robot, estimate, recordings, conditioning)
+            directory.write('payload.yaml', payload_yaml(estimate, payload))
+            summary = {
+                'model': str(options.model),
+                'payload': {'mass': payload.mass, 'mass_standard_deviation': float(payload.std[0])},
+            }
+            directory.write_json(MARKER, summary)
+            tell(self._arm.messages)
+        tell_replaced(directory)
+        return (
+            f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg\n'
+            f'{directory.target / "payload.yaml"}'
+        )

@@ -9,8 +9,8 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.draft.arm_draft import ArmDraft
 from aerarm_ros.draft.draft_text import MARK, arm_text, excitation_text
-from aerarm_ros.excitation.design.design_file import write_design
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.design_file import write_design
+from aerarm_ros.excitation.settings import load_excitation_config
 
 
 class InitRun:

@@ -5,28 +5,63 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
-from aerarm_ros.identification.files.estimate_file import payload_yaml
-from aerarm_ros.identification.files.estimate_reader import read_estimate, read_gravity
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.files.estimate_file import payload_yaml, read_estimate, read_gravity
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
-from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.online.known_arm import KnownArm
-from aerarm_ros.online.online_estimate import FRICTION_NAMES, OnlineEstimate
-from aerarm_ros.online.replay import LoadChange, Replay
-from aerarm_ros.ros.controllers.estimator_parameters import (
+from aerarm_ros.online.friction_trend import FrictionTrend, read_trend
+from aerarm_ros.online.payload_estimator import FRICTION_NAMES, OnlineEstimate
+from aerarm_ros.online.replay import KnownArm, LoadChange, Replay
+from aerarm_ros.ros.controllers.friction_log import (
     ESTIMATOR_PARAMETERS,
     estimator_settings,
 )
-from aerarm_ros.ros.process.exit_status import INTERRUPTED, USER_ERROR, print_error
-from aerarm_ros.ros.process.one_line_parser import OneLineParser
-from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
-from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.process.command_line import OneLineParser, RosArguments, UsageError
+from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
 from aerarm_ros.ros.programs.identifier_options import add_arm_options
-from aerarm_ros.ros.programs.recorded_arm import RecordedArm
+from aerarm_ros.ros.programs.identifier_run import RecordedArm
+
+
+def show_trend(name: str, arguments: Sequence[str]) -> int:
+    """Print what a command line asks for; return 0, or 2 if there is something to check."""
+    parser = OneLineParser(prog=name, description='Shows how friction has changed.')
+    parser.add_argument(
+        '--trend', type=Path, required=True, metavar='FILE', help='a friction_file of the node'
+    )
+    options = parser.parse_args(arguments)
+    try:
+        print(trend_table(read_trend(options.trend)))
+    except (ValueError, OSError) as error:
+        print_error(name, error)
+        return USER_ERROR
+    return 0
+
+
+def trend_table(trend: FrictionTrend) -> str:
+    """Return a line for each coefficient, those that have clearly changed marked."""
+    records, changes = trend.records, trend.changes()
+    if not changes:
+        return f'{len(records)} records: a trend needs two'
+    dates = (datetime.fromtimestamp(records[index].time, UTC) for index in (0, -1))
+    first, last = (f'{date:%Y-%m-%d %H:%M}' for date in dates)
+    width = max(len(change.name) for change in changes)
+    lines = [
+        f'{len(records)} records, {first} to {last} UTC',
+        f'  {"":{width}}  {"first":>9} {"last":>9}   a week',
+    ]
+    for change in changes:
+        mark = '*' if change.is_clear else ' '
+        rate = f'{change.rate:+.2g} ± {change.rate_std:.2g}'
+        lines.append(f'{mark} {change.name:{width}}  {change.old:9.4f} {change.new:9.4f}   {rate}')
+    clear = sum(change.is_clear for change in changes)
+    lines.append(f'* {clear} of {len(changes)} changed by more than three standard deviations')
+    return '\n'.join(lines)
+
 
 _FILES = ('payload.yaml', MARKER)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from math import inf
+from types import SimpleNamespace
 
 from rclpy.client import Client
 from rclpy.node import Node
@@ -12,15 +13,17 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
-from aerarm_ros.ros.executors.spinning import spin_until, this_domain
-from aerarm_ros.ros.requests.bridge_finder import (
+from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS, says_not_active
+from aerarm_ros.ros.executors import spin_until, this_domain
+from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.requests.bridge_service import (
     BridgeFinder,
+    BridgeService,
+    ServiceCall,
     bridges_among,
     offered_actions,
     same_name_problem,
 )
-from aerarm_ros.ros.requests.service_call import ServiceCall
 from aerarm_ros.ros.requests.stop_request import StopRequest
 
 BRIDGES = ('hardware_bridge', 'fake_hardware')
@@ -206,3 +209,52 @@ class ArmClient:
 
     def _on_mode(self, message: String) -> None:
         self.mode = message.data
+
+
+HOLD, RELEASE = 'hold', 'release'
+
+BRIDGES_PARAMETER = Parameter('bridges', list(BRIDGES), 'node names of the bridges to ask')
+
+AT_END_PARAMETERS = grouped(
+    'At the end',
+    Parameter(
+        'at_end',
+        HOLD,
+        "what becomes of the arm when this node ends: 'hold', the bridge holds it where it is, or "
+        "'release', it is damped and sinks until it is enabled",
+        choices=(HOLD, RELEASE),
+    ),
+    BRIDGES_PARAMETER,
+)
+
+
+class ArmAtEnd:
+    """Asks the bridge to hold the arm, if that is wanted.
+
+    A node that dies asks for nothing, so that its arm is damped.
+
+    Parameters
+    ----------
+    node
+        An executor must spin it in another thread.
+    values
+        Of `AT_END_PARAMETERS`.
+    """
+
+    def __init__(self, node: Node, values: SimpleNamespace) -> None:
+        self._node = node
+        # Made early: the answer to a client that the bridge has not discovered yet is lost.
+        self._hold = BridgeService(node, 'hold', values.bridges) if values.at_end == HOLD else None
+
+    def leave(self) -> None:
+        """Leave an arm that is commanded no more; blocks until the bridge has answered."""
+        if self._hold is None or not self._hold.found:
+            return
+        done, text = self._hold.call()
+        log = self._node.get_logger()
+        # rclpy ties a severity to the line that logs.
+        if done:
+            log.info(f'at the end {text}')
+        # A bridge that ends as well holds nothing any more.
+        elif self._hold.found and not says_not_active(text):
+            log.warning(f'the arm is not held at the end: {text}')

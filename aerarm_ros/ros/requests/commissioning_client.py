@@ -15,17 +15,16 @@ from rclpy.task import Future
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_ros.commissioning.commissioning import Commissioning
+from aerarm_ros.commissioning.commissioning import Commissioning, Prompt
 from aerarm_ros.commissioning.commissioning_record import (
     CommissioningRecord,
     load_record,
     record_path,
 )
-from aerarm_ros.commissioning.commissioning_step import Prompt
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.hardware.boards.probe_messages import OFF, WATCH, ProbeReport, ProbeRequest
+from aerarm_ros.hardware.boards.commissioning_probe import OFF, WATCH, ProbeReport, ProbeRequest
 
 _PERIOD = 0.05  # [s] between two requests
 _SILENCE = 10.0  # [s] without a report after which the bridge counts as gone; it stops by itself

@@ -13,11 +13,10 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
-from aerarm_ros.description.config_error import ConfigError
-from aerarm_ros.description.plain_yaml import plain_data
-from aerarm_ros.ros.executors.spinning import spin_until, this_domain
+from aerarm_ros.description.config_reader import ConfigError, plain_data
+from aerarm_ros.ros.executors import spin_until, this_domain
 from aerarm_ros.ros.requests.arm_client import ArmClientError
-from aerarm_ros.ros.requests.service_call import ASK_AGAIN
+from aerarm_ros.ros.requests.bridge_service import ASK_AGAIN
 
 _Type = Parameter.Type
 

@@ -8,9 +8,9 @@ from math import inf
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
-from aerarm_ros.realtime.steady_clock import SteadyClock
+from aerarm_msgs_py.codecs.joint_state_cdr import decode_joint_state
+from aerarm_msgs_py.live_topics import RawReader
+from aerarm_ros.realtime.periodic_loop import SteadyClock
 
 # Without a state for this long [s] there is no arm whose time it could be.
 _SILENCE = 1.0

@@ -10,10 +10,9 @@ from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_ros.realtime.timing_statistics import TimingStatistics
-from aerarm_ros.ros.diagnostics.diagnostics_publisher import PERIOD, DiagnosticsPublisher
-from aerarm_ros.ros.diagnostics.waiting_notice import WaitingNotice
-from aerarm_ros.ros.executors.steady_timer import create_steady_timer
-from aerarm_ros.ros.graph.sole_publisher import SolePublisher
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, WaitingNotice
+from aerarm_ros.ros.executors import create_steady_timer
+from aerarm_ros.ros.graph import SolePublisher
 from aerarm_ros.ros.states.state_stream import StateStream
 
 # A rejection is a warning for this long [s].

@@ -5,22 +5,137 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from builtin_interfaces.msg import Time
+from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu
+from std_msgs.msg import Header
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.joint_sample import JointSample
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state, in_order
-from aerarm_msgs_py.live_topics.identified_take import RawMessage
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.ros.states.rotor_thrusts import RotorThrusts
+from aerarm_msgs_py.codecs.cdr import Payloads
+from aerarm_msgs_py.codecs.joint_state_cdr import (
+    JointSample,
+    JointStateCdr,
+    JointStateDecoder,
+    decode_joint_state,
+    in_order,
+)
+from aerarm_msgs_py.live_topics import RawMessage, RawReader
+from aerarm_msgs_py.topics import Topic
+from aerarm_ros.control.base.base_motion import ImuSample
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.motion.signals import ArmState
+
+
+def base_header(stamp_ns: int, base_link: str) -> Header:
+    """Return a header with the stamp of a state [ns since the epoch], see `Robot.base_link`."""
+    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=base_link)
+
+
+class RotorThrusts(NamedTuple):
+    """Commanded thrusts of a drone's rotors, as sent.
+
+    Attributes
+    ----------
+    names
+        Of the rotors, n of them.
+    thrust
+        (n,) [N]
+    stamp
+        [s]
+    lead_ns
+        How long before the newest state it came [ns].
+    """
+
+    names: tuple[str, ...]
+    thrust: NDArray[np.float64]
+    stamp: float
+    lead_ns: int
+
+
+_COUNT_PERIOD = 1.0  # [s]
+
+
+class StateSampler:
+    """Takes what is newest on a topic and leaves the rest, at no cost per message.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscription.
+    names
+        Joints wanted, n of them, in the order of the numbers returned.
+    topic
+        Of JointState; `joint_states` if not given.
+
+    Attributes
+    ----------
+    missing
+        Wanted joints that no message has had so far.
+    unknown
+        Wanted joints without a position in the newest message: those that are not homed.
+    stamp_ns
+        Stamp of the newest message [ns].
+    """
+
+    def __init__(
+        self, node: Node, names: Sequence[str], topic: Topic = topics.JOINT_STATES
+    ) -> None:
+        self.missing: list[str] = []
+        self.unknown: list[str] = []
+        self.stamp_ns = 0
+        self._names = list(names)
+        self._may_be_partial = topic is not topics.JOINT_STATES
+        self._reader = RawReader(node, topic)
+        self._decoder = JointStateDecoder()
+        self._counted = (time.monotonic(), 0)
+        self._frequency = 0.0
+
+    def newest(self) -> NDArray[np.float64] | None:
+        """Return position, velocity, effort (3, n) [rad, rad/s, Nm], or None if nothing new came.
+
+        What the message leaves empty is NaN; a state without positions is none.
+        """
+        message = self._reader.take_newest()
+        if message is None:
+            return None
+        stamps, values = self._decoder.decode(Payloads.of([message[0]]))
+        self.stamp_ns = int(stamps[0])
+        known = self._decoder.names
+        self.missing = [name for name in self._names if name not in known]
+        if self.missing:
+            return None
+        state = values[0][:, [known.index(name) for name in self._names]]
+        finite = np.isfinite(state[0]).tolist()
+        self.unknown = [
+            name for name, is_known in zip(self._names, finite, strict=True) if not is_known
+        ]
+        return state if self._may_be_partial or not self.unknown else None
+
+    def frequency(self, now: float) -> float:
+        """Return the publisher's rate [Hz] over the last second, from its own numbering.
+
+        Parameters
+        ----------
+        now
+            Monotonic time [s].
+        """
+        since, before = self._counted
+        if now - since > _COUNT_PERIOD:
+            total = self._reader.count() + (self._reader.lost() or 0)
+            self._frequency = (total - before) / (now - since)
+            self._counted = (now, total)
+        return self._frequency
+
+    def destroy(self) -> None:
+        """Destroy the subscription."""
+        self._reader.destroy()
+
 
 _STATES = 0  # its place among the topics
 

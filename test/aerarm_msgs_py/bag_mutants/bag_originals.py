@@ -12,10 +12,9 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
-from aerarm_msgs_py.bags.bag_metadata import BagMetadata
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
+from aerarm_msgs_py.bags.bag_writer import BagMetadata
 from aerarm_msgs_py.bags.mcap_writer import McapWriter
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage
-from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from aerarm_msgs_py.bags.bag_contents import read_contents
-from aerarm_msgs_py.storage.bag_error import BagError
+from aerarm_msgs_py.bags.bag_reader import read_contents
+from aerarm_msgs_py.storage.read_limits import BagError
 
 RIGHT, PART, REFUSED = 'right', 'part', 'refused'
 ALTERED, FORGED, SHORTER = 'altered', 'forged', 'shorter'

@@ -4,9 +4,8 @@ import sys
 import time
 from itertools import count
 
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage
-from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 
 writer = BagWriter(sys.argv[1], [RecordedTopic('/text', 'std_msgs/msg/String')])
 for number in count(1):

@@ -8,11 +8,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from aerarm_msgs_py.bags.bag_contents import lost_messages, read_contents
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
+from aerarm_msgs_py.bags.bag_reader import lost_messages, read_contents
 from aerarm_msgs_py.bags.bag_writer import BagWriter
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage
-from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
-from aerarm_msgs_py.storage.bag_error import BagError
+from aerarm_msgs_py.storage.read_limits import BagError
 
 OTHERS = ('/motor_states', '/arm_mode', '/diagnostics', '/nothing')
 COUNT = 3000

@@ -10,7 +10,7 @@ import pytest
 
 from aerarm_msgs_py.bags.bag_information import BagInformation, read_information
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
-from aerarm_msgs_py.storage.bag_error import BagWarning
+from aerarm_msgs_py.storage.read_limits import BagWarning
 
 HEAD = 'rosbag2_bagfile_information:\n  '
 BOMB = 'a0: &a0 [x, x, x, x, x, x, x, x, x]\n' + '\n'.join(

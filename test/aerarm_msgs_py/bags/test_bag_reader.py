@@ -7,6 +7,7 @@ import pytest
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
+from aerarm_msgs_py.bags.bag import RecordedMessage
 from aerarm_msgs_py.bags.bag_reader import (
     BagError,
     BagWarning,
@@ -14,7 +15,6 @@ from aerarm_msgs_py.bags.bag_reader import (
     read_joint_states,
     topics,
 )
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 
 

@@ -12,10 +12,9 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage
-from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
-from aerarm_msgs_py.storage.bag_error import BagError
+from aerarm_msgs_py.storage.read_limits import BagError
 
 STRING = RecordedTopic('/text', 'std_msgs/msg/String')
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from aerarm_msgs_py.bags.joint_state_builder import JointStateBuilder
+from aerarm_msgs_py.bags.bag_reader import JointStateBuilder
+from aerarm_msgs_py.codecs.cdr import Payloads
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.codecs.payloads import Payloads
-from aerarm_msgs_py.storage.message_block import MessageBlock
+from aerarm_msgs_py.storage.read_limits import MessageBlock
 
 KIND = 'sensor_msgs/msg/JointState'
 

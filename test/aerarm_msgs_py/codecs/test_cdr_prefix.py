@@ -1,6 +1,6 @@
 import numpy as np
 
-from aerarm_msgs_py.codecs.cdr_prefix import CdrPrefix
+from aerarm_msgs_py.codecs.cdr import CdrPrefix
 
 
 def prefix_of(*texts: str) -> CdrPrefix:

@@ -3,7 +3,7 @@ import struct
 import numpy as np
 import pytest
 
-from aerarm_msgs_py.codecs.cdr_reader import CdrReader
+from aerarm_msgs_py.codecs.cdr import CdrReader
 
 
 @pytest.mark.parametrize('order', ['<', '>'])

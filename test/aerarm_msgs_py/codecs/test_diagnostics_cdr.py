@@ -2,7 +2,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
 
-from aerarm_msgs_py.codecs.diagnostics_cdr import diagnostic_values
+from aerarm_msgs_py.codecs.cdr import diagnostic_values
 
 
 def test_values_by_status() -> None:

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from aerarm_msgs_py.codecs.float64_array_cdr import Float64ArrayCdr
+from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
 
 data_lists = st.lists(st.floats(), min_size=1, max_size=9)
 

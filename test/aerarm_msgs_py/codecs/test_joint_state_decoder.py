@@ -4,9 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.codecs.joint_state_decoder import JointStateDecoder
-from aerarm_msgs_py.codecs.payloads import Payloads
+from aerarm_msgs_py.codecs.cdr import Payloads
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr, JointStateDecoder
 
 ARMS = [JointStateCdr(names, frame) for names in (['a', 'b'], ['b', 'a'], ['a', 'bb', 'c'])
         for frame in ('', 'base')]  # fmt: skip

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_msgs_py.codecs.payloads import Payloads, elements_at
+from aerarm_msgs_py.codecs.cdr import Payloads, elements_at
 
 MESSAGES = [b'abc', b'', b'defg', b'hij']
 

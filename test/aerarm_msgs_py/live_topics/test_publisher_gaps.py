@@ -2,8 +2,7 @@ import random
 
 import pytest
 
-from aerarm_msgs_py.live_topics.publisher_gaps import PublisherGaps
-from aerarm_msgs_py.live_topics.sequence_gaps import UNNUMBERED
+from aerarm_msgs_py.live_topics import UNNUMBERED, PublisherGaps
 
 
 @pytest.mark.parametrize('seed', range(20))

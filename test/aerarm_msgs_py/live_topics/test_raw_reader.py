@@ -11,11 +11,8 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from aerarm_msgs_py.live_topics.executor_source import ExecutorSource
-from aerarm_msgs_py.live_topics.identified_take import IdentifiedTake
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
-from aerarm_msgs_py.live_topics.topic import Topic
-from aerarm_msgs_py.live_topics.wait_set_source import WaitSetSource
+from aerarm_msgs_py.live_topics import ExecutorSource, IdentifiedTake, RawReader, WaitSetSource
+from aerarm_msgs_py.topics import Topic
 
 DEEP = Topic('words', String, QoSProfile(depth=100))
 OTHER = Topic('others', String, QoSProfile(depth=100))

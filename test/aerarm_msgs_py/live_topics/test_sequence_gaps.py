@@ -2,7 +2,7 @@ import random
 
 import pytest
 
-from aerarm_msgs_py.live_topics.sequence_gaps import SequenceGaps
+from aerarm_msgs_py.live_topics import SequenceGaps
 
 
 def lost(numbers) -> int | None:

@@ -7,7 +7,7 @@ import zstandard
 from bag_originals import originals
 
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
-from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
+from aerarm_msgs_py.storage.read_limits import BagError, BagWarning
 
 COUNT = 200
 

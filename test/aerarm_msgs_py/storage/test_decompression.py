@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import zstandard
 
-from aerarm_msgs_py.storage.decompression import DecompressionError, beginning, decompress
+from aerarm_msgs_py.storage.compressed_file import DecompressionError, beginning, decompress
 
 DATA = np.random.default_rng(3).integers(0, 50, 400_000, np.uint8).tobytes()
 COMPRESS = {

@@ -10,13 +10,12 @@ import zstandard
 from bag_originals import TOPICS, messages
 from mcap.writer import Writer
 
+from aerarm_msgs_py.bags.bag import RecordedMessage
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
 from aerarm_msgs_py.bags.mcap_writer import McapWriter
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
 from aerarm_msgs_py.storage.mcap_file import McapFile
-from aerarm_msgs_py.storage.read_limits import ReadLimits
+from aerarm_msgs_py.storage.read_limits import BagError, BagWarning, ReadLimits
 
 COUNT, CHUNK = 200, 40
 

@@ -8,8 +8,8 @@ import pytest
 from mcap.writer import CompressionType, Writer
 
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
-from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
 from aerarm_msgs_py.storage.mcap_file import McapFile
+from aerarm_msgs_py.storage.read_limits import BagError, BagWarning
 
 
 def write(path: Path, messages, **options) -> Path:
@@ -105,7 +105,7 @@ def test_an_unknown_compression_is_warned_about(tmp_path: Path, recording) -> No
         assert list(McapFile(path).blocks()) == []
 
 
-@pytest.mark.filterwarnings('ignore::aerarm_msgs_py.storage.bag_error.BagWarning')
+@pytest.mark.filterwarnings('ignore::aerarm_msgs_py.storage.read_limits.BagWarning')
 @pytest.mark.parametrize('chunked', [True, False])
 def test_a_file_with_any_bytes_changed_is_read_or_refused(
     tmp_path: Path, recording, chunked: bool

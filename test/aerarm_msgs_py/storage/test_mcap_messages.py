@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_msgs_py.storage.mcap_messages import ChunkIndexes, walk
+from aerarm_msgs_py.storage.mcap_walk import ChunkIndexes, walk
 from aerarm_msgs_py.storage.read_limits import ReadBudget
 
 CHANNELS = (1, 2, 1, 3, 1)

@@ -2,8 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_msgs_py.storage.bag_error import BagError
-from aerarm_msgs_py.storage.read_limits import ReadBudget, ReadLimits
+from aerarm_msgs_py.storage.read_limits import BagError, ReadBudget, ReadLimits
 
 
 @pytest.mark.parametrize(

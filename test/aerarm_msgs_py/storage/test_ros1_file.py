@@ -10,9 +10,8 @@ import pytest
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from aerarm_msgs_py.bags.bag_contents import read_contents
-from aerarm_msgs_py.bags.bag_reader import read_joint_states, topics
-from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
+from aerarm_msgs_py.bags.bag_reader import read_contents, read_joint_states, topics
+from aerarm_msgs_py.storage.read_limits import BagError, BagWarning
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 COUNT = 300

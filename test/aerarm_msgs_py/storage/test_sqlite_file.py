@@ -9,7 +9,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from aerarm_msgs_py.bags.bag_reader import read_joint_states, topics
-from aerarm_msgs_py.storage.bag_error import BagError, BagWarning
+from aerarm_msgs_py.storage.read_limits import BagError, BagWarning
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.base.acceleration_estimate import AccelerationEstimate
+from aerarm_ros.control.base.base_motion_estimator import AccelerationEstimate
 
 CYCLE = 1e-3
 

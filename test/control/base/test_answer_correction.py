@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.base.answer_correction import AnswerCorrection
+from aerarm_ros.control.base.free_base_estimator import AnswerCorrection
 
 PERIOD = 0.004
 FORCE_NOISE, RATE_NOISE = 0.3, 0.01  # of a cheap IMU [m/s^2], [rad/s]

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.base_motion import BaseMotion, ImuSample, Mount
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.base.mount import Mount
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.base_motion import BaseMotion
-from aerarm_ros.control.base.base_motion_prediction import BaseMotionPrediction
+from aerarm_ros.control.base.base_motion_estimator import BaseMotionPrediction
 
 RATE = np.array([0.4, -1.5, 0.8])
 GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.base_motion import BaseMotion
-from aerarm_ros.control.base.base_reaction import BaseReaction
+from aerarm_ros.control.base.moving_base_dynamics import BaseReaction
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 

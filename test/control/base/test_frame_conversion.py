@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.control.base.frame_conversion import (
+from aerarm_ros.control.base.base_motion import (
     attitude_ned_frd_to_enu_flu,
     frd_to_flu,
     quaternion,

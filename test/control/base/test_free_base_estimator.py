@@ -16,14 +16,14 @@ from hovering_drone import (
     rms,
 )
 
-from aerarm_ros.control.base.drone_in_base import carrier_parameters
-from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
+from aerarm_ros.control.base.rotor_wrench import carrier_parameters
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.control.compensation import MomentumObserver
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.signals import ArmState
 
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 UP = np.array([0.0, 0.0, 9.81])

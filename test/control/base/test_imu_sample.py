@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.base.base_motion import ImuSample
+from aerarm_ros.control.checks import RejectedInputError
 
 GOOD = {
     'stamp': 1.0,

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.control.base.imu_sample import ImuSample
-from aerarm_ros.control.base.imu_watch import ImuWatch
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.base.base_motion import ImuSample
+from aerarm_ros.control.base.free_base_estimator import ImuWatch
+from aerarm_ros.control.checks import RejectedInputError
 
 UP = np.array([0.0, 0.0, 9.81])
 ANGLES, RATES = np.array([0.2, 0.15, 0.4]), np.array([4.0, 5.0, 3.0])  # [rad], [rad/s]

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.control.base.mount import Mount
-from aerarm_ros.description.drone_config import load_drone_config
-from aerarm_ros.description.pose_config import PoseConfig
+from aerarm_ros.control.base.base_motion import Mount
+from aerarm_ros.description.drone_config import PoseConfig, load_drone_config
 from aerarm_ros.description.robot import load_robot
 
 IMU_LINK = """

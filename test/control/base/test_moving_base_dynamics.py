@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.base_motion import BaseMotion
-from aerarm_ros.control.base.free_base_motion import FreeBaseMotion
+from aerarm_ros.control.base.free_base_estimator import FreeBaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.robot import load_robot
 

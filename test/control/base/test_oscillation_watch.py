@@ -7,13 +7,13 @@ import pytest
 from hovering_drone import CHEAP, CONFIG, CYCLE, ROTORS, FlightFaults, drone_of, fly, make_estimator
 from scipy.spatial.transform import Rotation
 
+from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
-from aerarm_ros.control.base.imu_sample import ImuSample
+from aerarm_ros.control.base.feedback_check import OscillationWatch
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.base.oscillation_watch import OscillationWatch
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, BaseProfile
 
 GRAVITY = np.array([0.0, 0.0, -9.81])

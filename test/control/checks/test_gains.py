@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.checks.gains import finite, non_negative, non_negative_number, positive
+from aerarm_ros.control.checks import finite, non_negative, non_negative_number, positive
 
 
 def test_one_value_counts_for_all_joints_and_the_array_is_private() -> None:

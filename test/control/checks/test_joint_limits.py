@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError
 
 
 def test_come_from_the_configuration(limits, config) -> None:

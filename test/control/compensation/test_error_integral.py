@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.compensation.error_integral import ErrorIntegral
+from aerarm_ros.control.compensation import ErrorIntegral
 
 
 def test_integrates() -> None:

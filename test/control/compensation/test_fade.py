@@ -1,6 +1,6 @@
 import pytest
 
-from aerarm_ros.control.compensation.fade import Fade
+from aerarm_ros.control.compensation import Fade
 
 
 def test_comes_and_goes_in_its_time() -> None:

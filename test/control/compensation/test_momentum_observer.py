@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from aerarm_ros.control.base.base_motion import BaseMotion
-from aerarm_ros.control.compensation.momentum_observer import MomentumObserver
+from aerarm_ros.control.compensation import MomentumObserver
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import ArmState, JointReference
 
 CYCLE = 1e-3
 GAIN = 40.0

@@ -3,10 +3,9 @@
 import numpy as np
 from answering_base import answering_base, joint_acceleration
 
-from aerarm_ros.control.compensation.error_integral import ErrorIntegral
-from aerarm_ros.control.laws.board_computed_torque import BoardComputedTorque
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.control.compensation import ErrorIntegral
+from aerarm_ros.control.laws.computed_torque import BoardComputedTorque
+from aerarm_ros.motion.signals import ArmState, JointReference
 
 CYCLE = 1e-3
 UPRIGHT = np.array([0.0, 1.5708, 0.0, 0.0])

@@ -6,8 +6,7 @@ from answering_base import answering_base, joint_acceleration
 
 from aerarm_ros.control.laws.cartesian_impedance import CartesianImpedance
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.task_reference import TaskReference
+from aerarm_ros.motion.signals import ArmState, TaskReference
 
 CYCLE = 1e-3
 START = np.array([0.3, 1.1, 0.4, 0.9])

@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.compensation.error_integral import ErrorIntegral
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation import ErrorIntegral, FrictionCompensation
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_command import JointCommand
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import ArmState, JointCommand, JointReference
 
 CYCLE = 1e-3
 KP, KD = 100.0, 20.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.laws.damped_inverse import DampedInverse
+from aerarm_ros.control.laws.kinematic_control import DampedInverse
 from aerarm_ros.model.kinematics import Kinematics
 
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from aerarm_ros.control.base.base_motion import BaseMotion
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
+from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import ArmState, JointReference
 
 CYCLE = 1e-3
 KP = np.array([60.0, 60.0, 40.0, 40.0])

@@ -5,16 +5,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from aerarm_ros.control.laws.cartesian_motion_control import CartesianMotionControl
-from aerarm_ros.control.laws.damped_inverse import DampedInverse
-from aerarm_ros.control.laws.joint_motion_control import JointMotionControl
-from aerarm_ros.control.laws.velocity_resolution import VelocityResolution
+from aerarm_ros.control.laws.kinematic_control import (
+    CartesianMotionControl,
+    DampedInverse,
+    JointMotionControl,
+    VelocityResolution,
+)
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.energy.energy_model import EnergyModel
-from aerarm_ros.energy.holding_loss import HoldingLoss
+from aerarm_ros.energy.energy_model import EnergyModel, HoldingLoss
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.motion.task_reference import TaskReference
+from aerarm_ros.motion.signals import ArmState, TaskReference
 
 CYCLE = 1e-3
 REST = np.array([0.0, 1.5708, 0.0, 0.0])

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
-from aerarm_ros.control.references.goal_tolerances import resolve_tolerances
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances
+from aerarm_ros.control.references.trajectory_goals import resolve_tolerances
 
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
 OWN = FollowerTolerances.uniform(4, path=0.3, goal=0.01, goal_time=1.0)

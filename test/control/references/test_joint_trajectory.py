@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')

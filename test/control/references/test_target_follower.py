@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.model.kinematics import Kinematics
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
-from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
 HOME = np.array([0.0, 1.5, 0.0, 0.0])

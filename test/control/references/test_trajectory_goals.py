@@ -5,11 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.control.references.follower_tolerances import FollowerTolerances
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
-from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.control.references.trajectory_goals import (
     ABORTED,
     CANCELED,

@@ -8,9 +8,9 @@ import pytest
 from boxed_arm import with_box
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.clearance.clearance_checker import ClearanceChecker
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.clearance import ClearanceChecker
+from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 
 UPRIGHT = np.array([0.0, np.pi / 2, 0.0, 0.0])
 # Height of joint 2, urdf/aerarm.urdf.

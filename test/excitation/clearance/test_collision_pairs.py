@@ -8,8 +8,8 @@ import pytest
 from boxed_arm import with_box
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.clearance.clearance_checker import ClearanceChecker
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.excitation.clearance import ClearanceChecker
+from aerarm_ros.excitation.settings import ExcitationError
 
 FINGERS = ('panda_finger_joint1', 'panda_finger_joint2')
 

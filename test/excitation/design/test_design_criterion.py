@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.design.bounded_criterion import BoundedCriterion
-from aerarm_ros.excitation.design.combined_criterion import CombinedCriterion
-from aerarm_ros.excitation.design.condition_criterion import ConditionCriterion
-from aerarm_ros.excitation.design.identifiable_space import IdentifiableSpace
-from aerarm_ros.excitation.design.information_criterion import InformationCriterion
-from aerarm_ros.excitation.design.smooth_regressor import SmoothRegressor
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.criteria import (
+    BoundedCriterion,
+    CombinedCriterion,
+    ConditionCriterion,
+    IdentifiableSpace,
+    InformationCriterion,
+    SmoothRegressor,
+)
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 
 NOISE = np.array([0.17, 0.09, 0.08, 0.09])
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.design.design_problem import DesignProblem
-from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
-from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.design_problem import DesignProblem
+from aerarm_ros.excitation.excitation_setup import RandomTrajectory
+from aerarm_ros.excitation.trajectory import FourierTrajectory
+from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
 
 
 @pytest.fixture(scope='module')

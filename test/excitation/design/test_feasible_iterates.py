@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aerarm_ros.excitation.design.feasible_iterates import FeasibleIterates
+from aerarm_ros.excitation.design_problem import FeasibleIterates
 
 
 def test_best_first_and_only_feasible_ones() -> None:

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.design.identifiable_space import IdentifiableSpace
-from aerarm_ros.excitation.design.smooth_regressor import SmoothRegressor
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.criteria import IdentifiableSpace, SmoothRegressor
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 
 
 def test_ranks_of_the_arm(robot: Robot) -> None:

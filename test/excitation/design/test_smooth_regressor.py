@@ -4,11 +4,11 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.design.smooth_regressor import SmoothRegressor
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.criteria import SmoothRegressor
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 from aerarm_ros.model.regressor import Regressor
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.motion.signals import JointReference
 
 
 def states_of(trajectory: FourierTrajectory) -> JointReference:

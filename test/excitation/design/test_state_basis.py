@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.design.state_basis import StateBasis
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.design_problem import StateBasis
+from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
 
 
 @pytest.fixture(scope='module')

@@ -8,16 +8,20 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.design.design_result import DesignResult, Quality
-from aerarm_ros.excitation.design.design_specification import SCALED, DesignSpecification
-from aerarm_ros.excitation.design.parallel_design import design_all
-from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings.excitation_config import ExcitationConfig
-from aerarm_ros.excitation.settings.excitation_error import (
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.parallel_design import design_all
+from aerarm_ros.excitation.settings import (
     DesignStoppedError,
+    ExcitationConfig,
     ExcitationError,
     InfeasibleError,
+)
+from aerarm_ros.excitation.trajectory_designer import (
+    SCALED,
+    DesignResult,
+    DesignSpecification,
+    Quality,
+    TrajectoryDesigner,
 )
 from aerarm_ros.model.regressor import Regressor
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile, describe_margins
-from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.design_file import TrajectoryFile, describe_margins
+from aerarm_ros.excitation.feasibility import FeasibilityChecker
+from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
 

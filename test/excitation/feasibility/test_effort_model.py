@@ -5,9 +5,9 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.feasibility.effort_model import EffortModel
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.feasibility import EffortModel
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 
 
 def test_holding_the_arm_level_takes_its_weight_times_its_lever(

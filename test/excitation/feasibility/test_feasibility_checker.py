@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError, InfeasibleError
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.feasibility import FeasibilityChecker
+from aerarm_ros.excitation.settings import ExcitationError, InfeasibleError
+from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
 
 RAMP = 2.0
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from aerarm_ros.excitation.feasibility.feasibility_report import FeasibilityReport, LimitMargin
-from aerarm_ros.excitation.settings.excitation_error import InfeasibleError
+from aerarm_ros.excitation.feasibility import FeasibilityReport, LimitMargin
+from aerarm_ros.excitation.settings import InfeasibleError
 
 
 def margin(limit: str, subject: str, reached: float, allowed: float) -> LimitMargin:

@@ -10,10 +10,9 @@ from mujoco_arm import MujocoArm
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
-from aerarm_ros.excitation.settings.excitation_config import ExcitationConfig
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
+from aerarm_ros.excitation.settings import ExcitationConfig
+from aerarm_ros.excitation.trajectory import RampedExcitation
 
 LEGS = ''.join(
     f'<collision name="leg{i}"><origin xyz="{x} {y} 0.1"/>'

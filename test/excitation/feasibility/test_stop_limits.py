@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.feasibility import StopLimits
+from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
 from aerarm_ros.motion.path_stop import stop_along
 
 

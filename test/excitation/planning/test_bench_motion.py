@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
-from aerarm_ros.excitation.planning.bench_measurement import split
-from aerarm_ros.excitation.planning.bench_motion import BenchMotion, bench_checker
-from aerarm_ros.excitation.planning.bench_plan import BenchPlan
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError, InfeasibleError
-from aerarm_ros.excitation.settings.motion_limits import MotionLimits
+from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, bench_checker, split
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.feasibility import FeasibilityChecker
+from aerarm_ros.excitation.settings import ExcitationError, InfeasibleError, MotionLimits
 
 LIMITS = MotionLimits.of_arm(load_arm_config())
 REST = np.array(load_arm_config().rest_position)

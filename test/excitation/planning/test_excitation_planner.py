@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
-from aerarm_ros.excitation.planning.excitation_planner import EXCITATION, ExcitationPlanner
-from aerarm_ros.excitation.settings.excitation_error import InfeasibleError
-from aerarm_ros.excitation.settings.motion_limits import MotionLimits
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence
+from aerarm_ros.excitation.excitation_setup import EXCITATION, ExcitationPlanner
+from aerarm_ros.excitation.feasibility import FeasibilityChecker
+from aerarm_ros.excitation.settings import InfeasibleError, MotionLimits
+from aerarm_ros.excitation.trajectory import FourierTrajectory, MotionSequence
 
 RAMP = 2.0
 

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings.excitation_config import ExcitationConfig
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError, InfeasibleError
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings import ExcitationConfig, ExcitationError, InfeasibleError
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 
 
 def test_a_sent_setup_judges_alike(setup: ExcitationSetup, trajectory: FourierTrajectory) -> None:

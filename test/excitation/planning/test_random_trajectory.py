@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.feasibility.feasibility_checker import FeasibilityChecker
-from aerarm_ros.excitation.planning.random_trajectory import RandomTrajectory
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError, InfeasibleError
+from aerarm_ros.excitation.excitation_setup import RandomTrajectory
+from aerarm_ros.excitation.feasibility import FeasibilityChecker
+from aerarm_ros.excitation.settings import ExcitationError, InfeasibleError
 
 RAMP = 2.0
 

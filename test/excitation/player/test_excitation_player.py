@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer, PlayState
-from aerarm_ros.excitation.player.feed_forward_law import FeedForwardLaw
-from aerarm_ros.excitation.player.velocity_law import VelocityLaw
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.excitation.settings.motion_limits import MotionLimits
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.feasibility import StopLimits
+from aerarm_ros.excitation.player import ExcitationPlayer, FeedForwardLaw, PlayState, VelocityLaw
+from aerarm_ros.excitation.settings import ExcitationError, MotionLimits
+from aerarm_ros.excitation.trajectory import (
+    FourierTrajectory,
+    MotionSequence,
+    RampedExcitation,
+    Stage,
+)
 
 STOPS = StopLimits(MotionLimits.of_arm(load_arm_config()), None)
 MILLISECOND = 1_000_000

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.player.feed_forward_law import FeedForwardLaw
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.player import FeedForwardLaw
+from aerarm_ros.motion.signals import JointReference
 
 REFERENCE = JointReference(*np.random.default_rng(0).normal(size=(3, 4)))
 MEASURED = REFERENCE.q + 0.01

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from aerarm_ros.excitation.player.velocity_law import VelocityLaw
-from aerarm_ros.motion.joint_reference import JointReference
+from aerarm_ros.excitation.player import VelocityLaw
+from aerarm_ros.motion.signals import JointReference
 
 REFERENCE = JointReference(*np.random.default_rng(0).normal(size=(3, 4)))
 MEASURED = REFERENCE.q + 0.01

@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.design.design_result import DesignResult
-from aerarm_ros.excitation.design.trajectory_designer import TrajectoryDesigner
-from aerarm_ros.excitation.planning.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.preview.arm_animation import ArmAnimation
-from aerarm_ros.excitation.preview.preview import Preview
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.preview import ArmAnimation, Preview
+from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.excitation.trajectory_designer import DesignResult, TrajectoryDesigner
 from aerarm_ros.model.kinematics import Kinematics
 
 

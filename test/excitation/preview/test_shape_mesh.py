@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial import ConvexHull
 
-from aerarm_ros.excitation.preview.shape_mesh import mesh_of_shape
+from aerarm_ros.excitation.preview import mesh_of_shape
 
 PLACEMENT = pin.SE3(pin.rpy.rpyToMatrix(0.3, -0.5, 0.9), np.array([0.1, 0.2, 0.3]))
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.description.config_reader import ConfigError
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.settings.excitation_config import (
+from aerarm_ros.excitation.settings import (
     ExcitationConfig,
     load_excitation_config,
 )

@@ -5,8 +5,7 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.excitation.settings.motion_limits import MotionLimits
+from aerarm_ros.excitation.settings import ExcitationError, MotionLimits
 
 
 def test_arm_and_urdf_agree(arm: ArmConfig, robot: Robot) -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 
 STEP = 1e-4
 

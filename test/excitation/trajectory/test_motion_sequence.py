@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
-from aerarm_ros.excitation.trajectory.transfer import transfer
+from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.excitation.trajectory import MotionSequence, Stage, transfer
 
 A, B, C = np.zeros(2), np.array([1.0, -1.0]), np.array([0.5, 0.5])
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from derivatives import assert_derivatives_agree
 
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
+from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
 
 RAMP = 2.0
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.excitation.trajectory.steady_stroke import SteadyStroke
+from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.excitation.trajectory import SteadyStroke
 
 START = np.array([0.1, 1.5, -0.2])
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.excitation.trajectory.transfer import standstill, transfer
-from aerarm_ros.motion.smooth_step import rest_to_rest_duration
+from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.excitation.trajectory import standstill, transfer
+from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 
 
 def test_goes_from_rest_to_rest() -> None:

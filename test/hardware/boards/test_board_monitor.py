@@ -1,8 +1,7 @@
 import pytest
 
-from aerarm_ros.hardware.boards.board_mode import BoardMode
-from aerarm_ros.hardware.boards.board_monitor import BoardMonitor
-from aerarm_ros.hardware.frames.board_state import BoardState
+from aerarm_ros.hardware.boards.board_monitor import BoardMode, BoardMonitor
+from aerarm_ros.hardware.frames.board_messages import BoardState
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 

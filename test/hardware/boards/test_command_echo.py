@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.hardware.boards.command_echo import CommandEcho
+from aerarm_ros.hardware.boards.board_monitor import CommandEcho
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 
 SETTINGS = BridgeSettings(lost_commands_max=4, lost_commands_warning=0.05)

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.hardware.boards.encoder_zeros import EncoderZeros
+from aerarm_ros.hardware.boards.homing import EncoderZeros
 
 
 @pytest.fixture

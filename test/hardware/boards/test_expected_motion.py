@@ -6,7 +6,7 @@ from math import copysign, floor, inf, pi, sin
 
 import pytest
 
-from aerarm_ros.hardware.boards.expected_motion import ExpectedMotion
+from aerarm_ros.hardware.boards.encoder_monitor import ExpectedMotion
 
 COUNT = 2.0 * pi / 4096.0  # [rad] motor side
 RATIO = 1.0 / 27.0

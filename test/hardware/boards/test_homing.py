@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.hardware.boards.homing import Homing, no_room
-from aerarm_ros.hardware.emulation.emulated_encoder import EmulatedEncoder
+from aerarm_ros.hardware.emulation.emulated_motor import EmulatedEncoder
 from aerarm_ros.model.drive_train import DriveTrain
 
 TURN = 2 * np.pi

@@ -13,7 +13,7 @@ from aerarm_ros.hardware.boards.kept_zeros import (
     arm_identity,
 )
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.frames.board_state import TIMESTAMP_PERIOD
+from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD
 
 HOST = HostClock('boot', 0.0)
 LEANING = [0.3, 1.1, -0.4, 0.5]

@@ -7,7 +7,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 
 PERIOD = 1e-3
 

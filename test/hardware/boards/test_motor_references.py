@@ -7,7 +7,7 @@ import pytest
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.command_buffer import CommandBuffer
+from aerarm_ros.hardware.gate.command_intake import CommandBuffer
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 from aerarm_ros.model.drive_train import DriveTrain
 

@@ -1,5 +1,5 @@
-from aerarm_ros.hardware.boards.restart_watch import RestartWatch
-from aerarm_ros.hardware.frames.board_state import TIMESTAMP_PERIOD, BoardState
+from aerarm_ros.hardware.boards.board_link import RestartWatch
+from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD, BoardState
 
 
 def watch(timestamp: float = 30.0, until_power_cycle: bool = True, **state: object) -> RestartWatch:

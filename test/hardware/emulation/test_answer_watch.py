@@ -1,6 +1,6 @@
 import pytest
 
-from aerarm_ros.hardware.emulation.answer_watch import AnswerWatch
+from aerarm_ros.hardware.emulation.emulated_transport import AnswerWatch
 
 MS = 1_000_000
 NOW = 1_000 * MS

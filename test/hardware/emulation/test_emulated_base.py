@@ -1,8 +1,7 @@
 import numpy as np
 
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulation.emulated_base import mount_on_base
-from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport, mount_on_base
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL, TILTED
 
 CYCLE = 1e-3

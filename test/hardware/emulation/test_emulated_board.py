@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import MotorConfig
-from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
-from aerarm_ros.hardware.frames.board_command import BoardCommand
+from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
+from aerarm_ros.hardware.frames.board_messages import BoardCommand
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.hardware.emulation.emulated_encoder import RAD_PER_COUNT, EmulatedEncoder
+from aerarm_ros.hardware.emulation.emulated_motor import RAD_PER_COUNT, EmulatedEncoder
 
 SUBSTEP = 0.25e-3
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.hardware.emulation.emulated_hand import parse_turn
+from aerarm_ros.hardware.emulation.emulated_transport import parse_turn
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')

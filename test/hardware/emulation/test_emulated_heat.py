@@ -1,8 +1,8 @@
 import pytest
 
 from aerarm_ros.description.arm_config import MotorConfig
-from aerarm_ros.description.motor_config import ThermalConfig
-from aerarm_ros.hardware.emulation.emulated_heat import ROOM, EmulatedHeat
+from aerarm_ros.description.drive_config import ThermalConfig
+from aerarm_ros.hardware.emulation.emulated_motor import ROOM, EmulatedHeat
 
 MOTOR = MotorConfig('MN4006', 12, 380.0, 16.0, 1.3e-5, 0.15, thermal=ThermalConfig(6.0))
 

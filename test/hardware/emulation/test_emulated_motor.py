@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import MotorConfig
-from aerarm_ros.hardware.emulation.alignment_timing import AlignmentTiming
-from aerarm_ros.hardware.emulation.emulated_motor import EmulatedMotor
+from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming, EmulatedMotor
 
 SUBSTEP = 0.25e-3
 MOTOR = MotorConfig('MN4006', 12, 380.0, 16.0, 1.3e-5, 0.15)

@@ -2,7 +2,7 @@ from math import sqrt
 
 import pytest
 
-from aerarm_ros.hardware.emulation.emulated_supply import EmulatedSupply
+from aerarm_ros.hardware.emulation.emulated_board import EmulatedSupply
 
 
 def test_a_battery_sags_under_a_load_and_takes_braking_power_back():

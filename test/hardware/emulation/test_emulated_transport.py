@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.frames.board_command import BoardCommand
+from aerarm_ros.hardware.frames.board_messages import BoardCommand
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import load_profile
-from aerarm_ros.simulation.arm_plant import SUBSTEP
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.simulation.arm_plant import SUBSTEP, PlantParameters
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 import pytest
 
-from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FaultInjectionError
-from aerarm_ros.hardware.emulation.fault_request import FaultRequest
+from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FaultInjectionError, FaultRequest
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ from crc_table import crc32_mpeg2_rows
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aerarm_ros.hardware.frames.crc import crc32_mpeg2
+from aerarm_ros.hardware.frames.board_messages import crc32_mpeg2
 
 
 def test_published_check_value():

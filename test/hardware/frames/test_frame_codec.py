@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aerarm_ros.hardware.frames.board_command import BoardCommand
-from aerarm_ros.hardware.frames.board_state import BoardState
+from aerarm_ros.hardware.frames.board_messages import BoardCommand, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec, FrameError
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from crc_table import crc32_mpeg2_rows
 
-from aerarm_ros.hardware.frames.board_state import BoardState
+from aerarm_ros.hardware.frames.board_messages import BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 

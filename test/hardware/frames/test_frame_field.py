@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from aerarm_ros.hardware.frames.frame_field import FrameField, ProfileError
+from aerarm_ros.hardware.frames.frame_profile import FrameField, ProfileError
 
 
 @pytest.mark.parametrize(

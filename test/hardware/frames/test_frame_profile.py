@@ -2,8 +2,7 @@ import math
 
 import pytest
 
-from aerarm_ros.hardware.frames.frame_field import ProfileError
-from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES, load_profile
+from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES, ProfileError, load_profile
 
 MINIMAL = """
 name: mine

@@ -1,10 +1,8 @@
 import pytest
 
-from aerarm_ros.hardware.frames.board_command import BoardCommand
-from aerarm_ros.hardware.frames.board_state import BoardState
-from aerarm_ros.hardware.frames.frame_codec import FrameCodec
+from aerarm_ros.hardware.frames.board_messages import BoardCommand, BoardState
+from aerarm_ros.hardware.frames.frame_codec import FrameCodec, unrolled_decoder, unrolled_encoder
 from aerarm_ros.hardware.frames.frame_profile import load_profile
-from aerarm_ros.hardware.frames.unrolled_layout import unrolled_decoder, unrolled_encoder
 
 
 class Packer:

@@ -5,8 +5,12 @@ import numpy as np
 import pytest
 
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.command_intake import _ORDERS_KEPT, REJECTIONS, CommandIntake
-from aerarm_ros.hardware.gate.offered_command import OfferedCommand
+from aerarm_ros.hardware.gate.command_intake import (
+    _ORDERS_KEPT,
+    REJECTIONS,
+    CommandIntake,
+    OfferedCommand,
+)
 
 NAMES = ('a', 'b', 'c')
 ONE = [0.1, 0.2, 0.3]

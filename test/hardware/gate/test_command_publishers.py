@@ -1,6 +1,6 @@
 import pytest
 
-from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
+from aerarm_ros.hardware.gate.command_intake import CommandPublishers
 
 FIRST, SECOND, NEW = b'first', b'second', b'new'
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
-from aerarm_ros.hardware.gate.joint_limiter import JointLimiter
+from aerarm_ros.hardware.gate.safety_gate import JointLimiter
 
 JOINT = load_arm_config().joints[2]  # +-2.967 rad, 5 rad/s, 7.69 Nm, 500 Nm/s
 SETTINGS = BridgeSettings()

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.hardware.gate.joint_loads import JointLoads
-from aerarm_ros.simulation.arm_plant import ArmPlant
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.hardware.gate.joint_barrier import JointLoads
+from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
 
 UNABLE = (
     'joint2: effort_max = 5 Nm does not hold the arm stretched out with its rated payload, '

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
-from aerarm_ros.hardware.gate.command_buffer import CommandBuffer
-from aerarm_ros.hardware.gate.joint_loads import JointLoads
+from aerarm_ros.hardware.gate.command_intake import CommandBuffer
+from aerarm_ros.hardware.gate.joint_barrier import JointLoads
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 
 Q = np.array([0.0, 1.5, 0.0, 0.0])

@@ -6,9 +6,9 @@ from math import inf, isinf
 import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig, MotorConfig
-from aerarm_ros.description.motor_config import ThermalConfig
-from aerarm_ros.hardware.emulation.emulated_heat import EmulatedHeat
-from aerarm_ros.hardware.heat.motor_temperature import MotorTemperature
+from aerarm_ros.description.drive_config import ThermalConfig
+from aerarm_ros.hardware.emulation.emulated_motor import EmulatedHeat
+from aerarm_ros.hardware.heat_watch import MotorTemperature
 
 THERMAL = ThermalConfig(continuous_current=6.0, temperature_max=110.0)
 MOTOR = MotorConfig('MN4006', 12, 380.0, 16.0, 1.3e-5, 0.15, thermal=THERMAL)

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.hardware.emulation.emulated_heat import CRITICAL, EmulatedHeat
-from aerarm_ros.hardware.heat.thermal_limit import ThermalLimit
+from aerarm_ros.hardware.emulation.emulated_motor import CRITICAL, EmulatedHeat
+from aerarm_ros.hardware.heat_watch import ThermalLimit
 
 STEP = 0.02
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.assessment.assessment import torque_errors
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.assessment import torque_errors
+from aerarm_ros.identification.identification_result import IdentificationResult
 
 
 def test_joints_are_stacked() -> None:

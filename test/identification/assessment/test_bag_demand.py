@@ -8,7 +8,7 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.stopwatch import Stopwatch
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.energy.drive_power import DrivePower
-from aerarm_ros.energy.energy_balance import EnergyBalance
-from aerarm_ros.identification.assessment.bag_energy import bag_energies
+from aerarm_ros.energy.energy_model import DrivePower, EnergyBalance
+from aerarm_ros.identification.identification_result import bag_energies
 from aerarm_ros.identification.report.report import ReportExtras, report_html
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.assessment.residual_trend import residual_trend, trend_warnings
+from aerarm_ros.identification.assessment import residual_trend, trend_warnings
 
 
 def test_what_changes_with_time_is_named(result, robot) -> None:

@@ -5,9 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.assessment.verdict import LIMITS, judge, read_limits
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.identification_result import (
+    LIMITS,
+    IdentificationResult,
+    judge,
+    read_limits,
+)
 
 
 def test_each_limit_is_compared_with_what_was_found(result: IdentificationResult) -> None:

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.conditioning.kinematics_filter import KinematicsFilter
-from aerarm_ros.identification.conditioning.samples import BLOCKS
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
+from aerarm_ros.identification.conditioning.uniform_motion import BLOCKS, KinematicsFilter
+from aerarm_ros.identification.errors import IdentificationError
 
 FREE = ConditioningOptions()
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
+from aerarm_ros.identification.errors import IdentificationError
 
 
 @pytest.mark.parametrize(

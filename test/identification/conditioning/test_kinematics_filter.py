@@ -1,6 +1,6 @@
 """What a filter calls itself in the report."""
 
-from aerarm_ros.identification.conditioning.kinematics_filter import KinematicsFilter
+from aerarm_ros.identification.conditioning.uniform_motion import KinematicsFilter
 
 
 def test_labels() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.conditioning.motion_band import motion_band, position_band
+from aerarm_ros.identification.conditioning.conditioning import motion_band, position_band
 
 DT = 1.0 / 125.0
 T = DT * np.arange(5000)

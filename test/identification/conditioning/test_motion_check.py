@@ -5,9 +5,11 @@ from collections.abc import Callable
 import pytest
 
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.conditioning.motion_check import harmonics_warnings
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.conditioning.motion_check import (
+    ConditioningOptions,
+    harmonics_warnings,
+)
+from aerarm_ros.identification.errors import IdentificationError
 
 
 @pytest.fixture(scope='module')

@@ -11,7 +11,7 @@ from aerarm_ros.identification.conditioning.uniform_motion import (
     periodic_motion,
     sampling_time,
 )
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
 
 
 def test_a_period_gets_a_whole_number_of_decimated_samples(make_arm: Callable) -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from aerarm_ros.identification.conditioning.conditioning import velocity_lag
 from aerarm_ros.identification.conditioning.uniform_motion import aperiodic_motion
-from aerarm_ros.identification.conditioning.velocity_lag import velocity_lag
 from aerarm_ros.identification.recording.recording import Recording
 
 CUTOFF = 5.0

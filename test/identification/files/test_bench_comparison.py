@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from aerarm_ros.identification.files.bench_comparison import compare_benches
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.files.estimate_comparison import compare_benches
 from aerarm_ros.ros.programs.identifier_compare import CompareRun
 
 OLD = {

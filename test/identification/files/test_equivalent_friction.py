@@ -6,10 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.files.equivalent_friction import equivalent_friction
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
+from aerarm_ros.identification.files.identified_robot import equivalent_friction
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.joint_model import (
+    ROTOR,
+    THESIS_TERMS,
+    JointModel,
+    JointTerm,
+    TermKind,
+)
 from aerarm_ros.identification.solvers.estimate import Estimate
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import yaml
 
-from aerarm_ros.identification.files.equivalent_friction import equivalent_friction
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_comparison import compare_estimates
 from aerarm_ros.identification.files.estimate_file import estimate_yaml
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.files.identified_robot import equivalent_friction
 from aerarm_ros.ros.programs.identifier_compare import CompareRun
 
 

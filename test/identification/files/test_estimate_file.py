@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import yaml
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.files.estimate_file import estimate_yaml
+from aerarm_ros.identification.identification_result import IdentificationResult
 
 
 @pytest.fixture(scope='module')

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.files.estimate_file import estimate_yaml
-from aerarm_ros.identification.files.estimate_reader import read_estimate, read_gravity
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.files.estimate_file import estimate_yaml, read_estimate, read_gravity
+from aerarm_ros.identification.identification_result import IdentificationResult
 
 NOTHING = np.zeros(4)
 

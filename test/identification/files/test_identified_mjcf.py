@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.files.identified_mjcf import identified_mjcf
-from aerarm_ros.identification.files.identified_urdf import identified_urdf
+from aerarm_ros.identification.files.identified_robot import identified_mjcf, identified_urdf
 from aerarm_ros.model.dynamics import Dynamics
 
 

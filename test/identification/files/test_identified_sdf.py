@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.identification.files.identified_sdf import identified_sdf
+from aerarm_ros.identification.files.identified_robot import identified_sdf
 from aerarm_ros.model.dynamics import Dynamics
 
 ROTOR = '{drake.mit.edu}rotor_inertia'

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.files.identified_urdf import identified_urdf
+from aerarm_ros.identification.files.identified_robot import identified_urdf
 from aerarm_ros.model.inertia import (
     from_pseudo_inertia,
     is_physically_consistent,

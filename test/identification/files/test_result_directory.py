@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
-from aerarm_ros.identification.recording.identification_error import IdentificationError
 
 
 def test_files_appear_together(tmp_path: Path) -> None:

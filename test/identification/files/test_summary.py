@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
 from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.identification.identification_result import IdentificationResult
 
 
 def test_keys_and_values(result: IdentificationResult) -> None:

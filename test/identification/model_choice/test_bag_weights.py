@@ -5,8 +5,8 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification import identify as identification
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.model_choice import bag_weights
 from aerarm_ros.identification.stopwatch import Stopwatch
 
 
@@ -17,7 +17,7 @@ def test_rows_count_by_one_over_their_noise(
     options = IdentificationOptions(friction='coulomb', solvers=())
     errors = []
     for most in (10.0, 1.0):  # the second leaves all weights at one
-        monkeypatch.setattr(bag_weights, '_MOST', most)
+        monkeypatch.setattr(identification, '_MOST', most)
         result = identify(robot, config, bags, [arm.recording(2)], options, Stopwatch())
         errors.append(result.recommended.validation[0].filtered)
         quiet, noisy = (bag.weights for bag in result.identification)

@@ -7,19 +7,24 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.conditioning.samples import FOLDS
-from aerarm_ros.identification.model_choice.cross_validation import CrossValidation
-from aerarm_ros.identification.model_choice.joint_model_selection import (
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
+from aerarm_ros.identification.conditioning.uniform_motion import FOLDS
+from aerarm_ros.identification.joint_model import (
+    ROTOR,
+    THESIS_TERMS,
+    JointModel,
+    JointTerm,
+    TermKind,
+)
+from aerarm_ros.identification.model_choice.model_choice import (
+    CrossValidation,
     candidate_terms,
     select_terms,
 )
-from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
-from aerarm_ros.identification.regression.regression_bank import RegressionBank
-from aerarm_ros.identification.regression.sample_columns import SampleColumns
+from aerarm_ros.identification.regression.model_fit import RegressionBank
+from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.model.regressor import Regressor
 
 START = (*THESIS_TERMS, ROTOR)

@@ -8,7 +8,7 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.recording.recording import Recording

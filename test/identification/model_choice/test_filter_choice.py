@@ -9,7 +9,7 @@ import pytest
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.model_choice.filter_choice import choose_filter
 from aerarm_ros.model.regressor import Regressor
 

@@ -7,13 +7,13 @@ import numpy as np
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.model_choice.joint_model_selection import (
+from aerarm_ros.identification.joint_model import ROTOR, THESIS_TERMS, JointTerm, TermKind
+from aerarm_ros.identification.model_choice.model_choice import (
     CREEP_WIDTHS,
     STRIBECK_WIDTHS,
     WIDTHS,
     candidate_terms,
 )
-from aerarm_ros.identification.parameters.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
 from aerarm_ros.identification.stopwatch import Stopwatch
 
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.joint_model import TermKind
 from aerarm_ros.identification.model_choice.model_choice import (
     FRICTION_MODELS,
     choose_model,
     friction_terms,
 )
-from aerarm_ros.identification.parameters.joint_term import TermKind
-from aerarm_ros.identification.recording.identification_error import IdentificationError
 
 
 @pytest.mark.parametrize('name', sorted(FRICTION_MODELS))

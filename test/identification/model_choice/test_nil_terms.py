@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.model_choice.nil_terms import without_nil_terms
+from aerarm_ros.identification.identify import IdentificationOptions, identify, without_nil_terms
 from aerarm_ros.identification.stopwatch import Stopwatch
 
 

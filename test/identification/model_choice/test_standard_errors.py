@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.conditioning.samples import BLOCKS
-from aerarm_ros.identification.model_choice.standard_errors import block_sums, standard_errors
+from aerarm_ros.identification.conditioning.uniform_motion import BLOCKS
+from aerarm_ros.identification.model_choice.simple_fit import block_sums, standard_errors
 
 
 def test_blocks_of_each_bag_are_summed_over_joints_and_unknown_ones_left_out() -> None:

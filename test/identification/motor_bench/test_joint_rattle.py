@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.identification.motor_bench.joint_rattle import rattle_of_others
+from aerarm_ros.identification.motor_bench.motor_bench import rattle_of_others
 from aerarm_ros.model.dynamics import Dynamics
 
 DYNAMICS = Dynamics(load_robot())

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from motor_data import swings
 
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_largest, is_told
-from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction
-from aerarm_ros.identification.motor_bench.motor_run import MotorRun
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, MotorRun
 
 # As of `swings`.
 ROTOR, LINKS = 0.0095, 0.004

@@ -12,19 +12,21 @@ from bench_rig import measure, record, swing
 from motor_data import steps, swings
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.description.joint_config import JointConfig
+from aerarm_ros.description.drive_config import JointConfig
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.planning.bench_plan import BenchPlan
-from aerarm_ros.hardware.emulation.emulated_heat import EmulatedHeat
+from aerarm_ros.excitation.bench_motion import BenchPlan
+from aerarm_ros.hardware.emulation.emulated_motor import EmulatedHeat
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_told
 from aerarm_ros.identification.motor_bench.motor_bench import Earlier, KnownMass, MotorBench
-from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction
-from aerarm_ros.identification.motor_bench.motor_resistance import VOLTAGE
+from aerarm_ros.identification.motor_bench.motor_friction import (
+    VOLTAGE,
+    MotorFriction,
+    MotorRun,
+    MotorSupply,
+)
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
-from aerarm_ros.identification.motor_bench.motor_run import MotorRun
-from aerarm_ros.identification.motor_bench.motor_supply import MotorSupply
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.simulation.plant_parameters import PlantParameters
+from aerarm_ros.simulation.arm_plant import PlantParameters
 
 # As short as each answer allows: an emulated second takes half of one.
 PLAN = BenchPlan(speeds=(0.8, 2.0), span=1.4, runs=1)

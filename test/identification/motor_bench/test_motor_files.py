@@ -8,18 +8,23 @@ import yaml
 from motor_data import steps
 
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.config_error import ConfigError
+from aerarm_ros.description.config_reader import ConfigError
 from aerarm_ros.description.resources import resource
-from aerarm_ros.identification.motor_bench.motor_files import bench_yaml, config_yaml, load_earlier
-from aerarm_ros.identification.motor_bench.motor_friction import fit_motor_friction
-from aerarm_ros.identification.motor_bench.motor_report import bench_html, bench_table
-from aerarm_ros.identification.motor_bench.motor_resistance import (
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.motor_bench.motor_friction import (
     BOARD,
     VOLTAGE,
     MotorResistance,
+    fit_motor_friction,
+)
+from aerarm_ros.identification.motor_bench.motor_report import (
+    bench_html,
+    bench_table,
+    bench_yaml,
+    config_yaml,
+    load_earlier,
 )
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
-from aerarm_ros.identification.recording.identification_error import IdentificationError
 
 
 def result(joint: str = 'joint2', motor: str = 'MN4006', **measured: object) -> MotorResult:

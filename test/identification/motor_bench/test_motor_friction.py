@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from motor_data import COULOMB, GRAVITY, INERTIA, LOAD, VISCOUS, step, steps
 
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.motor_bench.motor_friction import fit_motor_friction
-from aerarm_ros.identification.recording.identification_error import IdentificationError
 
 BARE = {'gravity': np.zeros(2), 'load': 0.0}
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from motor_data import INERTIA, acceleration, steps
 
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.motor_bench.motor_bench import fit_inertia
 from aerarm_ros.identification.motor_bench.motor_friction import fit_motor_friction
-from aerarm_ros.identification.motor_bench.motor_inertia import fit_inertia
-from aerarm_ros.identification.recording.identification_error import IdentificationError
 
 
 def test_inertia_under_gravity_and_friction() -> None:

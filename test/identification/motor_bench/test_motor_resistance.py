@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.motor_bench.motor_resistance import (
+from aerarm_ros.identification.motor_bench.motor_friction import (
     BOARD,
     VOLTAGE,
     MotorResistance,
+    MotorSupply,
     find_resistance,
 )
-from aerarm_ros.identification.motor_bench.motor_supply import MotorSupply
 
 OHM, BACK_EMF = 0.15, 0.0145  # [ohm], [V s/rad]
 NOISE = 0.02  # [A] of the measured current

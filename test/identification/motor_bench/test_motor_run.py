@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aerarm_ros.identification.motor_bench.motor_run import MotorRun
+from aerarm_ros.identification.motor_bench.motor_friction import MotorRun
 
 
 def test_blocks_of_a_straight_line() -> None:

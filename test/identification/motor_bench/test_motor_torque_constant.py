@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from motor_data import GRAVITY, steps
 
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.motor_bench.motor_bench import fit_torque_constant
 from aerarm_ros.identification.motor_bench.motor_friction import fit_motor_friction
-from aerarm_ros.identification.motor_bench.motor_torque_constant import fit_torque_constant
-from aerarm_ros.identification.recording.identification_error import IdentificationError
 
 MASS = np.array([0.3, 1.5])  # what it adds to a and b [Nm]
 

@@ -5,10 +5,15 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.joint_model import (
+    ROTOR,
+    THESIS_TERMS,
+    JointModel,
+    JointTerm,
+    TermKind,
+)
 from aerarm_ros.model.regressor import Regressor
 
 

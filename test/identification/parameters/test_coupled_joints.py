@@ -7,13 +7,12 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.files.equivalent_friction import unwritten
-from aerarm_ros.identification.files.estimate_file import estimate_yaml
-from aerarm_ros.identification.files.estimate_reader import read_estimate
+from aerarm_ros.identification.arm_parameters import coupled_terms
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.files.estimate_file import estimate_yaml, read_estimate
+from aerarm_ros.identification.files.identified_robot import unwritten
+from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.parameters.coupled_joints import coupled_terms
-from aerarm_ros.identification.recording.identification_error import IdentificationError
 from aerarm_ros.identification.recording.recording import (
     JointMapping,
     Recording,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.parameters.inertia_boxes import inertia_boxes
+from aerarm_ros.identification.arm_parameters import inertia_boxes
 from aerarm_ros.model.inertia import from_pseudo_inertia
 
 

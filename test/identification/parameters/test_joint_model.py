@@ -1,8 +1,13 @@
 """Columns of joint models."""
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
+from aerarm_ros.identification.joint_model import (
+    ROTOR,
+    THESIS_TERMS,
+    JointModel,
+    JointTerm,
+    TermKind,
+)
 from aerarm_ros.model.regressor import Regressor
 
 

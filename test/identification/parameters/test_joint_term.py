@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.compensation.friction_compensation import FrictionCompensation
-from aerarm_ros.identification.parameters.joint_term import (
+from aerarm_ros.control.compensation import FrictionCompensation
+from aerarm_ros.identification.joint_model import (
     COUPLED,
     ROTOR,
     THESIS_TERMS,
     JointTerm,
     TermKind,
 )
-from aerarm_ros.model.friction import viscous_coulomb
+from aerarm_ros.model.drive_train import viscous_coulomb
 
 DQ = np.linspace(-1.0, 1.0, 41)
 DDQ = np.cos(DQ)

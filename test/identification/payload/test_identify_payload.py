@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.payload.identify_payload import identify_payload
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.payload import identify_payload
 from aerarm_ros.model.inertia import from_pseudo_inertia, is_physically_consistent
 
 MASS, CENTRE = 0.2, np.array([0.1, 0.01, -0.02])

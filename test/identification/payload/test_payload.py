@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.payload.payload import Payload
+from aerarm_ros.identification.payload import Payload
 from aerarm_ros.model.inertia import from_pseudo_inertia
 
 MASS, CENTRE = 0.4, np.array([0.1, -0.05, 0.02])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from aerarm_ros.identification.recording.bag_facts import BagFacts
+from aerarm_ros.identification.recording.recording import BagFacts
 
 
 def test_what_is_not_recorded_is_not_mentioned() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
 
 JOINTS = ('joint1', 'joint2', 'joint3', 'joint4')

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.recording.stamps import check_stamp_unit, sound_messages
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.recording.signal_checks import check_stamp_unit, sound_messages
 
 STAMP = 100.0 + 1e-3 * np.arange(5000)
 

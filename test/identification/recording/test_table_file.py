@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.table_file import TableOptions, read_table
 
 JOINTS = ('shoulder_pan', 'elbow')

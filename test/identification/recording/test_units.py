@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.recording.units import check_units
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.recording.signal_checks import check_units
 
 T = np.arange(0.0, 20.0, 0.01)
 Q = np.column_stack([np.sin(T), 0.3 * np.cos(2.1 * T)])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.recording.used_span import (
+from aerarm_ros.identification.recording.recording import (
     UsedSpan,
     commanded_span,
     moving_span,

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.identify import excitation_warnings
 from aerarm_ros.identification.regression.base_parameters import (
     BaseParameters,
     find_base_parameters,
 )
-from aerarm_ros.identification.regression.excitation_check import excitation_warnings
 from aerarm_ros.model.regressor import Regressor
 
 

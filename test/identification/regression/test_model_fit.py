@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.identification_result import IdentificationResult
 
 
 def test_noise_is_that_of_the_simulated_torque_sensor(result: IdentificationResult) -> None:

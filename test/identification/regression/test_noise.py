@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.regression.noise import noise_from_residuals
+from aerarm_ros.identification.regression.base_parameters import noise_from_residuals
 
 
 def autoregressive(rho: float, count: int, seed: int) -> np.ndarray:

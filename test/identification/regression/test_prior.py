@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.regression.prior import prior_from_cad
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.regression.base_parameters import prior_from_cad
 
 
 def test_mean_is_cad_and_spread_is_positive(result: IdentificationResult) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.regression.reduced_regression import (
+from aerarm_ros.identification.regression.regression import (
     ReducedRegression,
     triangular_factor,
 )

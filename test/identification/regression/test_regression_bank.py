@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.conditioning.samples import FOLDS
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
-from aerarm_ros.identification.regression.regression_bank import RegressionBank
-from aerarm_ros.identification.regression.sample_columns import SampleColumns
+from aerarm_ros.identification.conditioning.uniform_motion import FOLDS
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.joint_model import (
+    ROTOR,
+    THESIS_TERMS,
+    JointModel,
+    JointTerm,
+    TermKind,
+)
+from aerarm_ros.identification.regression.model_fit import RegressionBank
+from aerarm_ros.identification.regression.regression import SampleColumns
 
 SMOOTH = JointTerm(TermKind.COULOMB, 0.05)
 OFFSET = JointTerm(TermKind.OFFSET)

@@ -7,10 +7,15 @@ import pytest
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import ROTOR, THESIS_TERMS, JointTerm, TermKind
-from aerarm_ros.identification.regression.sample_columns import SampleColumns
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
+from aerarm_ros.identification.joint_model import (
+    ROTOR,
+    THESIS_TERMS,
+    JointModel,
+    JointTerm,
+    TermKind,
+)
+from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.model.regressor import Regressor
 
 LOAD = JointTerm(TermKind.LOAD)

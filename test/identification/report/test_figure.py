@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.report.figure import StackedFigure
+from aerarm_ros.identification.report.report_figures import StackedFigure
 from aerarm_ros.pages.plots import plotting_script
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.report.inertia_view import inertia_view
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.report.report import inertia_view
 from aerarm_ros.model.kinematics import Kinematics
 
 

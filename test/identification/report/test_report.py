@@ -10,12 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.assessment.truth import Truth, inertial_torque_errors
-from aerarm_ros.identification.recording.bag_facts import BagFacts
-from aerarm_ros.identification.recording.desired_velocity import DesiredVelocity
-from aerarm_ros.identification.report.interval_view import interval_view
-from aerarm_ros.identification.report.report import ReportExtras, report_html
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.recording.recording import BagFacts, DesiredVelocity
+from aerarm_ros.identification.report.report import ReportExtras, interval_view, report_html
 from aerarm_ros.identification.report.report_figures import (
     cutoff_figure,
     friction_figure,
@@ -27,6 +24,7 @@ from aerarm_ros.identification.report.report_tables import (
     parameter_table,
 )
 from aerarm_ros.identification.solvers.solvers import SOLVERS
+from aerarm_ros.identification.truth import Truth, inertial_torque_errors
 from aerarm_ros.pages.html_text import number
 
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.report.residual_spectrum import amplitude_density
+from aerarm_ros.identification.report.report_figures import amplitude_density
 
 
 def test_the_squares_integrate_to_the_variance() -> None:

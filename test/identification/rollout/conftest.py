@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
-from aerarm_ros.identification.conditioning.conditioning_options import ConditioningOptions
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import ROTOR, THESIS_TERMS
-from aerarm_ros.identification.rollout.rollout_windows import rollout_samples
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
+from aerarm_ros.identification.joint_model import ROTOR, THESIS_TERMS, JointModel
+from aerarm_ros.identification.rollout import rollout_samples
 
 
 @pytest.fixture(scope='session')

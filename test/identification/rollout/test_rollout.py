@@ -4,12 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.files.identified_mjcf import identified_mjcf
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import ROTOR, JointTerm, TermKind
-from aerarm_ros.identification.rollout.rollout import Rollout
-from aerarm_ros.identification.rollout.rollout_error import rollout_error
-from aerarm_ros.identification.rollout.rollout_windows import RolloutWindows
+from aerarm_ros.identification.files.identified_robot import identified_mjcf
+from aerarm_ros.identification.joint_model import ROTOR, JointModel, JointTerm, TermKind
+from aerarm_ros.identification.rollout import Rollout, RolloutWindows, rollout_error
 
 
 def test_it_moves_as_another_engine_does(arm, robot, true_theta) -> None:

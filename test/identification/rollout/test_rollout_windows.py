@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.rollout.rollout_windows import RolloutWindows
+from aerarm_ros.identification.rollout import RolloutWindows
 
 
 def test_they_are_half_seconds_of_the_motion(arm, robot, samples_of) -> None:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
-from aerarm_ros.identification.regression.prior import Prior
-from aerarm_ros.identification.regression.reduced_regression import TriangularSystem
-from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
+from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.regression.base_parameters import Prior
+from aerarm_ros.identification.regression.regression import TriangularSystem
+from aerarm_ros.identification.solvers.estimate import PhysicalLimits
 from aerarm_ros.identification.solvers.solvers import physical_limits, thesis_problem
-from aerarm_ros.identification.solvers.thesis_problem import ThesisProblem
+from aerarm_ros.identification.solvers.thesis_solvers import ThesisProblem
 from aerarm_ros.model.inertia import from_pseudo_inertia
 from aerarm_ros.model.regressor import Regressor
 

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.solvers.annealing_solver import solve_annealing
-from aerarm_ros.identification.solvers.thesis_problem import ThesisProblem
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.solvers.thesis_solvers import ThesisProblem, solve_annealing
 
 
 def test_it_obeys_the_constraints_and_fits(

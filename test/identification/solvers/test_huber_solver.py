@@ -6,9 +6,9 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
+from aerarm_ros.identification.arm_parameters import LinkBounds
+from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.parameters.link_bounds import LinkBounds
 from aerarm_ros.identification.stopwatch import Stopwatch
 
 

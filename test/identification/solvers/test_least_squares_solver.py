@@ -5,7 +5,7 @@ import pytest
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.regression.base_parameters import find_base_parameters
-from aerarm_ros.identification.regression.reduced_regression import (
+from aerarm_ros.identification.regression.regression import (
     ReducedRegression,
     triangular_factor,
 )

@@ -5,11 +5,10 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.parameters.joint_model import JointModel
-from aerarm_ros.identification.parameters.joint_term import THESIS_TERMS
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.rollout.rollout_windows import RolloutWindows
+from aerarm_ros.identification.joint_model import THESIS_TERMS, JointModel
+from aerarm_ros.identification.rollout import RolloutWindows
 from aerarm_ros.identification.solvers.output_error_solver import solve_output_error
 from aerarm_ros.identification.stopwatch import Stopwatch
 

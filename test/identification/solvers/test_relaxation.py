@@ -5,14 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.parameters.inertia_boxes import inertia_boxes
-from aerarm_ros.identification.parameters.link_bounds import LinkBounds
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.identification.solvers.physical_limits import PhysicalLimits
-from aerarm_ros.identification.solvers.relaxation import solve_relaxed
-from aerarm_ros.identification.solvers.solver_error import SolverError
+from aerarm_ros.identification.arm_parameters import LinkBounds, inertia_boxes
+from aerarm_ros.identification.errors import IdentificationError, SolverError
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
+from aerarm_ros.identification.solvers.semidefinite_solver import solve_relaxed
 from aerarm_ros.identification.solvers.solvers import physical_limits, solve_all
 
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.parameters.arm_parameters import ArmParameters
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.regression.prior import Prior
-from aerarm_ros.identification.regression.reduced_regression import TriangularSystem
+from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.regression.base_parameters import Prior
+from aerarm_ros.identification.regression.regression import TriangularSystem
 from aerarm_ros.identification.solvers.semidefinite_solver import solve_semidefinite
 from aerarm_ros.model.inertia import minimum_eigenvalue, pseudo_inertia
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.identification.regression.reduced_regression import ReducedRegression
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.regression.regression import ReducedRegression
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED, physical_limits, solve_all
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.assessment.identification_result import IdentificationResult
-from aerarm_ros.identification.solvers.thesis_problem import ThesisProblem
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.solvers.thesis_solvers import ThesisProblem
 from aerarm_ros.model.inertia import barycentric_inertia
 
 

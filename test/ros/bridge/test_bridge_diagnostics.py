@@ -13,14 +13,11 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.gate.command_publishers import CommandPublishers
+from aerarm_ros.hardware.gate.command_intake import CommandPublishers
 from aerarm_ros.hardware.zero_file import ZeroFile
-from aerarm_ros.realtime.periodic_loop import PeriodicLoop
-from aerarm_ros.realtime.steady_clock import SteadyClock
-from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, Watched
-from aerarm_ros.ros.bridge.bridge_timing import BridgeTiming
-from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
-from aerarm_ros.ros.graph.rival_watch import RivalWatch
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop, SteadyClock
+from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, BridgeTiming, Watched
+from aerarm_ros.ros.graph import PublisherWatch, RivalWatch
 
 PERIOD = 1e-3
 PIECES = 20  # cycles in which a report is complete

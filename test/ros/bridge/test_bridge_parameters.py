@@ -10,7 +10,7 @@ from forked_executable import run
 from rclpy.node import Node
 
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.hardware.emulation.emulated_heat import EmulatedHeat
+from aerarm_ros.hardware.emulation.emulated_motor import EmulatedHeat
 from aerarm_ros.ros.bridge.bridge_parameters import AUTO, state_file
 
 STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')

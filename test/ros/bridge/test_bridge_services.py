@@ -6,9 +6,13 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.gate.answer import Answer
-from aerarm_ros.ros.bridge.bridge_services import BridgeServices
-from aerarm_ros.ros.bridge.cycle_requests import Action, CycleRequests, says_not_active
+from aerarm_ros.hardware.gate.command_intake import Answer
+from aerarm_ros.ros.bridge.bridge_services import (
+    Action,
+    BridgeServices,
+    CycleRequests,
+    says_not_active,
+)
 
 
 def late(action: Action, is_stop: bool) -> Answer:

@@ -11,7 +11,7 @@ from std_msgs.msg import String
 
 from aerarm_ros.commissioning.commissioning_record import CommissioningRecord, JointRecord
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.hardware.boards.probe_messages import OFF, WATCH, ProbeReport, ProbeRequest
+from aerarm_ros.hardware.boards.commissioning_probe import OFF, WATCH, ProbeReport, ProbeRequest
 from aerarm_ros.ros.bridge.commissioning_topics import CommissioningTopics, RecordWatch
 
 

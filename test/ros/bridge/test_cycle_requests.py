@@ -2,8 +2,8 @@ import threading
 
 import pytest
 
-from aerarm_ros.hardware.gate.answer import Answer
-from aerarm_ros.ros.bridge.cycle_requests import CycleRequests
+from aerarm_ros.hardware.gate.command_intake import Answer
+from aerarm_ros.ros.bridge.bridge_services import CycleRequests
 
 
 @pytest.fixture

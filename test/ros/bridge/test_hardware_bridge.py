@@ -11,9 +11,9 @@ import rclpy
 from quick_spinning import spin_until
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.gate.answer import Answer
+from aerarm_ros.hardware.gate.command_intake import Answer
 from aerarm_ros.ros.emulation.fake_hardware import FakeHardware
-from aerarm_ros.ros.requests.service_call import ServiceCall
+from aerarm_ros.ros.requests.bridge_service import ServiceCall
 
 LIMIT = 60.0  # [s]
 

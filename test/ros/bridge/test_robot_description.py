@@ -2,7 +2,7 @@ import rclpy
 from rclpy.node import Node
 
 from aerarm_msgs_py.topics import ROBOT_DESCRIPTION
-from aerarm_ros.ros.bridge.robot_description import RobotDescription
+from aerarm_ros.ros.bridge.hardware_bridge import RobotDescription
 
 
 def test_whoever_comes_later_gets_the_urdf(ros_node: Node) -> None:

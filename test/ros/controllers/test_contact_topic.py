@@ -16,11 +16,11 @@ from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.nodes.base_reaction import BaseReactionNode
-from aerarm_ros.ros.executors.spinning import spin_until
+from aerarm_ros.ros.executors import spin_until
 
 LIMIT = 60.0  # [s] of the host
 DRONE = load_drone_config()

@@ -9,8 +9,8 @@ from controller_bench import NAMES, trajectory
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
-from aerarm_ros.motion.arm_state import ArmState
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.nodes.computed_torque import ComputedTorqueNode
 from aerarm_ros.nodes.gravity_compensation import GravityCompensationNode
 from aerarm_ros.nodes.impedance_control import ImpedanceControlNode

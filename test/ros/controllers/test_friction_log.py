@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.payload.payload import Payload
-from aerarm_ros.online.nearest_body import SPECK, ball
-from aerarm_ros.online.online_estimate import OnlineEstimate
-from aerarm_ros.online.trend_file import read_trend
+from aerarm_ros.identification.payload import Payload
+from aerarm_ros.online.friction_trend import read_trend
+from aerarm_ros.online.information_filter import SPECK, ball
+from aerarm_ros.online.payload_estimator import OnlineEstimate
 from aerarm_ros.ros.controllers.friction_log import FrictionLog
-from aerarm_ros.ros.programs.friction_table import show_trend
+from aerarm_ros.ros.programs.payload_replay import show_trend
 
 NAMES = ('joint1', 'joint2')
 PERIOD = 0.08

@@ -15,11 +15,10 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.flight.arm_load import at_drone_centre
-from aerarm_ros.flight.arm_load_model import ArmLoadModel
-from aerarm_ros.motion.joint_reference import JointReference
-from aerarm_ros.ros.controllers.plan_topic import PlanTopic
-from aerarm_ros.ros.executors.spinning import spin_until
+from aerarm_ros.flight.arm_load import ArmLoadModel, at_drone_centre
+from aerarm_ros.motion.signals import JointReference
+from aerarm_ros.ros.controllers.state_node import PlanTopic
+from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 LEAD = 0.03

@@ -6,17 +6,20 @@ import numpy as np
 import pytest
 
 from aerarm_ros.control.base.base_motion import BaseMotion
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.motion.arm_state import ArmState
-from aerarm_ros.online.nearest_body import ball
-from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm
-from aerarm_ros.ros.controllers.inertia_message import body_of_message, inertia_message
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.online.information_filter import ball
+from aerarm_ros.ros.controllers.controller_parameters import (
+    PAYLOAD,
+    ControlledArm,
+    body_of_message,
+    inertia_message,
+)
 from aerarm_ros.ros.controllers.payload_intake import PayloadIntake
-from aerarm_ros.ros.states.base_header import base_header
+from aerarm_ros.ros.states.state_stream import base_header
 
 CENTRE, INERTIA = np.array([0.1, 0.0, 0.0]), np.diag([1e-4, 2e-4, 2e-4])
 OWN = ball(0.05, [0.05, 0.0, 0.0], 0.02)

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
-from aerarm_ros.ros.controllers.target_parameters import TARGET_PARAMETERS, make_target_follower
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES
+from aerarm_ros.ros.controllers.tool_topics import TARGET_PARAMETERS, make_target_follower
+from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES
 
 DEFAULTS = {parameter.name: parameter.default for parameter in (*ARM_FILES, *TARGET_PARAMETERS)}
 UPRIGHT = np.array([0.0, 1.5708, 0.0, 0.0])

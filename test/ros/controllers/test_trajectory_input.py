@@ -7,8 +7,7 @@ import pytest
 from builtin_interfaces.msg import Duration
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from aerarm_ros.control.checks.joint_limits import JointLimits
-from aerarm_ros.control.checks.rejected_input_error import RejectedInputError
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.ros.controllers.trajectory_input import read_trajectory
 

@@ -1,4 +1,4 @@
-from aerarm_ros.ros.diagnostics.waiting_notice import PATIENCE, REPETITION, WaitingNotice
+from aerarm_ros.ros.diagnostics import PATIENCE, REPETITION, WaitingNotice
 
 
 def test_says_what_a_long_wait_is_for_and_repeats_it_now_and_then() -> None:

@@ -5,8 +5,7 @@ import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.hardware.emulation.emulated_base import mount_on_base
-from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
+from aerarm_ros.hardware.emulation.emulation import make_emulated_transport, mount_on_base
 from aerarm_ros.ros.emulation.emulation_parameters import plant_parameters
 from aerarm_ros.simulation.backlash_plant import BacklashPlant
 from aerarm_ros.simulation.base_profile import BASE_PROFILES

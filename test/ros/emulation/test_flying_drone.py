@@ -17,7 +17,7 @@ from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.base.frame_conversion import rotation_matrix
+from aerarm_ros.control.base.base_motion import rotation_matrix
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.node_process import NodeProcess

@@ -5,7 +5,7 @@ from quick_spinning import spin_until
 from rclpy.node import Node
 
 from aerarm_msgs_py.topics import RECORDED_UNTIL
-from aerarm_ros.ros.emulation.recording_watch import RecordingWatch
+from aerarm_ros.ros.emulation.emulated_world import RecordingWatch
 
 START = 1_700_000_000  # [s]
 

@@ -5,8 +5,8 @@ import rclpy
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 
-from aerarm_ros.ros.executors import background_executor
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros import executors
+from aerarm_ros.ros.executors import BackgroundExecutor
 
 
 def test_serves_the_node_while_the_main_thread_is_busy(ros_node: Node) -> None:
@@ -30,7 +30,7 @@ def test_ends_with_its_context(ros_node: Node) -> None:
 
 
 def test_ends_at_once_though_nothing_happens_on_the_node(ros_node: Node, monkeypatch) -> None:
-    monkeypatch.setattr(background_executor, 'WAIT', 3600.0)
+    monkeypatch.setattr(executors, 'WAIT', 3600.0)
     before = threading.active_count()
     with BackgroundExecutor(ros_node):
         time.sleep(0.2)  # by now it waits; untold it would for an hour, and the test with it

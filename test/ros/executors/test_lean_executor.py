@@ -10,9 +10,9 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
-from aerarm_msgs_py.live_topics.topic import Topic
-from aerarm_ros.ros.executors.lean_executor import LeanExecutor
+from aerarm_msgs_py.live_topics import RawReader
+from aerarm_msgs_py.topics import Topic
+from aerarm_ros.ros.executors import LeanExecutor
 
 QOS = QoSProfile(depth=5)
 

@@ -9,7 +9,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosgraph_msgs.msg import Clock
 
 from aerarm_msgs_py.topics import CLOCK, JOINT_STATES
-from aerarm_ros.ros.graph.emulated_source import SilencePatience, is_emulated
+from aerarm_ros.ros.graph import SilencePatience, is_emulated
 
 STATES = '/left/joint_states'
 

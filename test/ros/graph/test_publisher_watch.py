@@ -9,9 +9,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from aerarm_msgs_py.live_topics.topic import Topic
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.graph.publisher_watch import PublisherWatch
+from aerarm_msgs_py.topics import Topic
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.graph import PublisherWatch
 
 RELIABLE = QoSProfile(depth=1)
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -7,7 +7,7 @@ from quick_spinning import spin_once
 from rclpy.node import Node
 
 from aerarm_msgs_py.topics import JOINT_STATES
-from aerarm_ros.ros.graph.rival_watch import RivalWatch
+from aerarm_ros.ros.graph import RivalWatch
 
 
 def publish(name: str) -> Node:

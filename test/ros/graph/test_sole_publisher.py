@@ -4,7 +4,7 @@ import rclpy
 from rclpy.node import Node
 
 from aerarm_msgs_py.topics import JOINT_STATES
-from aerarm_ros.ros.graph.sole_publisher import SolePublisher
+from aerarm_ros.ros.graph import SolePublisher
 
 
 def publish(name: str) -> Node:

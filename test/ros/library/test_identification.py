@@ -10,9 +10,9 @@ import pytest
 from identifier_process import measured, motion, write_bag
 
 import aerarm_ros
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identify import IdentificationOptions
-from aerarm_ros.identification.recording.identification_error import IdentificationError
-from aerarm_ros.ros.library.identified_arm import IdentifiedArm
+from aerarm_ros.ros.library.identification import IdentifiedArm
 
 OPTIONS = IdentificationOptions(friction='coulomb')
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import aerarm_ros
-from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.ros.library.planned_excitation import PlannedExcitation
+from aerarm_ros.excitation.design_file import TrajectoryFile
+from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.ros.library.excitation import PlannedExcitation
 
 
 @pytest.fixture(scope='module')

@@ -3,7 +3,7 @@
 import threading
 from pathlib import Path
 
-from aerarm_ros.ros.page.child_program import ChildProgram
+from aerarm_ros.ros.page.page_programs import ChildProgram
 
 CLICKS = 6
 

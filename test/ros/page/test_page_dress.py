@@ -11,7 +11,7 @@ if not MISSING:
     from websockets import Headers
     from websockets.http11 import Response
 
-    from aerarm_ros.ros.page.page_dress import dress
+    from aerarm_ros.ros.page.page_server import dress
 
 PAGE = b'<html><head><title>Viser</title></head><body></body></html>'
 

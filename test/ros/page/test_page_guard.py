@@ -2,7 +2,7 @@ import socket
 
 import pytest
 
-from aerarm_ros.ros.page.page_guard import PageGuard, is_loopback
+from aerarm_ros.ros.page.page_server import PageGuard, is_loopback
 
 
 def refusal(

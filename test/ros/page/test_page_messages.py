@@ -8,7 +8,7 @@ pytestmark = pytest.mark.skipif(MISSING, reason="viser is not installed: 'aerarm
 if not MISSING:
     import msgspec
 
-    from aerarm_ros.ros.page.page_messages import is_allowed
+    from aerarm_ros.ros.page.page_server import is_allowed
 
 CAMERA: dict[str, Any] = {
     'type': 'ViewerCameraMessage',

@@ -8,10 +8,10 @@ from quick_spinning import spin_once
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.checks.joint_limits import JointLimits
+from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.ros.controllers.trajectory_input import read_trajectory
-from aerarm_ros.ros.page.page_motion import PageMotion
+from aerarm_ros.ros.page.view_controls import PageMotion
 
 
 def test_a_posture_is_reached_at_no_more_than_the_speed_that_is_set(ros_node: Node) -> None:

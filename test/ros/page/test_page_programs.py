@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.design.trajectory_file import TrajectoryFile
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
+from aerarm_ros.excitation.design_file import TrajectoryFile
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 from aerarm_ros.ros.page.page_programs import RANDOM, PageProgramError, PagePrograms
 
 

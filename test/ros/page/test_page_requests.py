@@ -6,8 +6,8 @@ from answering_bridges import LIMIT, AnsweringBridges, until_offered
 from rclpy.node import Node
 
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.page.page_requests import PageRequests
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.page.view_controls import PageRequests
 
 
 def test_its_emergency_stop_reaches_bridges_that_nobody_named(ros_node: Node) -> None:

@@ -20,8 +20,7 @@ if not MISSING:
     from websockets.sync.client import ClientConnection, connect
 
     from aerarm_ros.ros.page import page_server
-    from aerarm_ros.ros.page.page_guard import PageGuard
-    from aerarm_ros.ros.page.page_server import PageError, serve_page
+    from aerarm_ros.ros.page.page_server import PageError, PageGuard, serve_page
     from aerarm_ros.ros.page.view_panel import ViewPanel
 
 

@@ -7,7 +7,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
-from aerarm_ros.ros.page.view_feed import ViewFeed
+from aerarm_ros.ros.page.view_plots import ViewFeed
 
 NAMES = ['joint1', 'joint2']
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from aerarm_ros.ros.page.view_history import ViewHistory
+from aerarm_ros.ros.page.view_plots import ViewHistory
 
 
 def test_keeps_the_last_seconds_in_order() -> None:

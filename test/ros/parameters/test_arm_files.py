@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.resources import resource
-from aerarm_ros.ros.parameters.arm_files import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, load_arm
 
 
 def values(**given: str) -> SimpleNamespace:

@@ -7,7 +7,7 @@ import yaml
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.ros.parameters.drone_file import load_drone
+from aerarm_ros.ros.parameters.shared_parameters import load_drone
 
 CONFIG, ROBOT = load_arm_config(), load_robot()
 

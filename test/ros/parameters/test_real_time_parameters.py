@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from aerarm_ros.ros.parameters import real_time_parameters
-from aerarm_ros.ros.parameters.real_time_parameters import prepare_thread
+from aerarm_ros.ros.parameters import shared_parameters
+from aerarm_ros.ros.parameters.shared_parameters import prepare_thread
 
 NOTHING = {'realtime_priority': 0, 'lock_memory': False, 'keep_cpus_awake': False}
 
@@ -38,7 +38,7 @@ def test_the_garbage_collector_stops_unless_it_is_wanted() -> None:
 
 def test_a_refusal_is_a_warning(monkeypatch) -> None:
     refusal = 'no right to SCHED_FIFO: raise rtprio in /etc/security/limits.d'
-    monkeypatch.setattr(real_time_parameters, 'set_fifo', lambda priority: refusal)
+    monkeypatch.setattr(shared_parameters, 'set_fifo', lambda priority: refusal)
     logger = Logger()
     prepare_thread(SimpleNamespace(**{**NOTHING, 'realtime_priority': 70}), logger)
     assert logger.warnings == [refusal]
@@ -46,7 +46,7 @@ def test_a_refusal_is_a_warning(monkeypatch) -> None:
 
 def test_cpus_that_shall_not_sleep_are_asked_for(monkeypatch) -> None:
     refusal = 'CPUs may sleep between cycles'
-    monkeypatch.setattr(real_time_parameters, 'keep_cpus_awake', lambda: refusal)
+    monkeypatch.setattr(shared_parameters, 'keep_cpus_awake', lambda: refusal)
     logger = Logger()
     prepare_thread(SimpleNamespace(**NOTHING), logger)
     assert logger.warnings == []

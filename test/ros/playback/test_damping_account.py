@@ -1,6 +1,6 @@
 import pytest
 
-from aerarm_ros.ros.playback.damping_account import DampingAccount
+from aerarm_ros.ros.playback.motion_playback import DampingAccount
 
 SECOND = 10**9
 

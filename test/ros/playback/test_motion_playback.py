@@ -12,18 +12,19 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.live_topics.raw_reader import RawReader
-from aerarm_ros.excitation.feasibility.stop_limits import StopLimits
-from aerarm_ros.excitation.player.excitation_player import ExcitationPlayer, PlayState
-from aerarm_ros.excitation.player.velocity_law import VelocityLaw
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.excitation.settings.motion_limits import MotionLimits
-from aerarm_ros.excitation.trajectory.fourier_trajectory import FourierTrajectory
-from aerarm_ros.excitation.trajectory.motion_sequence import MotionSequence, Stage
-from aerarm_ros.excitation.trajectory.ramped_excitation import RampedExcitation
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_msgs_py.live_topics import RawReader
+from aerarm_ros.excitation.feasibility import StopLimits
+from aerarm_ros.excitation.player import ExcitationPlayer, PlayState, VelocityLaw
+from aerarm_ros.excitation.settings import ExcitationError, MotionLimits
+from aerarm_ros.excitation.trajectory import (
+    FourierTrajectory,
+    MotionSequence,
+    RampedExcitation,
+    Stage,
+)
+from aerarm_ros.hardware.bridge_modes import COMMANDABLE
+from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.playback.motion_playback import MotionPlayback
-from aerarm_ros.ros.states.arm_modes import COMMANDABLE
 
 LIMIT = 60.0  # [s] of the host, which may be busy
 NAMES = ('joint1', 'joint2')

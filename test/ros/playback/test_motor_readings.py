@@ -8,11 +8,11 @@ from quick_spinning import spin_once
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.float64_array_cdr import Float64ArrayCdr
+from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.ros.bridge.bridge_diagnostics import MOTORS, POWER_FROM, resistance_key
-from aerarm_ros.ros.diagnostics.diagnostics_publisher import DiagnosticsPublisher
-from aerarm_ros.ros.playback.motor_readings import MotorReadings
+from aerarm_ros.ros.diagnostics import DiagnosticsPublisher
+from aerarm_ros.ros.playback.bench_recording import MotorReadings
 
 NAMES = ('joint1', 'joint2')
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from aerarm_ros.description.resources import resource
-from aerarm_ros.ros.process.discovery_profile import PROFILES_FILE, use_packaged_profile
+from aerarm_ros.ros.process.discovery import PROFILES_FILE, use_packaged_profile
 from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 # A node that says which of Fast DDS's shared memory segments its process has mapped [bytes].

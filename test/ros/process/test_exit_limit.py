@@ -28,7 +28,7 @@ from aerarm_ros.ros.process import exit_limit
 """
 # The limit itself is long for a test.
 SHORT = """
-from aerarm_ros.ros.process.exit_limit import ExitLimit, exit_within
+from aerarm_ros.ros.process.process_end import ExitLimit, exit_within
 ExitLimit.__init__.__defaults__ = exit_within.__defaults__ = (0.3,)
 """
 COMMAND = 'from aerarm_ros.executables import {0}; sys.argv[1:] = {1}; sys.exit({0}())'

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_ros.ros.process.log_directory import find_log_directory
+from aerarm_ros.ros.process.node_main import find_log_directory
 
 
 @pytest.mark.parametrize('name', ['ROS_LOG_DIR', 'ROS_HOME', 'HOME'])
@@ -26,7 +26,7 @@ def test_a_user_without_a_home_logs_among_temporary_files(monkeypatch: pytest.Mo
     def unknown(_: int) -> None:
         raise KeyError
 
-    monkeypatch.setattr('aerarm_ros.ros.process.log_directory.getpwuid', unknown)
+    monkeypatch.setattr('aerarm_ros.ros.process.node_main.getpwuid', unknown)
     environment: dict[str, str] = {}
     find_log_directory(environment)
     directory = Path(environment.pop('ROS_LOG_DIR'))

@@ -15,7 +15,7 @@ stop_signals._SAME = 3600.0
 """
 SCRIPT = """
 import signal, sys, time
-from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.process.process_end import StopSignals
 calls = []
 with StopSignals(lambda: calls.append(1)):
     print('ready', flush=True)
@@ -24,7 +24,7 @@ with StopSignals(lambda: calls.append(1)):
 """
 INNER = """
 import sys
-from aerarm_ros.ros.process.stop_signals import StopSignals
+from aerarm_ros.ros.process.process_end import StopSignals
 calls = []
 def said(): print(*calls, flush=True)
 with StopSignals(lambda: calls.append('outer')):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_ros.ros.programs.demo_account import DemoAccount
+from aerarm_ros.ros.programs.demo_run import DemoAccount
 
 BRIDGE = 'fake_hardware: 999 cycles, the world ran at {} % of real time{}\n'
 RECORDER = (

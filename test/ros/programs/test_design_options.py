@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.settings.excitation_error import ExcitationError
-from aerarm_ros.ros.programs.design_options import excitation_setup, torque_noise, whole_periods
+from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.ros.programs.design_run import excitation_setup, torque_noise, whole_periods
 
 
 def options(**changes) -> argparse.Namespace:

@@ -8,11 +8,10 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
 
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
-from aerarm_msgs_py.bags.recorded_message import RecordedMessage
-from aerarm_msgs_py.bags.recorded_topic import RecordedTopic
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.identification.recording.identification_error import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import JointMapping
 from aerarm_ros.identification.recording.table_file import TableOptions
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags

@@ -2,8 +2,8 @@
 
 from types import SimpleNamespace
 
-from aerarm_ros.identification.recording.bag_facts import BagFacts
-from aerarm_ros.ros.programs.identifier_table import terminal_table
+from aerarm_ros.identification.recording.recording import BagFacts
+from aerarm_ros.ros.programs.identifier_run import terminal_table
 
 
 def column(name: str) -> SimpleNamespace:

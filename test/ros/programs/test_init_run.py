@@ -7,7 +7,7 @@ import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
-from aerarm_ros.excitation.settings.excitation_config import load_excitation_config
+from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.nodes.arm import main
 from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
 

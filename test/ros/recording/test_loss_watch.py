@@ -1,4 +1,4 @@
-from aerarm_ros.ros.recording.loss_watch import LossWatch
+from aerarm_ros.ros.recording import LossWatch
 
 
 def test_new_losses_are_told_once() -> None:

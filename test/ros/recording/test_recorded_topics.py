@@ -4,7 +4,7 @@ from sensor_msgs.msg import LaserScan
 
 from aerarm_msgs_py import topics
 from aerarm_ros.ros.parameters.parameter_table import ParameterError
-from aerarm_ros.ros.recording.recorded_topics import (
+from aerarm_ros.ros.recording import (
     SUITE_TOPICS,
     as_recorded,
     find_topics,

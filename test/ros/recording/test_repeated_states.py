@@ -1,4 +1,4 @@
-from aerarm_ros.ros.recording.repeated_states import RepeatedStates
+from aerarm_ros.ros.recording import RepeatedStates
 
 
 def test_finds_what_was_said_before() -> None:

@@ -5,7 +5,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS
-from aerarm_ros.ros.requests.bridge_finder import BridgeFinder, bridges_among
+from aerarm_ros.ros.requests.bridge_service import BridgeFinder, bridges_among
 
 
 def test_a_bridge_is_what_offers_all_services_of_one() -> None:

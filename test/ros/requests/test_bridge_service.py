@@ -3,7 +3,7 @@
 from answering_bridges import LIMIT, AnsweringBridges, until_offered
 from rclpy.node import Node
 
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.requests.bridge_service import BridgeService
 
 

@@ -7,7 +7,7 @@ from rclpy.node import Node
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
+from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.requests.parameter_request import set_parameter
 
 

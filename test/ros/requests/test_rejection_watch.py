@@ -7,8 +7,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_ros.ros.executors.spinning import spin_until
-from aerarm_ros.ros.requests.rejection_watch import RejectionWatch
+from aerarm_ros.ros.executors import spin_until
+from aerarm_ros.ros.requests.motion_request import RejectionWatch
 
 
 def status(mode: str, count: int, reason: str) -> DiagnosticArray:

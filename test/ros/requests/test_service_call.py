@@ -8,10 +8,10 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.gate.answer import Answer
-from aerarm_ros.ros.executors.background_executor import BackgroundExecutor
-from aerarm_ros.ros.requests import service_call
-from aerarm_ros.ros.requests.service_call import ServiceCall
+from aerarm_ros.hardware.gate.command_intake import Answer
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.requests import bridge_service
+from aerarm_ros.ros.requests.bridge_service import ServiceCall
 
 
 def test_a_request_that_cannot_be_sent_is_refused(ros_node: Node) -> None:
@@ -28,7 +28,7 @@ def test_a_request_that_cannot_be_sent_is_refused(ros_node: Node) -> None:
 def test_what_is_repeated_is_sent_again_until_it_can_be(
     ros_node: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(service_call, 'ASK_AGAIN', 0.0)
+    monkeypatch.setattr(bridge_service, 'ASK_AGAIN', 0.0)
     bridges = AnsweringBridges()
     bridges.add('bridge', ['e_stop'])
     client = ros_node.create_client(Trigger, 'bridge/e_stop')
@@ -52,7 +52,7 @@ def test_what_was_sent_at_last_and_not_answered_is_no_answer(
 ) -> None:
     client = ros_node.create_client(Trigger, 'bridge/e_stop')
     send, tries = client.call_async, [cannot_send]
-    monkeypatch.setattr(service_call, 'ASK_AGAIN', 0.0)
+    monkeypatch.setattr(bridge_service, 'ASK_AGAIN', 0.0)
     monkeypatch.setattr(client, 'call_async', lambda asked: (tries.pop() if tries else send)(asked))
     answer = answer_of(ServiceCall(client, 1.0, repeats=True))
     assert tries == []

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
-from aerarm_ros.ros.executors.steady_timer import create_steady_timer
+from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.states import arm_clock
 from aerarm_ros.ros.states.arm_clock import ArmClock
 

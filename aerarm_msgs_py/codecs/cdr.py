@@ -1,0 +1,322 @@
+"""CDR, the wire format of ROS messages: fixed prefixes, readers and arrays."""
+
+import struct
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+ENCAPSULATION_SIZE = 4
+"""Bytes in front of the message: representation (2) and options (2)."""
+LITTLE_ENDIAN = b'\x00\x01'
+"""Representation identifier of plain CDR, little-endian; the options may hold anything."""
+
+
+class CdrPrefix:
+    """Bytes of a message that are known in advance, with alignment padding left open.
+
+    Fast CDR doesn't clear the padding after a string, so two messages with the same
+    content differ in those bytes: a plain comparison would refuse good messages now and
+    then. Offsets count from the start of the payload, encapsulation included; alignment
+    counts from the end of the encapsulation.
+
+    Parameters
+    ----------
+    start
+        Offset of the first known byte.
+
+    Attributes
+    ----------
+    end
+        Offset of the first byte behind the prefix.
+    """
+
+    def __init__(self, start: int) -> None:
+        self.start = start
+        self.end = start
+        self._bytes = bytearray()
+        self._mask = bytearray()
+        self._value = 0
+        self._mask_value = 0
+        self._recent = b''
+
+    @property
+    def content(self) -> bytes:
+        """The bytes, padding zero."""
+        return bytes(self._bytes)
+
+    def add_uint32(self, value: int) -> None:
+        """Append an aligned 32-bit number."""
+        self.align(4)
+        self._append(struct.pack('<I', value))
+
+    def add_string(self, text: str) -> None:
+        """Append a string: its length with the closing zero, then its bytes."""
+        encoded = text.encode() + b'\0'
+        self.add_uint32(len(encoded))
+        self._append(encoded)
+
+    def add_strings(self, texts: Sequence[str]) -> None:
+        """Append a sequence of strings."""
+        self.add_uint32(len(texts))
+        for text in texts:
+            self.add_string(text)
+
+    def align(self, size: int) -> None:
+        """Pad to a multiple of `size` bytes."""
+        padding = -(self.end - ENCAPSULATION_SIZE) % size
+        self._append(bytes(padding), known=False)
+
+    def matches(self, payload: bytes) -> bool:
+        """Tell whether a payload is little-endian CDR and has these bytes at this place."""
+        if not payload.startswith(LITTLE_ENDIAN):
+            return False
+        found = payload[self.start : self.end]
+        if found == self._recent:
+            return True
+        if len(found) < len(self._bytes):
+            return False
+        if int.from_bytes(found, 'little') & self._mask_value != self._value:
+            return False
+        # One publisher's padding seldom changes, so this spares most comparisons.
+        self._recent = found
+        return True
+
+    def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return which of the (M, size) rows match, (M,)."""
+        if rows.shape[1] < self.end:
+            return np.zeros(len(rows), bool)
+        mask = np.frombuffer(bytes(self._mask), np.uint8)
+        found = rows[:, self.start : self.end] & mask
+        known = np.frombuffer(bytes(self._bytes), np.uint8)
+        encapsulation = np.frombuffer(LITTLE_ENDIAN, np.uint8)
+        same: NDArray[np.bool_] = (found == known).all(1) & (rows[:, :2] == encapsulation).all(1)
+        return same
+
+    def _append(self, data: bytes, *, known: bool = True) -> None:
+        self._bytes += data
+        self._mask += (b'\xff' if known else b'\x00') * len(data)
+        self.end = self.start + len(self._bytes)
+        self._value = int.from_bytes(self._bytes, 'little')
+        self._mask_value = int.from_bytes(self._mask, 'little')
+        self._recent = bytes(self._bytes)
+
+
+class CdrReader:
+    """Cursor over one plain CDR payload.
+
+    Parameters
+    ----------
+    payload
+        Message with its encapsulation.
+
+    Raises
+    ------
+    ValueError
+        From every method, if the payload is too short or not plain CDR.
+    """
+
+    def __init__(self, payload: bytes) -> None:
+        if len(payload) < ENCAPSULATION_SIZE or payload[0] != 0 or payload[1] not in (0, 1):
+            raise ValueError('the message is not plain CDR')
+        self._order = '<' if payload[1] else '>'
+        self._body = payload[ENCAPSULATION_SIZE:]
+        self._position = 0
+
+    def int32(self) -> int:
+        """Read a signed 32-bit number."""
+        return self._number('i')
+
+    def uint32(self) -> int:
+        """Read an unsigned 32-bit number."""
+        return self._number('I')
+
+    def octet(self) -> int:
+        """Read one byte."""
+        return self._take(1)[0]
+
+    def string(self) -> str:
+        """Read a string."""
+        length = self.uint32()
+        return self._take(length)[:-1].decode(errors='replace')
+
+    def strings(self) -> list[str]:
+        """Read a sequence of strings."""
+        return [self.string() for _ in range(self._count(4))]
+
+    def doubles(self) -> NDArray[np.float64]:
+        """Read a sequence of doubles."""
+        count = self._count(0)
+        if count:
+            self._align(8)
+        return np.frombuffer(self._take(8 * count), f'{self._order}f8').astype(np.float64)
+
+    def _number(self, code: str) -> int:
+        self._align(4)
+        return int(struct.unpack(self._order + code, self._take(4))[0])
+
+    def _count(self, smallest_element: int) -> int:
+        count = self.uint32()
+        if count * smallest_element > len(self._body):
+            raise ValueError('the message ends too early')
+        return count
+
+    def _align(self, size: int) -> None:
+        self._position += -self._position % size
+
+    def _take(self, size: int) -> bytes:
+        data = self._body[self._position : self._position + size]
+        if len(data) != size:
+            raise ValueError('the message ends too early')
+        self._position += size
+        return data
+
+
+class Payloads(Sequence[bytes]):
+    """K serialized messages inside a buffer, cut out only when asked for.
+
+    Parameters
+    ----------
+    buffer
+        Holds the messages, and possibly other bytes between them.
+    starts, sizes
+        (K,) offset and length of each message [bytes]; all inside the buffer.
+    """
+
+    def __init__(self, buffer: bytes, starts: NDArray[np.int64], sizes: NDArray[np.int64]) -> None:
+        self._buffer = buffer
+        self._starts = starts
+        self.sizes = sizes
+
+    @classmethod
+    def of(cls, messages: Iterable[bytes]) -> 'Payloads':
+        """Put messages next to each other into a buffer."""
+        messages = list(messages)
+        sizes = np.fromiter(map(len, messages), np.int64, len(messages))
+        return cls(b''.join(messages), np.cumsum(sizes) - sizes, sizes)
+
+    def __len__(self) -> int:
+        return len(self.sizes)
+
+    @overload
+    def __getitem__(self, index: int) -> bytes: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> 'Payloads': ...
+
+    def __getitem__(self, index: int | slice) -> 'bytes | Payloads':
+        """Return one message, or some of them."""
+        if isinstance(index, slice):
+            return Payloads(self._buffer, self._starts[index], self.sizes[index])
+        start = int(self._starts[index])
+        return self._buffer[start : start + int(self.sizes[index])]
+
+    def __iter__(self) -> Iterator[bytes]:
+        buffer = self._buffer
+        for start, size in zip(self._starts.tolist(), self.sizes.tolist(), strict=True):
+            yield buffer[start : start + size]
+
+    def chosen(self, which: NDArray[np.bool_]) -> 'Payloads':
+        """Return some of the messages, by a (K,) mask."""
+        return Payloads(self._buffer, self._starts[which], self.sizes[which])
+
+    def rows(self, index: NDArray[np.intp]) -> NDArray[np.uint8]:
+        """Return messages of equal size as the rows of an array.
+
+        Parameters
+        ----------
+        index
+            (k,) which ones.
+
+        Returns
+        -------
+        (k, size) bytes
+        """
+        size = int(self.sizes[index[0]]) if len(index) else 0
+        if not size:
+            return np.empty((len(index), 0), np.uint8)
+        taken = elements_at(self._buffer, np.dtype((np.void, size)), self._starts[index])
+        return taken.view(np.uint8).reshape(len(index), size)
+
+
+def elements_at(buffer: bytes, kind: np.dtype[Any], starts: NDArray[np.int64]) -> NDArray[Any]:
+    """Return the (K,) elements of a type that begin at any bytes of a buffer.
+
+    Raises
+    ------
+    IndexError
+        If one would reach beyond the end.
+    """
+    places = len(buffer) - kind.itemsize + 1
+    if places < 1:
+        if len(starts):
+            raise IndexError('the buffer is shorter than one element')
+        return np.empty(0, kind)
+    # Overlapping elements, one beginning at every byte, of which only some are copied.
+    return np.ndarray((places,), kind, buffer, strides=(1,))[starts]
+
+
+def diagnostic_values(payload: bytes) -> dict[str, dict[str, str]]:
+    """Return the values of each status by its name.
+
+    Raises
+    ------
+    ValueError
+        If the payload is no DiagnosticArray.
+    """
+    reader = CdrReader(payload)
+    reader.int32(), reader.uint32(), reader.string()  # header
+    found: dict[str, dict[str, str]] = {}
+    for _ in range(reader.uint32()):
+        reader.octet()  # level
+        name = reader.string()
+        reader.string(), reader.string()  # message, hardware
+        found[name] = {reader.string(): reader.string() for _ in range(reader.uint32())}
+    return found
+
+
+# Encapsulation (4), an empty list of dimensions (4), data_offset 0 (4), count (4); the
+# numbers then need 4 bytes of padding to be aligned to 8 from the end of the encapsulation.
+_HEADER = struct.Struct('<2s2xIII4x')
+_NO_DIMENSIONS = 0
+_NO_OFFSET = 0
+
+
+class Float64ArrayCdr:
+    """Packs and unpacks Float64MultiArray payloads of n numbers and no layout labels.
+
+    Parameters
+    ----------
+    n
+        Numbers in every message, at least one.
+
+    Raises
+    ------
+    ValueError
+        If n is less than one.
+    """
+
+    def __init__(self, n: int) -> None:
+        if n < 1:
+            raise ValueError(f'an array needs at least one number, not {n}')
+        self.n = n
+        self._buffer = bytearray(_HEADER.size + 8 * n)
+        _HEADER.pack_into(self._buffer, 0, LITTLE_ENDIAN, _NO_DIMENSIONS, _NO_OFFSET, n)
+        self._data = np.frombuffer(self._buffer, '<f8', n, _HEADER.size)
+
+    def pack(self, data: ArrayLike) -> bytes:
+        """Serialize (n,) numbers; raises ValueError for another length."""
+        if np.shape(data) != self._data.shape:
+            raise ValueError(f'{self.n} numbers are needed, not an array of shape {np.shape(data)}')
+        self._data[:] = data
+        return bytes(self._buffer)
+
+    def unpack(self, payload: bytes) -> NDArray[np.float64] | None:
+        """Return the (n,) numbers as a read-only view, or None if the layout is another."""
+        if len(payload) < len(self._buffer):
+            return None
+        expected = (LITTLE_ENDIAN, _NO_DIMENSIONS, _NO_OFFSET, self.n)
+        if _HEADER.unpack_from(payload) != expected:
+            return None
+        return np.frombuffer(payload, '<f8', self.n, _HEADER.size)

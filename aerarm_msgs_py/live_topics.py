@@ -1,0 +1,478 @@
+"""Live topics as raw messages, taken from a wait set or an executor, with their gaps."""
+
+import ctypes
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import rclpy
+from rclpy.callback_groups import CallbackGroup
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerGuardCondition
+
+from aerarm_msgs_py.topics import Topic
+
+RawMessage = tuple[bytes, dict[str, Any]]
+
+_TAKEN, _NOTHING = 0, 401  # RCL_RET_OK, RCL_RET_SUBSCRIPTION_TAKE_FAILED
+_CALLS = ('rcl_take_serialized_message',)
+_ARRAY_CALLS = (
+    'rcutils_get_default_allocator',
+    'rcutils_uint8_array_init',
+    'rcutils_uint8_array_fini',
+)
+
+
+class _Allocator(ctypes.Structure):
+    """As rcutils has it: four functions and a state."""
+
+    _fields_ = [('functions', ctypes.c_void_p * 4), ('state', ctypes.c_void_p)]
+
+
+class _ByteArray(ctypes.Structure):
+    """As rcutils has it."""
+
+    _fields_ = [
+        ('buffer', ctypes.c_void_p),
+        ('length', ctypes.c_size_t),
+        ('capacity', ctypes.c_size_t),
+        ('allocator', _Allocator),
+    ]
+
+
+class _MessageInfo(ctypes.Structure):
+    """As rmw of ROS 2 Jazzy has it."""
+
+    _fields_ = [
+        ('source_timestamp', ctypes.c_int64),
+        ('received_timestamp', ctypes.c_int64),
+        ('publication_sequence_number', ctypes.c_uint64),
+        ('reception_sequence_number', ctypes.c_uint64),
+        ('implementation', ctypes.c_void_p),
+        ('publisher', ctypes.c_ubyte * 16),
+        ('from_intra_process', ctypes.c_bool),
+        ('spare', ctypes.c_ubyte * 64),
+    ]
+
+
+class IdentifiedTake:
+    """Takes messages from subscriptions through rcl, whose message info names the publisher.
+
+    rclpy's own leaves it out, and without it the messages of several publishers, each of which
+    numbers its own, cannot be told apart for sure.
+
+    Raises
+    ------
+    OSError, AttributeError
+        If this ROS lacks what is needed, see `available`.
+    """
+
+    def __init__(self) -> None:
+        # They are loaded already, by rclpy; calls are short and keep the interpreter's lock.
+        self._take = ctypes.PyDLL('librcl.so').rcl_take_serialized_message
+        arrays = ctypes.PyDLL('librcutils.so')
+        allocator = arrays.rcutils_get_default_allocator
+        allocator.argtypes, allocator.restype = [], _Allocator
+        self._array, self._info = _ByteArray(), _MessageInfo()
+        self._memory = allocator()
+        self._finish = arrays.rcutils_uint8_array_fini
+        if arrays.rcutils_uint8_array_init(
+            ctypes.byref(self._array), ctypes.c_size_t(4096), ctypes.byref(self._memory)
+        ):
+            raise OSError('no memory for a message')
+
+    @staticmethod
+    def available() -> bool:
+        """Tell whether this ROS is the one whose layouts are known here, and has the calls."""
+        try:
+            rcl, arrays = ctypes.PyDLL('librcl.so'), ctypes.PyDLL('librcutils.so')
+            jazzy = version('rclpy').startswith('7.1.')
+        except (OSError, PackageNotFoundError):
+            return False
+        return (
+            jazzy
+            and all(hasattr(rcl, call) for call in _CALLS)
+            and all(hasattr(arrays, call) for call in _ARRAY_CALLS)
+        )
+
+    def take(self, subscription: Any) -> RawMessage | None:
+        """Take the oldest waiting message of rclpy's handle of a subscription, with its info.
+
+        The info has the keys of rclpy's, and `publisher`, 16 bytes.
+        """
+        array, info = self._array, self._info
+        result = self._take(
+            ctypes.c_void_p(subscription.pointer), ctypes.byref(array), ctypes.byref(info), None
+        )
+        if result == _NOTHING:
+            return None
+        if result != _TAKEN:
+            raise RuntimeError(f'rcl_take_serialized_message failed with {result}')
+        return ctypes.string_at(array.buffer, array.length), {
+            'source_timestamp': info.source_timestamp,
+            'received_timestamp': info.received_timestamp,
+            'publication_sequence_number': info.publication_sequence_number,
+            'reception_sequence_number': info.reception_sequence_number,
+            'publisher': bytes(info.publisher),
+        }
+
+    def destroy(self) -> None:
+        """Free the memory."""
+        self._finish(ctypes.byref(self._array))
+
+
+class ExecutorSource:
+    """Subscriptions of a helper node, spun by an executor of its own.
+
+    Same use as WaitSetSource, public API only, and about 15 us slower a message. The helper
+    node keeps the executor from running anything else of the caller's node.
+
+    Parameters
+    ----------
+    node
+        Node whose name space and context the helper shares.
+    topics
+        What to subscribe to.
+    identify
+        Of no effect: rclpy does not tell who published a message.
+    """
+
+    def __init__(self, node: Node, topics: Sequence[Topic], identify: bool = False) -> None:
+        self._node = rclpy.create_node(
+            f'{node.get_name()}_reader',
+            namespace=node.get_namespace(),
+            context=node.context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(self._node)
+        self._waiting: list[deque[RawMessage]] = [deque(maxlen=topic.qos.depth) for topic in topics]
+        self.subscriptions = [
+            self._node.create_subscription(
+                topic.type, topic.name, _append_to(waiting), topic.qos, raw=True
+            )
+            for topic, waiting in zip(topics, self._waiting, strict=True)
+        ]
+
+    def wait(self, timeout: float) -> bool:
+        """Wait up to `timeout` [s] for any message; return whether there is one."""
+        if not any(self._waiting):
+            self._executor.spin_once(timeout_sec=timeout)
+        return any(self._waiting)
+
+    def take(self, index: int) -> RawMessage | None:
+        """Take the oldest waiting message of a topic, with its message info."""
+        waiting = self._waiting[index]
+        # One spin runs one callback, of whichever topic comes first.
+        for _ in range(sum(queue.maxlen or 0 for queue in self._waiting)):
+            if waiting:
+                break
+            self._executor.spin_once(timeout_sec=0.0)
+        return waiting.popleft() if waiting else None
+
+    def destroy(self) -> None:
+        """Destroy the helper node and its executor."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+
+
+def _append_to(waiting: deque[RawMessage]) -> Callable[[bytes, dict[str, int]], None]:
+    def append(payload: bytes, info: Any) -> None:
+        waiting.append((payload, info))
+
+    return append
+
+
+UNNUMBERED = frozenset({0, 2**32 - 1, 2**64 - 1})
+"""Numbers that mean "not numbered": rosbag2 stores 0, a middleware without numbers gives the
+largest uint64, of which MCAP keeps 32 bits."""
+_REMEMBERED_GAPS = 256
+_MOST_PUBLISHERS = 64
+"""More are one that numbers backwards, or damage: each costs time with every message."""
+
+
+class SequenceGaps:
+    """Counts the numbers missing from a stream of publication sequence numbers.
+
+    Each publisher numbers its own messages 1, 2, 3... and the stream doesn't say which
+    publisher a message is from. A message continues the publisher with the highest number
+    below its own; if there is none, it is from a publisher not heard before (or restarted).
+    A number that turns up inside a gap counted earlier shows that the gap was a jump from
+    one publisher to another, as one publisher's messages stay in order: it is uncounted.
+    """
+
+    def __init__(self) -> None:
+        self._newest: list[int] = []  # last number of each publisher
+        self._current = -1  # index of the publisher heard last
+        self._gaps: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED_GAPS)
+        self._lost = 0
+
+    @property
+    def lost(self) -> int | None:
+        """Missing numbers so far; None if no message had a number."""
+        return self._lost if self._newest else None
+
+    def add(self, number: int) -> None:
+        """Take the number of the next message."""
+        if self._current >= 0 and number == self._newest[self._current] + 1:
+            self._newest[self._current] = number
+        elif number not in UNNUMBERED:
+            self._add_out_of_step(number)
+
+    def add_all(self, numbers: Iterable[int]) -> None:
+        """Take many numbers in order."""
+        for number in numbers:
+            self.add(number)
+
+    def _add_out_of_step(self, number: int) -> None:
+        below = [k for k, newest in enumerate(self._newest) if newest < number]
+        if not below:
+            self._forget_gap_around(number)
+            if len(self._newest) == _MOST_PUBLISHERS:
+                self._newest.pop(0)
+            self._current = len(self._newest)
+            self._newest.append(number)
+            return
+        self._current = max(below, key=self._newest.__getitem__)
+        previous = self._newest[self._current]
+        if number > previous + 1:
+            self._gaps.append((previous + 1, number))
+            self._lost += number - previous - 1
+        self._newest[self._current] = number
+
+    def _forget_gap_around(self, number: int) -> None:
+        for gap in self._gaps:
+            start, stop = gap
+            if start <= number < stop:
+                self._lost -= stop - start
+                self._gaps.remove(gap)
+                return
+
+
+class PublisherGaps:
+    """Counts the numbers missing from each publisher's sequence.
+
+    With publishers that are told apart the count is exact: from the first message of each, every
+    number that did not come when a later one did is a lost message. Where the middleware's info
+    does not name them, `SequenceGaps` guesses who a message is from.
+    """
+
+    def __init__(self) -> None:
+        self._newest: dict[bytes, int] = {}
+        self._lost = 0
+        self._guess = SequenceGaps()
+
+    @property
+    def lost(self) -> int | None:
+        """Missing numbers so far; None if no message had a number."""
+        return self._lost if self._newest else self._guess.lost
+
+    def add(self, number: int, publisher: bytes | None) -> None:
+        """Take number and publisher of the next message; None is an unknown publisher."""
+        if publisher is None:
+            self._guess.add(number)
+        elif number not in UNNUMBERED:
+            newest = self._newest.get(publisher, number - 1)
+            if number > newest:  # else it came twice
+                self._lost += number - newest - 1
+                self._newest[publisher] = number
+
+
+_WAIT_SET_CALLS = ('clear_entities', 'add_subscription', 'add_guard_condition', 'wait', 'is_ready')
+
+
+class _HiddenFromExecutors(CallbackGroup):
+    """Group that no executor may run, so an executor on the same node takes no message."""
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        pass
+
+
+class WaitSetSource:
+    """Subscriptions of a node that are waited for and taken from directly.
+
+    An executor builds and walks lists of all entities of a node at each wake-up; a wait
+    set with one subscription doesn't. `rclpy.wait_for_message` is built on the same two
+    calls of the implementation module, `WaitSet` and `take_message`. They aren't public,
+    so they are used here only, and `available` tells whether this rclpy has them.
+
+    SIGINT and SIGTERM end a wait early, through the guard condition that rclpy's signal
+    handlers trigger.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscriptions; it may be spun by an executor in another thread.
+    topics
+        What to subscribe to.
+    identify
+        Whether the info of messages shall name their publishers, where this ROS can.
+    """
+
+    def __init__(self, node: Node, topics: Sequence[Topic], identify: bool = False) -> None:
+        self._node = node
+        group = _HiddenFromExecutors()
+        self.subscriptions = [
+            node.create_subscription(
+                topic.type, topic.name, _ignore, topic.qos, callback_group=group, raw=True
+            )
+            for topic in topics
+        ]
+        self._types = [topic.type for topic in topics]
+        self._handles = [subscription.handle for subscription in self.subscriptions]
+        self._signal = SignalHandlerGuardCondition(context=node.context)
+        self._identified = IdentifiedTake() if identify and IdentifiedTake.available() else None
+        with node.context.handle:
+            self._wait_set = rclpy_implementation.WaitSet(
+                len(topics), 1, 0, 0, 0, 0, node.context.handle
+            )
+
+    @staticmethod
+    def available() -> bool:
+        """Tell whether this rclpy has the calls used here."""
+        wait_set = getattr(rclpy_implementation, 'WaitSet', None)
+        subscription = getattr(rclpy_implementation, 'Subscription', None)
+        return hasattr(subscription, 'take_message') and all(
+            hasattr(wait_set, call) for call in _WAIT_SET_CALLS
+        )
+
+    def wait(self, timeout: float) -> bool:
+        """Wait up to `timeout` [s] for any message; return whether there is one."""
+        wait_set = self._wait_set
+        is_ready = wait_set.is_ready
+        wait_set.clear_entities()
+        for handle in self._handles:
+            wait_set.add_subscription(handle)
+        wait_set.add_guard_condition(self._signal.handle)
+        wait_set.wait(int(timeout * 1e9))
+        return any(is_ready('subscription', k) for k in range(len(self._handles)))
+
+    def take(self, index: int) -> RawMessage | None:
+        """Take the oldest waiting message of a topic, with its message info."""
+        if self._identified is not None:
+            return self._identified.take(self._handles[index])
+        message: RawMessage | None
+        message = self._handles[index].take_message(self._types[index], True)
+        if message is not None and 'publisher_gid' in message[1]:  # an rclpy after Jazzy's
+            message[1]['publisher'] = bytes(message[1]['publisher_gid'])
+        return message
+
+    def destroy(self) -> None:
+        """Destroy the subscriptions and the wait set."""
+        for subscription in self.subscriptions:
+            self._node.destroy_subscription(subscription)
+        if self._identified is not None:
+            self._identified.destroy()
+            self._identified = None
+        self._signal.destroy()
+        self._wait_set.destroy_when_not_in_use()
+
+
+def _ignore(_: bytes) -> None:
+    """Stand in for a callback; never called."""
+
+
+Source = WaitSetSource | ExecutorSource
+
+_SEQUENCE = 'publication_sequence_number'
+_DEFAULT_SOURCE: Callable[..., Source] = (
+    WaitSetSource if WaitSetSource.available() else ExecutorSource
+)
+
+
+class RawReader:
+    """Waits for and takes serialized messages of one or more topics.
+
+    A controller waits for its state topic and takes the newest message; the bridge takes
+    the newest command without waiting; the recorder waits for all topics and takes every
+    message. The message info is rclpy's: `source_timestamp` and `received_timestamp` [ns],
+    `publication_sequence_number`.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscriptions. An executor may spin it in another thread; the reader's
+        messages stay with the reader.
+    topics
+        What to read. All methods name a topic by its place in this list.
+    source
+        Way to the messages; by default a wait set, or an executor where this rclpy
+        lacks what the wait set needs.
+    identify
+        Whether to ask who published each message: a bit slower, and lost messages of several
+        publishers are then counted exactly. The info has `publisher`, 16 bytes, where this ROS
+        knows.
+
+    Raises
+    ------
+    ValueError
+        If no topic is given.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        *topics: Topic,
+        source: Callable[..., Source] = _DEFAULT_SOURCE,
+        identify: bool = False,
+    ) -> None:
+        if not topics:
+            raise ValueError('a reader needs at least one topic')
+        self.topics = topics
+        self._keeps_one = [topic.qos.depth == 1 for topic in topics]
+        self._source = source(node, topics, identify)
+        self._gaps = [PublisherGaps() for _ in topics]
+        self._counts = [0] * len(topics)
+
+    def wait(self, timeout: float) -> bool:
+        """Wait up to `timeout` [s]; return whether a topic has a message.
+
+        Ends early, with False, on SIGINT and SIGTERM.
+        """
+        return self._source.wait(timeout)
+
+    def take(self, index: int = 0) -> RawMessage | None:
+        """Take the oldest waiting message and its info, or None."""
+        message = self._source.take(index)
+        if message is not None:
+            self._counts[index] += 1
+            self._gaps[index].add(message[1][_SEQUENCE], message[1].get('publisher'))
+        return message
+
+    def take_newest(self, index: int = 0) -> RawMessage | None:
+        """Take all waiting messages and return the last, or None."""
+        if self._keeps_one[index]:
+            return self.take(index)  # the middleware has replaced the others already
+        newest = None
+        while (message := self.take(index)) is not None:
+            newest = message
+        return newest
+
+    def count(self, index: int = 0) -> int:
+        """Return how many messages were taken."""
+        return self._counts[index]
+
+    def lost(self, index: int = 0) -> int | None:
+        """Return how many messages never arrived; None where the middleware doesn't number them.
+
+        With a history of depth 1, messages that a newer one replaced count as lost too.
+        """
+        return self._gaps[index].lost
+
+    def publishers(self, index: int = 0) -> int:
+        """Return how many publishers are matched."""
+        return int(self._source.subscriptions[index].get_publisher_count())
+
+    def destroy(self) -> None:
+        """Destroy the subscriptions."""
+        self._source.destroy()

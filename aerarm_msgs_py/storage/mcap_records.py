@@ -1,0 +1,236 @@
+"""Records of an MCAP file: their fields, chunks and topics."""
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from aerarm_msgs_py.storage.compressed_file import (
+    DecompressionError,
+    beginning,
+    check_claim,
+    decompress,
+)
+from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, ReadBudget
+
+
+class RecordFields:
+    """Cursor over the content of one little-endian record.
+
+    Every method raises ValueError if the record ends too early or holds no text where one
+    should be.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        self._content = content
+        self.position = 0
+
+    @property
+    def left(self) -> int:
+        """Bytes behind the cursor."""
+        return len(self._content) - self.position
+
+    def number(self, size: int) -> int:
+        """Read an unsigned number of some bytes."""
+        return int.from_bytes(self.take(size), 'little')
+
+    def text(self) -> str:
+        """Read a length of 4 bytes and that much UTF-8."""
+        return self.take(self.number(4)).decode()
+
+    def take(self, size: int) -> bytes:
+        """Read bytes."""
+        if size > self.left:
+            raise ValueError(f'it ends {size - self.left} bytes too early')
+        self.position += size
+        return self._content[self.position - size : self.position]
+
+
+class ChunkError(ValueError):
+    """A chunk that is damaged."""
+
+
+@dataclass(frozen=True)
+class McapChunk:
+    """A chunk record.
+
+    Attributes
+    ----------
+    compression
+        'zstd', 'lz4' or '' for none.
+    size
+        Bytes of its records, as it claims.
+    crc
+        Checksum of its records; 0 for none.
+    data
+        The records, compressed; less than `data_size` bytes if the chunk is cut off.
+    data_size
+        Bytes of the compressed records.
+    """
+
+    compression: str
+    size: int
+    crc: int
+    data: bytes
+    data_size: int
+
+    @classmethod
+    def read(cls, content: bytes) -> 'McapChunk':
+        """Take a record apart.
+
+        Raises
+        ------
+        ChunkError
+            If it ends before its data begins.
+        """
+        fields = RecordFields(content)
+        try:
+            fields.take(16)  # first and last time: the messages say them too
+            size, crc = fields.number(8), fields.number(4)
+            compression, data_size = fields.text(), fields.number(8)
+        except ValueError as error:
+            raise ChunkError(str(error)) from None
+        return cls(compression, size, crc, fields.take(min(data_size, fields.left)), data_size)
+
+    def records(self, budget: ReadBudget) -> bytes:
+        """Return the records of a complete chunk, decompressed within the limits.
+
+        Raises
+        ------
+        ChunkError
+            If it isn't as large as it says, the data is damaged or the checksum wrong.
+        BagError
+            If the bag's limits don't allow for it.
+        """
+        try:
+            if len(self.data) < self.data_size:
+                raise ChunkError(f'it ends {self.data_size - len(self.data)} bytes too early')
+            if self.size > budget.part_bytes:
+                raise ChunkError(
+                    f'it claims to hold {self.size} bytes, more than the {budget.part_bytes} '
+                    'that a chunk may (limits part_bytes and ratio)'
+                )
+            check_claim(self.data, self.compression, self.size)
+            if self.compression:
+                budget.spend(self.size)
+            records = decompress(self.data, self.compression, self.size)
+        except DecompressionError as error:
+            raise ChunkError(str(error)) from None
+        if self.crc and zlib.crc32(records) != self.crc:
+            raise ChunkError('its checksum is wrong')
+        return records
+
+    def beginning(self, budget: ReadBudget) -> bytes:
+        """Return what can be had of a chunk whose end is missing, possibly nothing."""
+        most = min(self.size, budget.part_bytes)
+        budget.spend(most if self.compression else 0)
+        return beginning(self.data, self.compression, most)
+
+
+_CHANNELS = 2**16
+MOST_TOPICS = 4096
+"""More than any robot has."""
+
+_NONE = -1
+_CONTRADICTED = -2
+
+
+class McapTopics:
+    """Schema and channel records, as they are met.
+
+    Parameters
+    ----------
+    channels
+        Topic of each channel by the file's summary. A channel that is called otherwise in the
+        file is believed neither: its messages are those of another topic, or of none.
+    report
+        Takes what is damaged.
+
+    Attributes
+    ----------
+    names
+        Topics met so far.
+    types
+        Message type of each of them.
+    """
+
+    def __init__(self, channels: dict[int, str], report: DamageReport) -> None:
+        self.names: list[str] = []
+        self.types: dict[str, str] = {}
+        self._places: dict[str, int] = {}
+        self._schemas: dict[int, str] = {0: ''}
+        self._claimed = dict(channels)
+        self._index = np.full(_CHANNELS, _NONE, np.int32)
+        self._report = report
+
+    def register(self, opcode: int, content: bytes) -> None:
+        """Take a schema or channel record.
+
+        Raises
+        ------
+        BagError
+            If there are more topics than any robot has.
+        """
+        fields = RecordFields(content)
+        try:
+            number = fields.number(2)
+            if opcode == Opcode.SCHEMA:
+                self._schemas[number] = fields.text()
+                return
+            schema = fields.number(2)
+            topic = fields.text()
+        except ValueError as error:
+            self._report.tell(f'is damaged: the record of a topic is left out, {error}')
+            return
+        if self._claimed.setdefault(number, topic) != topic:
+            self._contradict(number, topic)
+        elif self._index[number] != _CONTRADICTED:
+            self._index[number] = self._place(topic, self._schemas.get(schema, ''))
+
+    def groups(self, channels: NDArray[np.uint16]) -> Iterator[tuple[int, NDArray[np.intp]]]:
+        """Yield the place in `names` of each topic, negative for none, and its messages.
+
+        Parameters
+        ----------
+        channels
+            (K,) of the messages.
+        """
+        if not len(channels):
+            return
+        places = self._index[channels]
+        order = np.argsort(places, kind='stable')
+        found, firsts = np.unique(places[order], return_index=True)
+        yield from zip(found.tolist(), np.split(order, firsts[1:]), strict=True)
+
+    def name(self, channel: int) -> str | None:
+        """Return the topic of a channel, None if it isn't known."""
+        index = int(self._index[channel])
+        return None if index < 0 else self.names[index]
+
+    def by_topic(self, counts: dict[int, int]) -> dict[str, int]:
+        """Return a number of each channel as one of each topic."""
+        found = dict.fromkeys(self.names, 0)
+        for channel, count in counts.items():
+            topic = self._claimed.get(channel, '')
+            found[topic] = found.get(topic, 0) + count
+        return found
+
+    def _contradict(self, number: int, topic: str) -> None:
+        if self._index[number] != _CONTRADICTED:
+            self._report.tell(
+                f'is damaged: channel {number} is called {self._claimed[number][:200]} and '
+                f'{topic[:200]}, its messages are left out'
+            )
+        self._index[number] = _CONTRADICTED
+
+    def _place(self, topic: str, kind: str) -> int:
+        if topic not in self.types:
+            if len(self.names) == MOST_TOPICS:
+                raise BagError(f'the bag has more than {MOST_TOPICS} topics: is it damaged?')
+            self._places[topic] = len(self.names)
+            self.names.append(topic)
+        self.types[topic] = kind
+        return self._places[topic]

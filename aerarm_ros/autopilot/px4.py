@@ -1,0 +1,102 @@
+"""PX4's conventions: frames (NED, FRD) and the gains of its loops.
+
+PX4's world is north-east-down, its body forward-right-down; ROS's are east-north-up and
+forward-left-up (REP 103, REP 105).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.checks import non_negative_number, positive
+from aerarm_ros.motion.signals import Array
+
+_WORLD = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+_BODY = np.array([1.0, -1.0, -1.0])
+
+
+def ned(vector: npt.ArrayLike) -> Array:
+    """Return a vector (3,) of the east-north-up world in north-east-down; the way back too."""
+    return np.asarray(_WORLD @ np.asarray(vector, dtype=float))
+
+
+def frd_rotation(rotation: Array) -> Array:
+    """Return the attitude (3, 3), FRD to NED, of one that turns FLU to ENU; the way back too."""
+    return np.asarray((_WORLD @ rotation) * _BODY)
+
+
+def heading(yaw: float) -> float:
+    """Return the angle from north to the right [rad] of one from east to the left."""
+    return float(np.arctan2(np.cos(yaw), np.sin(yaw)))
+
+
+@dataclass(frozen=True)
+class Px4Gains:
+    """Parameters of PX4's multicopter loops, by their names there, with its defaults.
+
+    Attributes
+    ----------
+    mpc_xy_p, mpc_z_p : float
+        Velocity per position error [1/s].
+    mpc_xy_vel_p_acc, mpc_z_vel_p_acc : float
+        Acceleration per velocity error [1/s].
+    mpc_xy_vel_i_acc, mpc_z_vel_i_acc : float
+        Of its integral [1/s^2].
+    mpc_xy_vel_d_acc, mpc_z_vel_d_acc : float
+        Of its derivative [-].
+    mc_att_p, mc_yaw_p : float
+        Angular velocity per attitude error: MC_ROLL_P and MC_PITCH_P, MC_YAW_P [1/s].
+    mc_rate_k : float
+        Of all three that follow: MC_ROLLRATE_K and MC_PITCHRATE_K [-].
+    mc_rate_p, mc_rate_i, mc_rate_d : float
+        Moment per angular velocity error, its integral and the angular acceleration, as a share of
+        the largest moment.
+    mc_yawrate_p, mc_yawrate_i : float
+    tilt_max : float
+        MPC_TILTMAX_AIR [rad].
+    thrust_min : float
+        MPC_THR_MIN, a share of the largest.
+
+    Raises
+    ------
+    ValueError
+        If one is negative, or one of the proportional ones is not positive.
+    """
+
+    mpc_xy_p: float = 0.95
+    mpc_z_p: float = 1.0
+    mpc_xy_vel_p_acc: float = 1.8
+    mpc_z_vel_p_acc: float = 4.0
+    mpc_xy_vel_i_acc: float = 0.4
+    mpc_z_vel_i_acc: float = 2.0
+    mpc_xy_vel_d_acc: float = 0.2
+    mpc_z_vel_d_acc: float = 0.0
+    mc_att_p: float = 6.5
+    mc_yaw_p: float = 2.8
+    mc_rate_k: float = 1.0
+    mc_rate_p: float = 0.15
+    mc_rate_i: float = 0.2
+    mc_rate_d: float = 0.003
+    mc_yawrate_p: float = 0.2
+    mc_yawrate_i: float = 0.1
+    tilt_max: float = 0.785
+    thrust_min: float = 0.12
+
+    @classmethod
+    def scaled(cls, mpc_xy_p: float, mc_att_p: float, mc_rate_k: float) -> 'Px4Gains':
+        """Return gains whose horizontal velocity loop is in proportion to the position's."""
+        share = mpc_xy_p / cls.mpc_xy_p
+        return cls(
+            mpc_xy_p=mpc_xy_p,
+            mpc_xy_vel_p_acc=share * cls.mpc_xy_vel_p_acc,
+            mpc_xy_vel_i_acc=share * cls.mpc_xy_vel_i_acc,
+            mc_att_p=mc_att_p,
+            mc_rate_k=mc_rate_k,
+        )
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        for name, value in vars(self).items():
+            check = positive if name.endswith(('_p', '_p_acc', '_k')) else non_negative_number
+            check(name, value)

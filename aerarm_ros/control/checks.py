@@ -1,0 +1,181 @@
+"""Checks of a controller's inputs: finite values, gains and joint limits."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.motion.signals import Array
+
+
+class RejectedInputError(ValueError):
+    """A reference or sensor sample that is not used; the message says why and what to check.
+
+    Whoever raises it has changed nothing: the arm keeps doing what it did.
+    """
+
+
+def non_negative(name: str, values: npt.ArrayLike, n: int) -> Array:
+    """Return `values` as a private (n,) array, a scalar being repeated.
+
+    Raises
+    ------
+    ValueError
+        If their number isn't n, or one is negative or not finite.
+    """
+    array = finite(name, values, n)
+    if np.any(array < 0.0):
+        raise ValueError(f'{name} = {array} must not be negative')
+    return array
+
+
+def finite(name: str, values: npt.ArrayLike, n: int) -> Array:
+    """Return `values` as a private (n,) array, a scalar being repeated.
+
+    Raises
+    ------
+    ValueError
+        If their number isn't n, or one is not finite.
+    """
+    array = np.asarray(values, dtype=float)
+    if array.shape not in ((), (n,)):
+        raise ValueError(f'{name} has {array.size} values, {n} are needed (or one for all)')
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f'{name} = {array} must be finite')
+    return np.broadcast_to(array, (n,)).copy()
+
+
+def positive(name: str, value: float) -> float:
+    """Return `value`.
+
+    Raises
+    ------
+    ValueError
+        If it isn't positive and finite.
+    """
+    if not (np.isfinite(value) and value > 0.0):
+        raise ValueError(f'{name} = {value} must be positive and finite')
+    return float(value)
+
+
+def non_negative_number(name: str, value: float) -> float:
+    """Return `value`.
+
+    Raises
+    ------
+    ValueError
+        If it is negative or not finite.
+    """
+    return float(non_negative(name, value, 1)[0])
+
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """Limits of n joints.
+
+    Attributes
+    ----------
+    names : tuple of str
+    position_min, position_max : (n,) ndarray
+        [rad]
+    velocity_max, acceleration_max : (n,) ndarray
+        [rad/s], [rad/s^2]
+    effort_max : (n,) ndarray
+        [Nm]
+    """
+
+    names: tuple[str, ...]
+    position_min: Array
+    position_max: Array
+    velocity_max: Array
+    acceleration_max: Array
+    effort_max: Array
+
+    @classmethod
+    def from_config(cls, config: ArmConfig) -> 'JointLimits':
+        """Return the limits of an arm's configuration."""
+        fields = ('position_min', 'position_max', 'velocity_max', 'acceleration_max', 'effort_max')
+        return cls(config.joint_names, *(config.column(field) for field in fields))
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.names)
+
+    def order(self, names: Sequence[str]) -> list[int]:
+        """Return where each joint of the arm stands in `names`.
+
+        Raises
+        ------
+        RejectedInputError
+            If `names` are not exactly the arm's joints, in any order.
+        """
+        if sorted(names) != sorted(self.names):
+            raise RejectedInputError(
+                f'joint names {list(names)} are not those of the arm: give each of '
+                f'{list(self.names)} once'
+            )
+        return [list(names).index(name) for name in self.names]
+
+    def including(self, q: Array) -> 'JointLimits':
+        """Return limits widened to a posture (n,) [rad]: an arm beyond them may come back."""
+        return replace(
+            self,
+            position_min=np.minimum(self.position_min, q),
+            position_max=np.maximum(self.position_max, q),
+        )
+
+    def check_position(self, what: str, q: Array) -> None:
+        """Require positions, (n,) or (M, n) [rad], inside the limits.
+
+        Raises
+        ------
+        RejectedInputError
+            If one is outside or not a number; the message names the joint.
+        """
+        low, high = self.position_min - _ROUNDING, self.position_max + _ROUNDING
+        inside = (q >= low) & (q <= high)
+        if not np.all(inside):
+            joint = int(np.argmin(np.atleast_2d(inside).all(axis=0)))
+            column = np.atleast_2d(q)[:, joint]
+            value = column[np.argmin(np.atleast_2d(inside)[:, joint])]
+            raise RejectedInputError(
+                f'{what}: {self.names[joint]} at {value:.4g} rad is outside '
+                f'{self.position_min[joint]:.4g} .. {self.position_max[joint]:.4g}'
+            )
+
+    def check_velocity(self, what: str, dq: Array) -> None:
+        """Require velocities, (n,) or (M, n) [rad/s], inside the limits.
+
+        Raises
+        ------
+        RejectedInputError
+            If one is too fast or not a number; the message names the joint.
+        """
+        self._check_size(what, dq, self.velocity_max, 'rad/s')
+
+    def check_acceleration(self, what: str, ddq: Array) -> None:
+        """Require accelerations, (n,) or (M, n) [rad/s^2], inside the limits.
+
+        Raises
+        ------
+        RejectedInputError
+            If one is too large or not a number; the message names the joint.
+        """
+        self._check_size(what, ddq, self.acceleration_max, 'rad/s^2')
+
+    def _check_size(self, what: str, values: Array, largest: Array, unit: str) -> None:
+        size = np.atleast_2d(np.abs(values)).max(axis=0)
+        inside = size <= largest + _ROUNDING
+        if not np.all(inside):
+            joint = int(np.argmin(inside))
+            raise RejectedInputError(
+                f'{what}: {self.names[joint]} needs {size[joint]:.3g} {unit}, '
+                f'{size[joint] - largest[joint]:.3g} more than its limit of {largest[joint]:.3g}: '
+                'slow the motion down'
+            )

@@ -1,0 +1,269 @@
+"""Velocity control of joints or tool by a damped inverse of the Jacobian."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.checks import (
+    JointLimits,
+    finite,
+    non_negative,
+    non_negative_number,
+    positive,
+)
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.signals import ArmState, Array, JointCommand, TaskReference
+
+
+class DampedInverse:
+    """Pseudo-inverse that stays bounded where the Jacobian loses rank.
+
+    Each singular value s is inverted as `s / (s^2 + d^2)`, with a damping that grows from
+    zero at `threshold` to `damping` at s = 0::
+
+        d^2 = damping^2 (1 - (s / threshold)^2)
+
+    (Nakamura and Hanafusa 1986, with the damping of Chiaverini, Siciliano, Egeland 1994
+    applied per direction: what isn't singular is still followed exactly.)
+
+    Parameters
+    ----------
+    threshold : float
+        Singular value [m/rad] below which a direction is damped.
+    damping : float
+        [m/rad]; below `threshold / sqrt(2)` the inverse is never larger than
+        `1 / (sqrt(2) damping)`, beyond it never larger than `1 / threshold`.
+
+    Raises
+    ------
+    ValueError
+        If one isn't positive.
+    """
+
+    class InvertedJacobian(NamedTuple):
+        """Inverse (n, m), projector into the null space (n, n), least singular value."""
+
+        inverse: Array
+        null_space: Array
+        least: float
+
+    def __init__(self, threshold: float = 0.03, damping: float = 0.02) -> None:
+        self._threshold = positive('threshold', threshold)
+        self._damping = positive('damping', damping)
+
+    def of(self, jacobian: Array) -> InvertedJacobian:
+        """Invert a Jacobian (m, n), m <= n."""
+        left, values, right = np.linalg.svd(jacobian, full_matrices=False)
+        scaled = np.minimum(values / self._threshold, 1.0)
+        damping = self._damping**2 * (1.0 - scaled * scaled)
+        gains = values / (values * values + damping)
+        inverse = (right.T * gains) @ left.T
+        null_space = np.eye(jacobian.shape[1]) - (right.T * (gains * values)) @ right
+        return self.InvertedJacobian(inverse, null_space, float(values[-1]))
+
+
+class VelocityResolution:
+    """Inverse differential kinematics of a position task, thesis (2.8).
+
+    The joint velocity that gives the frame's origin the wanted velocity; the motion it
+    leaves free draws the arm toward a home configuration, and down an objective. Near its limits a
+    joint may approach them only in proportion to the distance left (Faverjon, Tournassoud
+    1987). A joint at that bound is fixed and the others take over its part (Flacco, De Luca,
+    Khatib 2012). If a joint is then still too fast, all are slowed down alike: the tool keeps its
+    direction.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    limits : JointLimits
+    rest : (n,) array_like
+        [rad]
+    inverse : DampedInverse
+    rest_gain : float
+        [1/s]
+    limit_gain : float
+        [1/s]: speed toward a limit over distance from it.
+    margin : float
+        Distance [rad] from the limits that is kept.
+    slope : callable, optional
+        Returns an objective's derivative by the joints (n,) at q (n,), such as that of the loss of
+        holding the arm's weight [W/rad].
+    slope_gain : float
+        Speed down the objective [rad/s] over its slope.
+
+    Attributes
+    ----------
+    least_singular_value : float
+        Of the last Jacobian [m/rad]: how far from singular the arm is.
+    slowdown : float
+        Part of the wanted velocity that was given last, 0 .. 1.
+
+    Raises
+    ------
+    ValueError
+        If a gain is negative or the home configuration hasn't n joints.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        limits: JointLimits,
+        rest: npt.ArrayLike,
+        inverse: DampedInverse,
+        rest_gain: float = 0.5,
+        limit_gain: float = 5.0,
+        margin: float = 0.02,
+        slope: Callable[[Array], Array] | None = None,
+        slope_gain: float = 0.0,
+    ) -> None:
+        self.kinematics = kinematics
+        self._limits = limits
+        self._rest = finite('rest', rest, limits.n)
+        self._inverse = inverse
+        self._rest_gain = non_negative_number('rest_gain', rest_gain)
+        self._limit_gain = positive('limit_gain', limit_gain)
+        margin = non_negative_number('margin', margin)
+        self._slope = slope
+        self._slope_gain = non_negative_number('slope_gain', slope_gain)
+        self._low = limits.position_min + margin
+        self._high = limits.position_max - margin
+        self.least_singular_value = np.inf
+        self.slowdown = 1.0
+
+    def resolve(self, q: Array, velocity: Array) -> Array:
+        """Return joint velocities (n,) [rad/s].
+
+        Parameters
+        ----------
+        q : (n,) ndarray
+            [rad]
+        velocity : (3,) ndarray
+            Of the frame's origin, in base axes [m/s].
+        """
+        jacobian = self.kinematics.position_jacobian(q)
+        preferred = self._rest_gain * (self._rest - q)
+        if self._slope is not None:
+            preferred = preferred - self._slope_gain * self._slope(q)
+        low = self._limit_gain * (self._low - q)
+        high = self._limit_gain * (self._high - q)
+        dq = self._within_bounds(jacobian, velocity, preferred, low, high)
+        fastest = float((np.abs(dq) / self._limits.velocity_max).max()) + 1e-9
+        self.slowdown = min(1.0, 1.0 / fastest)
+        return self.slowdown * dq
+
+    def _within_bounds(
+        self, jacobian: Array, velocity: Array, preferred: Array, low: Array, high: Array
+    ) -> Array:
+        """Solve, fixing one joint after the other at the bound it violates most."""
+        result = self._inverse.of(jacobian)
+        self.least_singular_value = result.least
+        dq: Array = result.inverse @ velocity + result.null_space @ preferred
+        excess = np.maximum(dq - high, low - dq)
+        if excess.max() <= 0.0:
+            return dq
+        free = jacobian.copy()
+        fixed = np.zeros_like(preferred)
+        is_free = np.ones(len(preferred), dtype=bool)
+        while np.any(excess > 0.0):
+            worst = int(np.argmax(excess))
+            fixed[worst] = min(max(dq[worst], low[worst]), high[worst])
+            is_free[worst] = False
+            free[:, worst] = 0.0
+            result = self._inverse.of(free)
+            wanted = np.where(is_free, preferred, 0.0)
+            dq = result.inverse @ (velocity - jacobian @ fixed) + result.null_space @ wanted
+            dq = np.where(is_free, dq, fixed)
+            excess = np.where(is_free, np.maximum(dq - high, low - dq), -np.inf)
+        return dq
+
+
+class CartesianMotionControl:
+    """Figure 2.7: feedback by direct kinematics, `dq = J#(q) (dpd + K (pd - k(q)))`.
+
+    Parameters
+    ----------
+    resolution : VelocityResolution
+    gain : (3,) array_like
+        K [1/s]: away from singularities the tool's error decays as exp(-K t).
+
+    Raises
+    ------
+    ValueError
+        If a gain is negative or their number isn't 3.
+    """
+
+    def __init__(self, resolution: VelocityResolution, gain: npt.ArrayLike) -> None:
+        self._resolution = resolution
+        self._gain = non_negative('gain', gain, 3)
+
+    def take_over(self, q: Array) -> None:
+        """Start at the present posture: there is nothing to remember."""
+
+    def update(
+        self,
+        state: ArmState,
+        reference: TaskReference,
+        dt: float,
+        base: BaseMotion | None = None,
+    ) -> JointCommand:
+        """Return the velocity (n,) [rad/s]; `dt` and `base` aren't used."""
+        error = reference.p - self._resolution.kinematics.position(state.q)
+        velocity = reference.dp + self._gain * error
+        return JointCommand(dq=self._resolution.resolve(state.q, velocity))
+
+
+class JointMotionControl:
+    """Figure 2.6: the desired path in joint space, `dq = dqd + K (qd - q)`.
+
+    `qd` is made from the Cartesian path by `dqd = J#(qd) (dpd + drift_gain (pd - k(qd)))`,
+    integrated; the second term undoes what integration and damping lose. The measured joints
+    enter only through K, so the reference is the same on and off line.
+
+    Parameters
+    ----------
+    resolution : VelocityResolution
+    gain : (n,) array_like
+        K [1/s]: the joint error decays as exp(-K t).
+    drift_gain : float
+        [1/s]
+
+    Attributes
+    ----------
+    qd : (n,) ndarray
+        Present reference of the joints [rad].
+
+    Raises
+    ------
+    ValueError
+        If a gain is negative or their number isn't n.
+    """
+
+    def __init__(
+        self, resolution: VelocityResolution, gain: npt.ArrayLike, drift_gain: float = 10.0
+    ) -> None:
+        n = resolution.kinematics.robot.n
+        self._resolution = resolution
+        self._gain = non_negative('gain', gain, n)
+        self._drift_gain = positive('drift_gain', drift_gain)
+        self.qd = np.zeros(n)
+
+    def take_over(self, q: Array) -> None:
+        """Start the reference at the present posture `q` (n,) [rad]."""
+        self.qd = np.array(q)
+
+    def update(
+        self,
+        state: ArmState,
+        reference: TaskReference,
+        dt: float,
+        base: BaseMotion | None = None,
+    ) -> JointCommand:
+        """Return the velocity (n,) [rad/s] for this cycle of `dt` [s]; `base` isn't used."""
+        error = reference.p - self._resolution.kinematics.position(self.qd)
+        dqd = self._resolution.resolve(self.qd, reference.dp + self._drift_gain * error)
+        dq = dqd + self._gain * (self.qd - state.q)
+        self.qd = self.qd + dt * dqd
+        return JointCommand(dq=dq)

@@ -1,0 +1,303 @@
+"""The drives of `config/aerarm.yaml`: motors, gears and joints."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from aerarm_ros.description.config_reader import (
+    ConfigError,
+    check_choice,
+    check_name,
+    check_range,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class GearConfig:
+    """A reduction gear, thesis section 4.2.
+
+    Attributes
+    ----------
+    kind : str
+        E.g. 'cycloidal'.
+    ratio : float
+        k_g = joint speed / motor speed, thesis (4.6); below one for a reduction.
+    efficiency : float
+        eta_g of thesis (4.7).
+
+    Raises
+    ------
+    ConfigError
+        If a value lies outside its range, such as a ratio given upside down.
+    """
+
+    kind: str
+    ratio: float
+    efficiency: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_name('gear', 'kind', self.kind)
+        owner = f'gear {self.kind}'
+        check_range(owner, 'ratio (joint speed / motor speed)', self.ratio, 1e-4, 1.0, '')
+        check_range(owner, 'efficiency', self.efficiency, 0.01, 1.0, '')
+
+
+RATED_AMBIENT = 25.0
+"""Ambient temperature for which a continuous current is stated [degC]."""
+COPPER = 0.00393
+"""Growth of copper's resistance per kelvin, as a share of that at 20 degC (IEC 60028) [1/K]."""
+# A motor without data: of its short-time current this share counts as continuous. Small outrunners
+# without the airflow of a propeller bear 0.3 to 0.5 of what their data sheets state for 180 s.
+_GUESSED_SHARE = 0.33
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalConfig:
+    """Continuous current and time constants of a motor as it is mounted.
+
+    Attributes
+    ----------
+    continuous_current : float
+        Quadrature current [A] that brings the winding to `temperature_max` after a long time, at
+        an ambient temperature of 25 degC.
+    temperature_max : float
+        Of the winding [degC]: below what its insulation, the magnets and the mount bear.
+    winding_time : float
+        Time constant of the winding with its stator against the housing [s].
+    housing_time : float
+        Time constant of the housing with its mount against the air [s].
+    housing_share : float
+        Share of the thermal resistance that lies between housing and air.
+
+    Raises
+    ------
+    ConfigError
+        If a value lies outside its range.
+    """
+
+    continuous_current: float
+    temperature_max: float = 110.0
+    winding_time: float = 25.0
+    housing_time: float = 300.0
+    housing_share: float = 0.6
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        owner = 'thermal'
+        check_range(owner, 'continuous_current', self.continuous_current, 1e-3, 500.0, 'A')
+        check_range(owner, 'temperature_max', self.temperature_max, 60.0, 250.0, 'degC')
+        check_range(owner, 'winding_time', self.winding_time, 0.5, 3600.0, 's')
+        check_range(owner, 'housing_time', self.housing_time, 0.5, 36000.0, 's')
+        check_range(owner, 'housing_share', self.housing_share, 0.05, 0.95, '')
+        if self.housing_time < self.winding_time:
+            raise ConfigError(
+                f'{owner}: housing_time = {self.housing_time} is below winding_time = '
+                f'{self.winding_time}: the housing warms more slowly than the winding'
+            )
+
+    @classmethod
+    def guessed(cls, current_max: float) -> ThermalConfig:
+        """Return a cautious guess for a motor of which only the short-time current [A] is known."""
+        return cls(float(f'{_GUESSED_SHARE * current_max:.2g}'))
+
+
+def torque_constant(kv: float) -> float:
+    """Return the torque constant [Nm/A] of a motor from its velocity constant, thesis (4.3).
+
+    Holds for a field-oriented current (amplitude of the phase current, i_d = 0) and a `kv`
+    given for the line-to-line voltage; `3/2 / sqrt(3)` comes from those two conventions.
+
+    Parameters
+    ----------
+    kv : float
+        Velocity constant [rpm/V].
+    """
+    return 1.5 / math.sqrt(3.0) * 60.0 / (2.0 * math.pi) / kv
+
+
+@dataclass(frozen=True, slots=True)
+class MotorConfig:
+    """A brushless motor, thesis table 4.1.
+
+    Attributes
+    ----------
+    name : str
+        Type, e.g. 'MN5006'.
+    pole_pairs : int
+    kv : float
+        Velocity constant for the line-to-line voltage [rpm/V].
+    current_max : float
+        Largest quadrature current [A].
+    rotor_inertia : float
+        J_m [kg m^2], motor side.
+    resistance : float
+        Of one phase [ohm].
+    torque_constant_measured : float or None
+        K_i [Nm/A] from a motor bench; None to compute it from `kv`.
+    resistance_std : float or None
+        Standard deviation of `resistance` [ohm], from a motor bench; None for an estimate.
+    thermal : ThermalConfig or None
+        How warm it gets; None if nothing is known of that.
+
+    Raises
+    ------
+    ConfigError
+        If a value isn't a number or lies outside any plausible range.
+    """
+
+    name: str
+    pole_pairs: int
+    kv: float
+    current_max: float
+    rotor_inertia: float
+    resistance: float
+    torque_constant_measured: float | None = None
+    resistance_std: float | None = None
+    thermal: ThermalConfig | None = None
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_name('motor', 'name', self.name)
+        owner = f'motor {self.name}'
+        check_range(owner, 'pole_pairs', self.pole_pairs, 1, 100, '')
+        check_range(owner, 'kv', self.kv, 1.0, 2e4, 'rpm/V')
+        check_range(owner, 'current_max', self.current_max, 1e-3, 500.0, 'A')
+        check_range(owner, 'rotor_inertia', self.rotor_inertia, 0.0, 1e-2, 'kg m^2')
+        check_range(owner, 'resistance', self.resistance, 1e-4, 100.0, 'ohm')
+        if self.torque_constant_measured is not None:
+            key = 'torque_constant_measured'
+            check_range(owner, key, self.torque_constant_measured, 1e-5, 10.0, 'Nm/A')
+        if self.resistance_std is not None:
+            check_range(owner, 'resistance_std', self.resistance_std, 0.0, 100.0, 'ohm')
+        if self.thermal is not None and self.thermal.continuous_current > self.current_max:
+            raise ConfigError(
+                f'{owner}: continuous_current = {self.thermal.continuous_current} of thermal is '
+                f'above current_max = {self.current_max}: lower it'
+            )
+
+    @property
+    def thermal_or_guess(self) -> ThermalConfig:
+        """How warm it gets, guessed from `current_max` where the configuration does not say."""
+        return self.thermal or ThermalConfig.guessed(self.current_max)
+
+    @property
+    def torque_constant(self) -> float:
+        """K_i [Nm/A]: the measured one, or that of thesis (4.3)."""
+        if self.torque_constant_measured is not None:
+            return self.torque_constant_measured
+        return torque_constant(self.kv)
+
+    @property
+    def resistance_text(self) -> str:
+        """The resistance with its uncertainty, if it is known."""
+        known = 'an estimate' if self.resistance_std is None else f'± {self.resistance_std:.2g}'
+        return f'{self.resistance:.4g} ({known})'
+
+
+# Two turns: beyond, a position is more likely in degrees.
+_POSITION_BOUND = 12.6
+
+# (field, smallest, largest, unit)
+_RANGES = (
+    ('offset', -_POSITION_BOUND, _POSITION_BOUND, 'rad'),
+    ('position_min', -_POSITION_BOUND, _POSITION_BOUND, 'rad'),
+    ('position_max', -_POSITION_BOUND, _POSITION_BOUND, 'rad'),
+    ('velocity_max', 1e-3, 50.0, 'rad/s'),
+    ('acceleration_max', 1e-3, 1e4, 'rad/s^2'),
+    ('effort_max', 1e-3, 1e3, 'Nm'),
+    ('effort_rate_max', 1e-2, 1e6, 'Nm/s'),
+    ('viscous', 0.0, 100.0, 'Nms/rad'),
+    ('coulomb', 0.0, 100.0, 'Nm'),
+    ('board_kp', 0.0, 1e3, 'A/rad'),
+    ('board_kd', 0.0, 1e3, 'A s/rad'),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class JointConfig:
+    """A driven joint; values are joint side unless they say motor side.
+
+    Attributes
+    ----------
+    name : str
+        As in the URDF.
+    motor : MotorConfig
+    gear : GearConfig
+    board : int
+        Number of the board in `ArmConfig.boards`.
+    channel : int
+        0 or 1: which motor of the board.
+    sign : int
+        -1 if the motor turns against the joint, else 1.
+    offset : float
+        Joint angle [rad] at encoder zero.
+    position_min, position_max : float
+        [rad]
+    velocity_max, acceleration_max : float
+        [rad/s], [rad/s^2]
+    effort_max : float
+        [Nm]; not above what the motor gives at its largest current.
+    effort_rate_max : float
+        [Nm/s]
+    viscous, coulomb : float
+        f_v [Nms/rad] and f_s [Nm] of thesis (2.6).
+    board_kp, board_kd : float
+        Gains of thesis (4.4), motor side [A/rad], [A s/rad].
+
+    Raises
+    ------
+    ConfigError
+        If a value lies outside its range or contradicts another.
+    """
+
+    name: str
+    motor: MotorConfig
+    gear: GearConfig
+    board: int
+    channel: int
+    sign: int
+    offset: float
+    position_min: float
+    position_max: float
+    velocity_max: float
+    acceleration_max: float
+    effort_max: float
+    effort_rate_max: float
+    viscous: float
+    coulomb: float
+    board_kp: float
+    board_kd: float
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_name('joint', 'name', self.name)
+        owner = f'joint {self.name}'
+        check_range(owner, 'board', self.board, 0, 100, '')
+        check_choice(owner, 'channel', self.channel, (0, 1))
+        check_choice(owner, 'sign', self.sign, (1, -1))
+        for key, low, high, unit in _RANGES:
+            check_range(owner, key, getattr(self, key), low, high, unit)
+        if self.position_min >= self.position_max:
+            raise ConfigError(
+                f'{owner}: position_min = {self.position_min} must be below '
+                f'position_max = {self.position_max}'
+            )
+        strongest = self.torque_per_ampere * self.motor.current_max
+        if self.effort_max > 1.01 * strongest:
+            raise ConfigError(
+                f'{owner}: effort_max = {self.effort_max} Nm is more than motor '
+                f'{self.motor.name} gives at its current_max, {strongest:.2f} Nm: lower it, or '
+                "check the motor's kv and current_max and the gear's ratio"
+            )
+
+    @property
+    def torque_per_ampere(self) -> float:
+        """Joint torque per motor current [Nm/A]: K_i eta / k_g, thesis (4.2), (4.7)."""
+        return self.motor.torque_constant * self.gear.efficiency / self.gear.ratio
+
+    @property
+    def reflected_inertia(self) -> float:
+        """Rotor inertia as the joint feels it [kg m^2]: J_m / k_g^2."""
+        return self.motor.rotor_inertia / self.gear.ratio**2

@@ -1,0 +1,259 @@
+"""The motion of a motor bench: velocity steps, acceleration runs, swings, one joint at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.feasibility import FeasibilityChecker
+from aerarm_ros.excitation.settings import ExcitationError, MotionLimits
+from aerarm_ros.excitation.trajectory import (
+    FourierTrajectory,
+    MotionSequence,
+    RampedExcitation,
+    Stage,
+    SteadyStroke,
+    transfer,
+)
+from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
+from aerarm_ros.motion.signals import Array, JointMotion
+
+
+@dataclass(frozen=True)
+class BenchMeasurement:
+    """A stretch of the motion that is evaluated.
+
+    Attributes
+    ----------
+    joint : int
+        The one that moves.
+    speed : float or None
+        Commanded velocity [rad/s], signed; None in an acceleration run and in swings.
+    start, end : float
+        Time along the motion [s].
+    swings : bool
+        Whether the joint swings about the posture, for the gear's play.
+    """
+
+    joint: int
+    speed: float | None
+    start: float
+    end: float
+    swings: bool = False
+
+
+def split(
+    measurements: Sequence[BenchMeasurement], path_time: Array
+) -> Iterator[tuple[BenchMeasurement, slice]]:
+    """Yield each measurement with its rows among samples at rising `path_time` (M,) [s]."""
+    for measurement in measurements:
+        first, last = np.searchsorted(path_time, (measurement.start, measurement.end))
+        yield measurement, slice(int(first), int(last))
+
+
+@dataclass(frozen=True)
+class BenchPlan:
+    """What the motor bench does.
+
+    Parameters
+    ----------
+    speeds : joint speeds of the velocity steps [rad/s], positive.
+    span : way of a joint, half of it to either side of the posture [rad].
+    velocity_share, acceleration_share : share of the limits that acceleration runs reach; the
+        ramps of velocity steps use the same acceleration.
+    runs : acceleration runs of a joint, each forth and back; 0 for none.
+    swings : sine waves of a joint about the posture, for its gear's play; 0 for none.
+    amplitude : of the swings [rad]; they are as fast as the shares let them be.
+
+    Raises
+    ------
+    ExcitationError
+        If a number makes no sense.
+    """
+
+    speeds: tuple[float, ...] = (0.2, 0.4, 0.8, 1.2, 1.6, 2.0)
+    span: float = 1.6
+    velocity_share: float = 0.6
+    acceleration_share: float = 0.5
+    runs: int = 3
+    swings: int = 0
+    amplitude: float = 0.25
+
+    def __post_init__(self) -> None:
+        if len(set(self.speeds)) < 2 or min(self.speeds) <= 0.0:
+            raise ExcitationError(
+                f'speeds {list(self.speeds)}: two or more different positive ones tell viscous '
+                'from Coulomb friction (4.13)'
+            )
+        if not 0.0 < self.span < 2.0 * np.pi:
+            raise ExcitationError(f'span {self.span:g} must lie between 0 and 2 pi rad')
+        if self.swings and not 0.0 < self.amplitude <= 0.5 * self.span:
+            raise ExcitationError(
+                f'swings of {self.amplitude:g} rad must be above 0 and within half of the span of '
+                f'{self.span:g} rad'
+            )
+
+
+_TRANSFER_SHARE = 0.2  # of the limits of velocity and acceleration between the measurements
+_SHORTEST_TRANSFER = 0.5  # [s]
+_SETTLE = 0.1  # [s] at constant speed before it counts: the velocity loop has to arrive
+_SHORTEST_STEADY = 0.15  # [s] at constant speed that is worth measuring
+_REST = 0.2  # [s] between two strokes
+
+
+class BenchMotion:
+    """Plans the bench's motion and knows which stretches of it are measured.
+
+    Each joint in turn goes through its strokes while the others hold the posture. Both
+    directions of a speed pass the same postures, so that gravity cancels between them.
+
+    Parameters
+    ----------
+    plan : what to measure.
+    limits : what the joints may do.
+    start : (n,) posture at the beginning and the end [rad].
+    posture : (n,) posture about which is measured [rad].
+    joints : indices of the joints to measure.
+
+    Raises
+    ------
+    ExcitationError
+        If a joint's limits leave no room, or a speed has no part at constant velocity.
+    """
+
+    def __init__(
+        self,
+        plan: BenchPlan,
+        limits: MotionLimits,
+        start: Array,
+        posture: Array,
+        joints: Sequence[int],
+    ) -> None:
+        self._plan = plan
+        self._limits = limits
+        self._posture = np.array(posture, dtype=float)
+        self._stages: list[Stage] = []
+        self._time = 0.0
+        self._at = np.array(start, dtype=float)
+        self.measurements: list[BenchMeasurement] = []
+        for joint in joints:
+            self._check(joint)
+            self._measure(joint)
+        self._move(start)
+        self.sequence = MotionSequence(self._stages)
+
+    def require_feasible(self, checker: FeasibilityChecker) -> None:
+        """Raise InfeasibleError if the motion breaks a limit."""
+        checker.check(self.sequence, stop_early=True).require('the motion of the bench')
+
+    def _check(self, joint: int) -> None:
+        limits, plan = self._limits, self._plan
+        name, middle = limits.joint_names[joint], self._posture[joint]
+        room = 2.0 * min(middle - limits.position_min[joint], limits.position_max[joint] - middle)
+        if room < plan.span:
+            raise ExcitationError(
+                f'{name} has {max(room, 0.0):.3g} rad about {middle:.3g} rad, the span is '
+                f'{plan.span:.3g} rad: choose a smaller span or another posture'
+            )
+        if max(plan.speeds) > limits.velocity[joint]:
+            raise ExcitationError(
+                f'{name} may turn at {limits.velocity[joint]:.3g} rad/s, not at '
+                f'{max(plan.speeds):.3g}: choose lower speeds'
+            )
+
+    def _measure(self, joint: int) -> None:
+        plan, name = self._plan, self._limits.joint_names[joint]
+        half = np.zeros(len(self._posture))
+        half[joint] = 0.5 * plan.span
+        self._move(self._posture - half)
+        for speed in sorted(set(plan.speeds)):
+            for travel in (plan.span, -plan.span):
+                self._stroke(joint, travel, speed, name)
+        begin = self._time
+        for _ in range(plan.runs):
+            for end in (self._posture + half, self._posture - half):
+                self._run(joint, end, name)
+        if plan.runs:
+            self.measurements.append(BenchMeasurement(joint, None, begin, self._time))
+        if plan.swings:
+            self._swing(joint, name)
+
+    def _stroke(self, joint: int, travel: float, speed: float, name: str) -> None:
+        acceleration = self._plan.acceleration_share * float(self._limits.acceleration[joint])
+        try:
+            stroke = SteadyStroke(self._at, joint, travel, speed, acceleration)
+        except ExcitationError as error:
+            raise ExcitationError(f'{name}: {error}: choose a larger span') from None
+        steady = stroke.steady_time - _SETTLE
+        if steady < _SHORTEST_STEADY:
+            raise ExcitationError(
+                f'{name} runs at {speed:.3g} rad/s for {stroke.steady_time:.2f} s only, less than '
+                f'{_SETTLE + _SHORTEST_STEADY:g} s: choose a larger span or lower speeds'
+            )
+        begin = self._time + stroke.ramp_time + _SETTLE
+        signed = float(np.copysign(speed, travel))
+        self.measurements.append(BenchMeasurement(joint, signed, begin, begin + steady))
+        self._add(f'{name} {signed:+.2f} rad/s', stroke)
+        self._rest(name)
+
+    def _run(self, joint: int, end: Array, name: str) -> None:
+        plan, limits = self._plan, self._limits
+        duration = rest_to_rest_duration(
+            end - self._at,
+            plan.velocity_share * limits.velocity,
+            plan.acceleration_share * limits.acceleration,
+            minimum=0.1,
+        )
+        self._add(f'{name} acceleration', transfer(self._at, end, duration))
+
+    def _swing(self, joint: int, name: str) -> None:
+        plan, limits = self._plan, self._limits
+        fastest = plan.velocity_share * limits.velocity[joint] / plan.amplitude
+        hardest = plan.acceleration_share * limits.acceleration[joint] / plan.amplitude
+        frequency = float(min(fastest, np.sqrt(hardest))) / (2.0 * np.pi)
+        sine = np.zeros((len(self._posture), 1))
+        sine[joint] = plan.amplitude
+        wave = FourierTrajectory(frequency, self._posture, sine, np.zeros_like(sine))
+        swings = RampedExcitation(wave, plan.swings, wave.period)
+        self._move(swings.evaluate(0.0).q)
+        begin = self._time + swings.ramp_time
+        self.measurements.append(
+            BenchMeasurement(joint, None, begin, begin + swings.periodic_duration, swings=True)
+        )
+        self._add(f'{name} swings', swings)
+
+    def _move(self, end: Array) -> None:
+        """Go to a posture without measuring."""
+        duration = rest_to_rest_duration(
+            end - self._at,
+            _TRANSFER_SHARE * self._limits.velocity,
+            _TRANSFER_SHARE * self._limits.acceleration,
+            _SHORTEST_TRANSFER,
+        )
+        self._add('transfer', transfer(self._at, end, duration))
+
+    def _rest(self, name: str) -> None:
+        self._add(name, transfer(self._at, self._at, _REST))
+
+    def _add(self, name: str, motion: JointMotion) -> None:
+        self._stages.append(Stage(name, motion))
+        self._time += motion.duration
+        # Rounding must not add up from stroke to stroke.
+        self._at = np.array(motion.evaluate(motion.duration).q)
+
+
+def bench_checker(setup: ExcitationSetup, mounted: bool) -> FeasibilityChecker:
+    """Return the checks of a bench's motion.
+
+    Parameters
+    ----------
+    setup : the arm.
+    mounted : False for bare motors, which carry nothing and collide with nothing.
+    """
+    limits = setup.limits
+    if not mounted:
+        return FeasibilityChecker(limits)
+    return FeasibilityChecker(limits, setup.clearance, setup.effort_model, stops=setup.stops)

@@ -1,0 +1,529 @@
+"""Clearance of the arm to itself and to the ground along a motion."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from aerarm_ros.description.config_reader import DescriptionError
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.robot_shapes import load_shapes
+from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.motion.signals import Array
+
+GROUND = 'ground'
+
+
+def build_collision_geometry(
+    robot: Robot, ground_height: float | None, package_directories: Sequence[Path] = ()
+) -> pin.GeometryModel:
+    """Return the shapes of an arm and its surroundings, without pairs.
+
+    Meshes become their convex hulls.
+
+    Parameters
+    ----------
+    robot : arm, with collision shapes in its URDF; shapes fixed to the base (a drone's body,
+        its landing gear) are obstacles.
+    ground_height : height of the ground plane along the direction opposite to gravity, from
+        the base frame's origin [m]; None if there is no ground below the arm.
+    package_directories : where `package://` meshes are looked for, besides the folders above
+        the URDF.
+
+    Raises
+    ------
+    ExcitationError
+        If the URDF has no collision shape on a moving link, or a mesh cannot be read or
+        is larger than an arm needs.
+    """
+    geometry = _read_shapes(robot, package_directories)
+    if ground_height is not None:
+        geometry.addGeometryObject(_ground(robot, ground_height))
+    return geometry
+
+
+def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.GeometryModel:
+    try:
+        geometry = load_shapes(robot, pin.GeometryType.COLLISION, package_directories)
+    except DescriptionError as error:
+        raise ExcitationError(str(error)) from error
+    except (ValueError, RuntimeError) as error:
+        raise ExcitationError(
+            f'collision shapes cannot be read: {str(error).strip()}: check the mesh paths of the '
+            'URDF, or give the package directory'
+        ) from error
+    if not any(shape.parentJoint > 0 for shape in geometry.geometryObjects):
+        raise ExcitationError(
+            'the URDF has no <collision> shape on a moving link, so clearance cannot be checked'
+        )
+    for shape in geometry.geometryObjects:
+        if hasattr(shape.geometry, 'buildConvexHull'):
+            shape.geometry.buildConvexHull(True, 'Qt')
+            shape.geometry = shape.geometry.convex
+    return geometry
+
+
+def _ground(robot: Robot, height: float) -> pin.GeometryObject:
+    gravity = np.asarray(robot.gravity_in_base, dtype=float)
+    if not np.linalg.norm(gravity) > 0.0:
+        raise ExcitationError('without gravity there is no ground: set the ground height to none')
+    up = -gravity / np.linalg.norm(gravity)
+    plane = pin.hppfcl.Halfspace(up, height)
+    return pin.GeometryObject(GROUND, 0, 0, pin.SE3.Identity(), plane)
+
+
+def touches_ground(geometry: pin.GeometryModel, pair: pin.CollisionPair) -> bool:
+    """Return whether one of the pair is the ground."""
+    shapes = geometry.geometryObjects
+    return GROUND in (shapes[pair.first].name, shapes[pair.second].name)
+
+
+def link_of(model: pin.Model, geometry: pin.GeometryModel, shape: int) -> str:
+    """Return the link a shape belongs to; 'ground' for the ground."""
+    found = geometry.geometryObjects[shape]
+    fixed_to_nothing = found.parentJoint == 0 and found.parentFrame == 0
+    return str(found.name if fixed_to_nothing else model.frames[found.parentFrame].name)
+
+
+def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
+    """Return how far each joint can change each pair's distance, (pairs, n) [m/rad].
+
+    The distance of two bodies is 1-Lipschitz in their relative motion, and turning joint j by
+    one radian moves no point of a body further than the point's distance from the joint's axis.
+    That distance is at most the sum of the offsets along the chain and the body's radius. For a
+    prismatic joint the bound is 1.
+
+    Raises
+    ------
+    ExcitationError
+        If a prismatic joint has no limits, so that nothing bounds the joints before it.
+    """
+    bounds = np.zeros((len(geometry.collisionPairs), model.nv))
+    for row, pair in enumerate(geometry.collisionPairs):
+        for index in (pair.first, pair.second):
+            shape = geometry.geometryObjects[index]
+            other = geometry.geometryObjects[pair.second if index == pair.first else pair.first]
+            bounds[row] += _reach(model, shape, list(model.supports[other.parentJoint]))
+    if not np.isfinite(bounds).all():
+        raise ExcitationError(
+            'a prismatic joint without position limits: how far the arm reaches is not known'
+        )
+    return bounds
+
+
+def _reach(model: pin.Model, shape: pin.GeometryObject, shared: Sequence[int]) -> Array:
+    """Return the radius of `shape` about each joint that moves it but is not `shared`."""
+    reach = np.zeros(model.nv)
+    if shape.parentJoint == 0:
+        return reach
+    shape.geometry.computeLocalAABB()
+    radius = float(np.linalg.norm(shape.placement.act(shape.geometry.aabb_center)))
+    radius += float(shape.geometry.aabb_radius)
+    joint = shape.parentJoint
+    while joint > 0:
+        # A prismatic joint's own travel lengthens the lever of the joints before it.
+        prismatic = model.joints[joint].shortname().startswith('JointModelP')
+        column = model.joints[joint].idx_v
+        if joint not in shared:
+            reach[column] = 1.0 if prismatic else radius
+        if prismatic:
+            limits = model.lowerPositionLimit[column], model.upperPositionLimit[column]
+            radius += max(abs(limit) for limit in limits)
+        radius += float(np.linalg.norm(model.jointPlacements[joint].translation))
+        joint = model.parents[joint]
+    return reach
+
+
+_SAMPLES = 500
+_CONSTANT = 1e-5  # [m]
+_BUILT_CLOSE = 1.25
+"""Links that never get further apart than this times the clearance are built close together."""
+
+
+@dataclass(frozen=True)
+class CollisionPairs:
+    """What was decided about the pairs that are left in the geometry model.
+
+    Parameters
+    ----------
+    required : (pairs,) distance each pair keeps [m].
+    notes : pairs that are not checked, or that keep less than the clearance asked for, in words.
+    """
+
+    required: Array
+    notes: tuple[str, ...]
+
+
+def select_pairs(
+    robot: Robot,
+    geometry: pin.GeometryModel,
+    clearance: tuple[float, float],
+    unchecked: Sequence[str] = (),
+) -> CollisionPairs:
+    """Put the pairs that a motion has to keep apart into `geometry`.
+
+    Not a pair: two moving links joined by one joint, which touch by construction, and what
+    never changes its distance, such as the column that turns on the base and the ground below
+    it: no motion brings these nearer. Links of the arm built so close together that they can
+    hardly keep the clearance have to keep half of their median distance over random postures.
+    The ground, obstacles and link 1 beside the base always keep the whole clearance.
+
+    Parameters
+    ----------
+    robot : the arm.
+    geometry : its shapes and surroundings; its pairs are replaced.
+    clearance : distances asked for [m], (arm to itself and to obstacles, arm to ground).
+    unchecked : pairs of links the user answers for, each as 'one to other'.
+
+    Raises
+    ------
+    ExcitationError
+        If a pair of `unchecked` does not exist, or a pair cannot keep its clearance in any
+        posture, so that no motion would be feasible.
+    """
+    selection = _Selection(robot, geometry, clearance, unchecked)
+    return selection.apply()
+
+
+class _Selection:
+    """See `select_pairs`."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        geometry: pin.GeometryModel,
+        clearance: tuple[float, float],
+        unchecked: Sequence[str],
+    ) -> None:
+        self._robot, self._geometry = robot, geometry
+        self._own_clearance, self._ground_clearance = clearance
+        self._links = [
+            link_of(robot.model, geometry, shape) for shape in range(len(geometry.geometryObjects))
+        ]
+        self._unchecked = self._read_unchecked(unchecked)
+        self._base = robot.joints[0].parent
+        # A dictionary keeps one note a pair of links, however many shapes they have.
+        self._notes: dict[str, None] = {}
+
+    def apply(self) -> CollisionPairs:
+        candidates = self._candidates()
+        distances = self._distances(candidates)
+        kept, required = [], []
+        for pair, distance in zip(candidates, distances.T, strict=True):
+            keep = self._required(pair, distance)
+            if keep is not None:
+                kept.append(pair)
+                required.append(keep)
+        self._replace_pairs(kept)
+        return CollisionPairs(np.array(required), tuple(self._notes))
+
+    def _candidates(self) -> list[pin.CollisionPair]:
+        """Return all pairs but those of two moving links joined by one joint."""
+        shapes, parents = self._geometry.geometryObjects, self._robot.model.parents
+        pairs = []
+        for b, second in enumerate(shapes):
+            for a, first in enumerate(shapes[:b]):
+                low, high = sorted((first.parentJoint, second.parentJoint))
+                neighbours = low > 0 and parents[high] == low
+                if low != high and not neighbours:
+                    pairs.append(pin.CollisionPair(a, b))
+        return pairs
+
+    def _distances(self, pairs: Sequence[pin.CollisionPair]) -> Array:
+        """Return the distances in random postures (samples, pairs) [m]."""
+        self._replace_pairs(pairs)
+        robot, geometry = self._robot, self._geometry
+        data, geometry_data = robot.model.createData(), pin.GeometryData(geometry)
+        low = np.maximum(robot.position_min, -np.pi)
+        high = np.minimum(robot.position_max, np.pi)
+        distances = np.empty((_SAMPLES, len(pairs)))
+        for row, q in enumerate(np.random.default_rng(0).uniform(low, high, (_SAMPLES, robot.n))):
+            pin.computeDistances(robot.model, data, geometry, geometry_data, q)
+            distances[row] = [result.min_distance for result in geometry_data.distanceResults]
+        return distances
+
+    def _required(self, pair: pin.CollisionPair, distance: Array) -> float | None:
+        """Return what a pair has to keep [m], None if it is not to be checked."""
+        wanted = self._wanted(pair)
+        nearest, farthest = float(distance.min()), float(distance.max())
+        if frozenset(self._names(pair)) in self._unchecked:
+            self._note(pair, 'not checked, as configured')
+            return None
+        if farthest - nearest < _CONSTANT and nearest >= 0.0:
+            if nearest < wanted:
+                self._note(pair, f'{nearest:.3g} m in every posture, not checked')
+            return None
+        if farthest < 0.0 and self._is_base_and_link_1(pair):
+            self._note(pair, 'joined by joint 1 and overlapping in every posture, not checked')
+            return None
+        if self._both_of_the_arm(pair) and 0.0 <= farthest <= _BUILT_CLOSE * wanted:
+            keep = max(min(wanted, 0.5 * float(np.median(distance))), 0.0)
+            self._note(pair, f'built close together, keeps {keep:.3g} m instead of {wanted:g} m')
+            return keep
+        if farthest < wanted:
+            self._refuse(pair, farthest, wanted)
+        return wanted
+
+    def _refuse(self, pair: pin.CollisionPair, farthest: float, wanted: float) -> None:
+        subject = ' to '.join(self._names(pair))
+        found = (
+            'overlaps in every posture'
+            if farthest < 0.0
+            else f'is never more than {farthest:.3g} m apart, {wanted - farthest:.2g} m less than '
+            f'the {wanted:g} m to be kept'
+        )
+        remedy = (
+            'ground_height and ground_clearance'
+            if touches_ground(self._geometry, pair)
+            else "the collision shapes' sizes and origins and self_clearance"
+        )
+        raise ExcitationError(
+            f'{subject} {found}: check {remedy}, or name the pair in unchecked_pairs of the '
+            'excitation configuration if it touches by construction'
+        )
+
+    def _wanted(self, pair: pin.CollisionPair) -> float:
+        ground = touches_ground(self._geometry, pair)
+        return self._ground_clearance if ground else self._own_clearance
+
+    def _is_base_and_link_1(self, pair: pin.CollisionPair) -> bool:
+        return set(self._names(pair)) == {self._base, self._robot.link_names[0]}
+
+    def _both_of_the_arm(self, pair: pin.CollisionPair) -> bool:
+        """Whether neither is an obstacle: moving links, or the base's own link and link 2 on."""
+        shapes = [self._geometry.geometryObjects[i] for i in (pair.first, pair.second)]
+        low, high = sorted(shape.parentJoint for shape in shapes)
+        return low > 0 or (self._base in self._names(pair) and high > 1)
+
+    def _names(self, pair: pin.CollisionPair) -> tuple[str, str]:
+        return self._links[pair.first], self._links[pair.second]
+
+    def _note(self, pair: pin.CollisionPair, text: str) -> None:
+        self._notes[f'{" to ".join(self._names(pair))}: {text}'] = None
+
+    def _replace_pairs(self, pairs: Sequence[pin.CollisionPair]) -> None:
+        self._geometry.removeAllCollisionPairs()
+        for pair in pairs:
+            self._geometry.addCollisionPair(pair)
+
+    def _read_unchecked(self, unchecked: Sequence[str]) -> set[frozenset[str]]:
+        known = {*self._links, GROUND}
+        pairs = set()
+        for text in unchecked:
+            names = frozenset(map(self._robot.full_name, text.split(' to ')))
+            if len(names) != 2 or not names <= known:
+                raise ExcitationError(
+                    f"unchecked_pairs: '{text}' is no pair of links with collision shapes, such "
+                    f"as 'one to other' of {', '.join(sorted(known))}"
+                )
+            pairs.add(names)
+        return pairs
+
+
+_distance = attrgetter('min_distance')
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Smallest distance found for one kind of pair.
+
+    `distance` [m] is what a posture of the motion reaches, `guaranteed` [m] what the whole motion
+    keeps, between the samples too. Both are of the pair that comes closest to its `required`
+    distance [m], or falls shortest of it. `sample` is the row of the posture.
+    """
+
+    subject: str
+    distance: float
+    guaranteed: float
+    required: float
+    sample: int
+
+
+class ClearanceChecker:
+    """Certifies that a motion keeps its distance, between the samples as well.
+
+    Parameters
+    ----------
+    robot : arm with collision shapes in its URDF.
+    self_clearance : required between links that are not neighbours, and between moving links and
+        what is fixed to the base [m].
+    ground_clearance : required between moving links and the ground [m].
+    ground_height : see `build_collision_geometry`; None without ground.
+    package_directories : see `build_collision_geometry`.
+    unchecked_pairs : see `select_pairs`.
+
+    Raises
+    ------
+    ExcitationError
+        If a clearance is negative or not finite, the shapes cannot be read, or a pair cannot
+        keep its clearance in any posture.
+    """
+
+    RESOLUTION = 2e-3
+    """How far below the smallest distance found the guaranteed one may lie [m]."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        self_clearance: float = 0.02,
+        ground_clearance: float = 0.05,
+        ground_height: float | None = None,
+        package_directories: Sequence[Path] = (),
+        unchecked_pairs: Sequence[str] = (),
+    ) -> None:
+        required = (self_clearance, ground_clearance)
+        if not all(np.isfinite(value) and value >= 0.0 for value in required):
+            raise ExcitationError(f'clearances must not be negative, got {required} m')
+        self._model = robot.model
+        self._data = robot.model.createData()
+        self._geometry = build_collision_geometry(robot, ground_height, package_directories)
+        selected = select_pairs(robot, self._geometry, required, unchecked_pairs)
+        self._required = selected.required
+        self.notes = selected.notes
+        """Pairs that are not checked or keep less than asked for, in words."""
+        self._geometry_data = pin.GeometryData(self._geometry)
+        # References into the data, taken once: indexing it anew costs more than all distances.
+        self._results = [self._geometry_data.distanceResults[i] for i in range(len(self._required))]
+        self._bounds = motion_bounds(self._model, self._geometry)
+        ground = np.array(
+            [touches_ground(self._geometry, pair) for pair in self._geometry.collisionPairs],
+            dtype=bool,
+        )
+        self._kinds = {
+            kind: np.flatnonzero(mask)
+            for kind, mask in (('self', ~ground), ('ground', ground))
+            if mask.any()
+        }
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """The links of each checked pair of shapes; 'ground' stands for the ground."""
+        model, geometry = self._model, self._geometry
+        return tuple(
+            (link_of(model, geometry, pair.first), link_of(model, geometry, pair.second))
+            for pair in geometry.collisionPairs
+        )
+
+    @property
+    def shapes(self) -> list[pin.GeometryObject]:
+        """The collision shapes, meshes as convex hulls, and the ground if there is one."""
+        return list(self._geometry.geometryObjects)
+
+    @property
+    def required(self) -> Array:
+        """Required distance of each pair [m], (pairs,)."""
+        return self._required
+
+    @property
+    def steepest(self) -> Array:
+        """(n,) how much a joint can change the distance of any pair at most [m/rad]."""
+        return np.asarray(self._bounds.max(axis=0))
+
+    def distances(self, q: Array) -> Array:
+        """Return the distance of each pair at q (n,) [rad]: (pairs,) [m], negative if inside."""
+        pin.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)
+        return np.fromiter(map(_distance, self._results), float, len(self._results))
+
+    def margin(self, q: Array) -> float:
+        """Return by how much the worst pair exceeds its required distance at q (n,) [m]."""
+        return float((self.distances(q) - self._required).min())
+
+    def margin_gradient(self, q: Array) -> Array:
+        """Return the derivative (n,) of `margin` [m/rad].
+
+        The distance grows with the relative velocity of the two nearest points along the line
+        through them.
+        """
+        pair = int((self.distances(q) - self._required).argmin())
+        result, shapes = self._results[pair], self._geometry.collisionPairs[pair]
+        pin.computeJointJacobians(self._model, self._data, q)
+        first = self._point_jacobian(shapes.first, result.getNearestPoint1())
+        second = self._point_jacobian(shapes.second, result.getNearestPoint2())
+        return np.asarray(result.normal @ (second - first))
+
+    def _point_jacobian(self, shape: int, point: Array) -> Array:
+        """Return the Jacobian (3, n) of a point [m] fixed to a shape, in the base frame."""
+        joint = self._geometry.geometryObjects[shape].parentJoint
+        if joint == 0:
+            return np.zeros((3, self._model.nv))
+        jacobian = pin.getJointJacobian(
+            self._model, self._data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
+        lever = point - self._data.oMi[joint].translation
+        return np.asarray(jacobian[:3] - pin.skew(lever) @ jacobian[3:])
+
+    def sweep(self, positions: Array, stop_below: bool = False) -> dict[str, Clearance]:
+        """Return the clearance of a motion, per kind of pair ('self', 'ground').
+
+        Branch and bound on intervals of the motion: in the middle of an interval the distances
+        are computed, and elsewhere in it they are lower by at most sum_j L_j |q_j - q_j,mid|
+        (see `motion_bounds`). An interval whose bound might undercut the smallest margin found
+        is halved, down to neighbouring samples.
+
+        Parameters
+        ----------
+        positions : (M, n) postures [rad], dense enough that between neighbours each joint moves
+            monotonically or negligibly (the control cycle).
+        stop_below : stop at the first posture that is too close; what is guaranteed is then not
+            meant to be used.
+        """
+        worst = {kind: _Worst() for kind in self._kinds}
+        intervals = deque(self._initial_intervals(len(positions)))
+        while intervals:
+            low, high = intervals.popleft()
+            middle = (low + high) // 2
+            travel = np.abs(positions[low : high + 1] - positions[middle]).max(axis=0)
+            margin = self.distances(positions[middle]) - self._required
+            bound = margin - self._bounds @ travel
+            for kind, rows in self._kinds.items():
+                worst[kind].see(margin, rows, middle)
+            if stop_below and (margin < 0.0).any():
+                break
+            is_open = any(
+                bound[rows].min() < worst[kind].margin - self.RESOLUTION
+                for kind, rows in self._kinds.items()
+            )
+            if is_open and high - low > 1:
+                intervals += [(low, middle), (middle, high)]
+            else:
+                for kind, rows in self._kinds.items():
+                    worst[kind].guaranteed = min(worst[kind].guaranteed, bound[rows].min())
+        return {kind: self._clearance(found) for kind, found in worst.items()}
+
+    @staticmethod
+    def _initial_intervals(samples: int, length: int = 64) -> list[tuple[int, int]]:
+        edges = [*range(0, max(samples - 1, 1), length), samples - 1]
+        return list(zip(edges, edges[1:], strict=False)) or [(0, 0)]
+
+    def _clearance(self, worst: _Worst) -> Clearance:
+        first, second = self.pairs[worst.pair]
+        required = float(self._required[worst.pair])
+        return Clearance(
+            f'{first} to {second}',
+            required + worst.margin,
+            required + float(min(worst.guaranteed, worst.margin)),
+            required,
+            worst.sample,
+        )
+
+
+@dataclass
+class _Worst:
+    """Smallest margin beyond the required distance so far [m], of one kind of pair."""
+
+    margin: float = np.inf
+    guaranteed: float = np.inf
+    pair: int = 0
+    sample: int = 0
+
+    def see(self, margin: Array, rows: NDArray[np.intp], sample: int) -> None:
+        row = rows[margin[rows].argmin()]
+        if margin[row] < self.margin:
+            self.margin, self.pair, self.sample = float(margin[row]), int(row), sample

@@ -1,0 +1,322 @@
+"""Criteria of a designed excitation: how much a trajectory reveals of the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.model.regressor import Regressor
+from aerarm_ros.motion.signals import Array, JointReference
+
+
+class SmoothRegressor:
+    """Regressor with links, viscous friction, smoothed Coulomb friction and rotor inertia.
+
+    The columns are those of `Regressor(robot, rotor_inertia=True)`. The sign of the velocity is
+    replaced by tanh(dq / width), which has a derivative.
+
+    Parameters
+    ----------
+    robot : arm with n joints.
+    width : velocity scale of the smoothing [rad/s].
+    """
+
+    _STEP = 1e-6
+
+    def __init__(self, robot: Robot, width: float = 0.1) -> None:
+        self._regressor = Regressor(robot, rotor_inertia=True)
+        self._n = robot.n
+        self._width = width
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the p = 13 n columns."""
+        return self._regressor.columns
+
+    @property
+    def thesis_columns(self) -> slice:
+        """The columns of thesis (3.6), without rotor inertia."""
+        return slice(0, 12 * self._n)
+
+    def stack(self, states: JointReference) -> Array:
+        """Return the regressor (M, n, p) of (M, n) states."""
+        n, joint = self._n, np.arange(self._n)
+        stacked = np.zeros((len(states.q), n, 13 * n))
+        stacked[:, :, : 10 * n] = self._regressor.stack_rigid(*states)
+        stacked[:, joint, 10 * n + joint] = states.dq
+        stacked[:, joint, 11 * n + joint] = np.tanh(states.dq / self._width)
+        stacked[:, joint, 12 * n + joint] = states.ddq
+        return stacked
+
+    def derivatives(
+        self, states: JointReference, stacked: Array
+    ) -> Iterator[tuple[int, int, Array]]:
+        """Yield the derivative (M, n, p) of `stacked` by each entry of the state.
+
+        Forward differences: the regressor is linear in the acceleration and quadratic in the
+        velocity, so only the position's are inexact beyond rounding, by about 1e-6.
+
+        Yields
+        ------
+        kind, joint, derivative : kind 0, 1, 2 for position, velocity and acceleration.
+        """
+        for kind in range(3):
+            for joint in range(self._n):
+                moved = [part.copy() for part in states]
+                moved[kind][:, joint] += self._STEP
+                yield kind, joint, (self.stack(JointReference(*moved)) - stacked) / self._STEP
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiableSpace:
+    """Row space of the regressor over all motions.
+
+    Parameters
+    ----------
+    basis : (p, r) orthonormal basis of the identifiable combinations; r is the rank.
+    base_columns : (r,) columns that span the regressor, well conditioned: base parameters.
+    """
+
+    basis: Array
+    base_columns: NDArray[np.intp]
+
+    @property
+    def rank(self) -> int:
+        """Number of base parameters."""
+        return int(self.basis.shape[1])
+
+    @classmethod
+    def of_regressor(
+        cls, robot: Robot, regressor: SmoothRegressor, columns: slice, samples: int = 400
+    ) -> IdentifiableSpace:
+        """Find the space numerically from random states.
+
+        Parameters
+        ----------
+        robot : arm, for its position limits.
+        regressor : its regressor.
+        columns : which columns are to be identified.
+        samples : random states; a few times more than columns a joint.
+        """
+        generator = np.random.default_rng(0)
+        low = np.maximum(robot.position_min, -np.pi)
+        high = np.minimum(robot.position_max, np.pi)
+        size = (samples, robot.n)
+        states = JointReference(
+            generator.uniform(low, high, size),
+            generator.normal(0.0, 2.0, size),
+            generator.normal(0.0, 5.0, size),
+        )
+        stacked = regressor.stack(states)[:, :, columns]
+        matrix = stacked.reshape(-1, stacked.shape[2])
+        _, singular, rows = np.linalg.svd(matrix, full_matrices=False)
+        rank = int((singular > 1e-9 * singular[0] * max(matrix.shape) ** 0.5).sum())
+        norms = np.linalg.norm(matrix, axis=0)
+        # A column that is zero but for rounding must not be blown up to a norm of one.
+        scales = np.where(norms > 1e-9 * norms.max(), norms, np.inf)
+        _, _, pivots = scipy.linalg.qr(matrix / scales, mode='economic', pivoting=True)
+        return cls(rows[:rank].T, np.sort(pivots[:rank]))
+
+
+class DesignCriterion(Protocol):
+    """A figure to be made small."""
+
+    def evaluate(self, stacked: Array) -> tuple[float, Array]:
+        """Return value and derivative (M, n, p) for the regressor (M, n, p) of one period."""
+        ...
+
+
+def information_gradient(stacked: Array, by_information: Array) -> Array:
+    """Return the derivative by the regressor W of a function of A = sum_k W_k^T W_k / M.
+
+    Parameters
+    ----------
+    stacked : W, (M, n, p).
+    by_information : symmetric derivative by A, (p, p).
+    """
+    return np.asarray(2.0 * (stacked @ by_information) / len(stacked))
+
+
+def information(stacked: Array) -> Array:
+    """Return A = sum_k W_k^T W_k / M, (p, p)."""
+    rows = stacked.reshape(-1, stacked.shape[2])
+    return np.asarray(rows.T @ rows / len(stacked))
+
+
+class BoundedCriterion:
+    """Zero while another criterion is below a limit, and as steep as it above.
+
+    log(1 + exp(s (value - limit))) / s: a hinge with a round corner.
+
+    Parameters
+    ----------
+    criterion : what is to stay below the limit.
+    limit : value of the criterion from which on it counts.
+    sharpness : s.
+    """
+
+    def __init__(self, criterion: DesignCriterion, limit: float, sharpness: float = 20.0) -> None:
+        self._criterion = criterion
+        self._limit = limit
+        self._sharpness = sharpness
+
+    def evaluate(self, stacked: Array) -> tuple[float, Array]:
+        """Return value and derivative; see `DesignCriterion`."""
+        value, gradient = self._criterion.evaluate(stacked)
+        excess = self._sharpness * (value - self._limit)
+        slope = float(np.exp(-np.logaddexp(0.0, -excess)))
+        return float(np.logaddexp(0.0, excess)) / self._sharpness, slope * gradient
+
+
+class CombinedCriterion:
+    """Weighted sum of criteria; all of them are logarithms, so weights compare factors.
+
+    Parameters
+    ----------
+    parts : (weight, criterion) pairs.
+    """
+
+    def __init__(self, parts: Sequence[tuple[float, DesignCriterion]]) -> None:
+        self._parts = tuple(parts)
+
+    def evaluate(self, stacked: Array) -> tuple[float, Array]:
+        """Return value and derivative; see `DesignCriterion`."""
+        value, gradient = 0.0, np.zeros_like(stacked)
+        for weight, criterion in self._parts:
+            part, part_gradient = criterion.evaluate(stacked)
+            value += weight * part
+            gradient += weight * part_gradient
+        return value, gradient
+
+
+class ConditionCriterion:
+    """Logarithm of sigma_max / sigma_min over the non-zero singular values, thesis (5.2).
+
+    Eigenvalues cross during a design, and where they do their extremes have no derivative. So
+    the extremes are softened: log-sum-exp of sharpness rho, which overestimates the logarithm
+    by at most log(r) / rho.
+
+    Parameters
+    ----------
+    space : identifiable space of the columns.
+    columns : which columns of the regressor count.
+    scaled : take the base columns, each divided by its norm, rather than (5.2)'s columns as
+        they are (Gautier, Khalil 1992 scale by prior parameters to the same end).
+    sharpness : rho.
+    """
+
+    def __init__(
+        self,
+        space: IdentifiableSpace,
+        columns: slice,
+        scaled: bool = False,
+        sharpness: float = 12.0,
+    ) -> None:
+        self._space = space
+        self._columns = columns
+        self._scaled = scaled
+        self._sharpness = sharpness
+
+    def evaluate(self, stacked: Array) -> tuple[float, Array]:
+        """Return value and derivative; see `DesignCriterion`."""
+        chosen = stacked[:, :, self._columns]
+        value, by_information = (self._of_scaled if self._scaled else self._of_plain)(chosen)
+        gradient = np.zeros_like(stacked)
+        gradient[:, :, self._columns] = information_gradient(chosen, by_information)
+        return value, gradient
+
+    def condition_number(self, stacked: Array) -> float:
+        """Return sigma_max / sigma_min itself, not softened."""
+        chosen = stacked[:, :, self._columns]
+        if self._scaled:
+            matrix = self._correlation(information(chosen))[0]
+        else:
+            matrix = self._space.basis.T @ information(chosen) @ self._space.basis
+        eigenvalues = np.linalg.eigvalsh(matrix)
+        return float(np.sqrt(eigenvalues[-1] / max(eigenvalues[0], np.finfo(float).tiny)))
+
+    def _of_plain(self, chosen: Array) -> tuple[float, Array]:
+        basis = self._space.basis
+        value, derivative = self._soft_condition(basis.T @ information(chosen) @ basis)
+        return value, basis @ derivative @ basis.T
+
+    def _of_scaled(self, chosen: Array) -> tuple[float, Array]:
+        matrix = information(chosen)
+        correlation, norms = self._correlation(matrix)
+        value, derivative = self._soft_condition(correlation)
+        # Through C = D^-1 A D^-1 with D^2 = diag(A).
+        inner = derivative / np.outer(norms, norms)
+        inner -= np.diag((derivative * correlation).sum(axis=1) / norms**2)
+        base = self._space.base_columns
+        result = np.zeros_like(matrix)
+        result[np.ix_(base, base)] = inner
+        return value, result
+
+    def _correlation(self, matrix: Array) -> tuple[Array, Array]:
+        base = self._space.base_columns
+        part = matrix[np.ix_(base, base)]
+        norms = np.sqrt(np.diag(part))
+        return part / np.outer(norms, norms), norms
+
+    def _soft_condition(self, matrix: Array) -> tuple[float, Array]:
+        """Return half the softened logarithm of the eigenvalue ratio and its derivative."""
+        eigenvalues, vectors = np.linalg.eigh(matrix)
+        log = np.log(np.maximum(eigenvalues, np.finfo(float).tiny))
+        rho = self._sharpness
+        value = (
+            0.5 * (scipy.special.logsumexp(rho * log) + scipy.special.logsumexp(-rho * log)) / rho
+        )
+        weights = (
+            0.5
+            * (scipy.special.softmax(rho * log) - scipy.special.softmax(-rho * log))
+            / eigenvalues
+        )
+        return float(value), np.asarray((vectors * weights) @ vectors.T)
+
+
+class InformationCriterion:
+    """Mean logarithm of the base parameters' standard deviations, up to a constant.
+
+    -log det(V^T A V) / 2r, with A the information of torques measured with given noise: half of
+    it in every eigenvalue halves every variance, whatever the units of the parameters.
+
+    Parameters
+    ----------
+    space : identifiable space of all columns.
+    noise : (n,) standard deviation of each joint's torque [Nm].
+    """
+
+    def __init__(self, space: IdentifiableSpace, noise: Array) -> None:
+        self._basis = space.basis
+        self._noise = noise
+
+    def evaluate(self, stacked: Array) -> tuple[float, Array]:
+        """Return value and derivative; see `DesignCriterion`."""
+        weighted = stacked / self._noise[:, np.newaxis]
+        matrix = self._basis.T @ information(weighted) @ self._basis
+        sign, log_determinant = np.linalg.slogdet(matrix)
+        rank = len(matrix)
+        if sign <= 0.0:
+            return np.inf, np.zeros_like(stacked)
+        by_information = -0.5 / rank * self._basis @ np.linalg.inv(matrix) @ self._basis.T
+        gradient = information_gradient(weighted, by_information) / self._noise[:, np.newaxis]
+        return float(-0.5 * log_determinant / rank), gradient
+
+    def standard_deviations(self, stacked: Array, samples: int) -> Array:
+        """Return the Cramer-Rao bound of each column's identifiable part, (p,).
+
+        Parameters
+        ----------
+        stacked : regressor (M, n, p) along the trajectory.
+        samples : number of measured samples with independent noise.
+        """
+        weighted = stacked / self._noise[:, np.newaxis]
+        matrix = self._basis.T @ information(weighted) @ self._basis
+        covariance = self._basis @ np.linalg.inv(matrix) @ self._basis.T / samples
+        return np.asarray(np.sqrt(np.diag(covariance)))

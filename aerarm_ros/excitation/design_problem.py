@@ -1,0 +1,350 @@
+"""The design of a trajectory as a non-linear program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from aerarm_ros.excitation.clearance import ClearanceChecker
+from aerarm_ros.excitation.criteria import DesignCriterion, SmoothRegressor
+from aerarm_ros.excitation.settings import MotionLimits
+from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
+from aerarm_ros.motion.signals import Array, JointReference
+
+
+class StateBasis:
+    """Sampled states of one period, then of run-in and run-out, from a coefficient matrix.
+
+    The coefficient matrix X (1 + 2N, n) holds a column a joint: bias, sine and cosine
+    coefficients. Position, velocity and acceleration are linear in it, so their bases are the
+    states of trajectories with a single coefficient of one.
+
+    Parameters
+    ----------
+    fundamental : f0 [Hz].
+    harmonics : N.
+    n : number of joints.
+    ramp_time : run-in and run-out [s].
+    samples_per_oscillation : samples in one period of the highest harmonic.
+    """
+
+    def __init__(
+        self,
+        fundamental: float,
+        harmonics: int,
+        n: int,
+        ramp_time: float,
+        samples_per_oscillation: int = 40,
+    ) -> None:
+        self.fundamental = fundamental
+        self.harmonics = harmonics
+        self.n = n
+        rows = 1 + 2 * harmonics
+        identity = np.eye(rows)
+        sine, cosine = slice(1, 1 + harmonics), slice(1 + harmonics, rows)
+        unit = FourierTrajectory(fundamental, identity[0], identity[:, sine], identity[:, cosine])
+        played = RampedExcitation(unit, 1, ramp_time)
+        step = 1.0 / (fundamental * harmonics * samples_per_oscillation)
+        self.period_samples = harmonics * samples_per_oscillation
+        """How many samples belong to the period; those of the ramps follow."""
+        ramp = np.linspace(0.0, ramp_time, max(int(ramp_time / step), 2))
+        self.times: Array = np.concatenate(
+            [
+                ramp_time + step * np.arange(self.period_samples),
+                ramp[:-1],
+                played.duration - ramp[::-1][1:],
+            ]
+        )
+        self._basis = played.evaluate(self.times)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape (1 + 2N, n) of the coefficient matrix."""
+        return 1 + 2 * self.harmonics, self.n
+
+    def coefficients(self, trajectory: FourierTrajectory) -> Array:
+        """Return the coefficient matrix of a trajectory [rad]."""
+        return np.vstack([trajectory.q0, trajectory.alpha.T, trajectory.beta.T])
+
+    def trajectory(self, coefficients: Array) -> FourierTrajectory:
+        """Return the trajectory of a coefficient matrix [rad]."""
+        sine, cosine = np.split(coefficients[1:], 2)
+        return FourierTrajectory(self.fundamental, coefficients[0], sine.T, cosine.T)
+
+    def states(self, coefficients: Array) -> JointReference:
+        """Return the (M, n) states of a coefficient matrix."""
+        return JointReference(*(basis @ coefficients for basis in self._basis))
+
+    def pull_back(self, *gradients: Array) -> Array:
+        """Return the gradient by the coefficients of a function of the states.
+
+        Parameters
+        ----------
+        gradients : (M, n) derivatives by position, velocity and acceleration; trailing ones may
+            be left out.
+        """
+        parts = [
+            basis[: len(gradient)].T @ gradient
+            for basis, gradient in zip(self._basis, gradients, strict=False)
+        ]
+        return np.asarray(sum(parts))
+
+
+class DesignConstraints:
+    """One constraint for each joint and kind of limit, and one for all clearances.
+
+    The samples of each are joined by the Kreisselmeier-Steinhauser function, a log-sum-exp that
+    is never below their largest: what it allows, every sample allows. It only guides the
+    optimiser; `FeasibilityChecker` decides.
+
+    Parameters
+    ----------
+    limits : limits of position, velocity and acceleration.
+    effort : (n,) torque limit [Nm], motor current included.
+    clearance : distances to keep; None leaves collisions out.
+    pad : distance kept beyond the required clearance [m], for what lies between the samples.
+    sharpness : of the joining; the largest sample is overestimated by log(M) / sharpness.
+    """
+
+    _CLEARANCE_SCALE = 0.1
+    """Distance [m] that weighs as much as a whole limit of another kind."""
+
+    def __init__(
+        self,
+        limits: MotionLimits,
+        effort: Array,
+        clearance: ClearanceChecker | None,
+        pad: float = 0.003,
+        sharpness: float = 100.0,
+    ) -> None:
+        low, high = limits.position_min, limits.position_max
+        bounded = np.isfinite(low) & np.isfinite(high)
+        self._centre = np.where(bounded, 0.5 * (low + high), 0.0)
+        half_range = np.where(bounded, 0.5 * (high - low), np.inf)
+        self._scales = (half_range, limits.velocity, limits.acceleration, effort)
+        finite = np.isfinite(np.concatenate(self._scales))
+        self.active = np.append(finite, [True] * (clearance is not None))
+        """Which of the constraints there are: a limit that is infinite is none."""
+        self._clearance = clearance
+        self._pad = pad
+        self._sharpness = sharpness
+
+    def values(self, states: JointReference, effort: Array, period: int) -> Array:
+        """Return the constraints, (4 n,) or (4 n + 1,), all >= 0 where feasible.
+
+        Parameters
+        ----------
+        states : (M, n) states, the period's first.
+        effort : (M, n) joint torques [Nm].
+        period : number of samples of the period.
+        """
+        parts = [1.0 - self._join(ratio**2) for ratio in self._ratios(states, effort)]
+        if self._clearance is not None:
+            shortfall = self._shortfall(states.q[:period])
+            parts.append(-np.atleast_1d(self._join(shortfall)))
+        return np.concatenate(parts)
+
+    def gradients(
+        self, states: JointReference, effort: Array, period: int
+    ) -> tuple[list[Array], Array | None]:
+        """Return the derivatives of the constraints by the sampled quantities.
+
+        Returns
+        -------
+        joint : derivatives (M, n) of the n constraints of position, velocity, acceleration and
+            torque, each by its own joint's quantity.
+        clearance : derivative (M, n) of the last constraint by the positions, or None.
+        """
+        joint = [
+            -2.0 * ratio / scale * scipy.special.softmax(self._sharpness * ratio**2, axis=0)
+            for ratio, scale in zip(self._ratios(states, effort), self._scales, strict=True)
+        ]
+        if self._clearance is None:
+            return joint, None
+        clearance = np.zeros_like(states.q)
+        clearance[:period] = self._clearance_gradient(states.q[:period])
+        return joint, clearance
+
+    def _ratios(self, states: JointReference, effort: Array) -> list[Array]:
+        quantities = (states.q - self._centre, states.dq, states.ddq, effort)
+        return [values / scale for values, scale in zip(quantities, self._scales, strict=True)]
+
+    def _join(self, values: Array) -> Array:
+        return np.asarray(
+            scipy.special.logsumexp(self._sharpness * values, axis=0) / self._sharpness
+        )
+
+    def _shortfall(self, positions: Array) -> Array:
+        """Return how far each posture falls short of the clearance, positive beyond, (M,)."""
+        assert self._clearance is not None
+        margins = np.array([self._clearance.margin(q) for q in positions])
+        return (self._pad - margins) / self._CLEARANCE_SCALE
+
+    def _clearance_gradient(self, positions: Array) -> Array:
+        assert self._clearance is not None
+        weights = scipy.special.softmax(self._sharpness * self._shortfall(positions))
+        gradient = np.zeros_like(positions)
+        # Postures far from any obstacle have no weight, and these are most of them.
+        for sample in np.flatnonzero(weights > 1e-6):
+            slope = self._clearance.margin_gradient(positions[sample])
+            gradient[sample] = weights[sample] * slope / self._CLEARANCE_SCALE
+        return gradient
+
+
+class FeasibleIterates:
+    """Keeps the iterates that seem feasible.
+
+    An optimiser may be stopped, and its optimum may break a limit between the samples it looked
+    at. Iterates before it are nearly as good, and often inside.
+    """
+
+    _TOLERANCE = 1e-3
+    """Violation of the constraints, which overestimate, that may still be feasible."""
+
+    def __init__(self) -> None:
+        self._seen: list[tuple[float, int, Array]] = []
+        self._count = 0
+        self.last: Array | None = None
+        """The latest iterate, feasible or not."""
+
+    def see(self, x: Array, value: float, constraints: Array) -> None:
+        """Take note of an iterate.
+
+        Parameters
+        ----------
+        x : the iterate.
+        value : its objective, smaller is better.
+        constraints : >= 0 where feasible.
+        """
+        self._count += 1
+        self.last = x.copy()
+        if constraints.min(initial=0.0) >= -self._TOLERANCE:
+            self._seen.append((value, self._count, self.last))
+
+    def best(self, number: int = 12) -> list[tuple[Array, int]]:
+        """Return up to `number` iterates, best first, and after how many steps each was met.
+
+        Neighbours on the way to an optimum share what is wrong with it, so they are spread over
+        all iterates: the very best, then those that are better than all but 2, 4, 8... others.
+        """
+        ranked = sorted(self._seen, key=lambda item: item[:2])
+        chosen = [0, *(2**i for i in range(number - 1))]
+        return [(ranked[i][2], ranked[i][1]) for i in chosen if i < len(ranked)]
+
+
+@dataclass
+class _Point:
+    """What is known about one coefficient vector."""
+
+    key: bytes
+    states: JointReference
+    stacked: Array
+    effort: Array
+    value: float
+    by_regressor: Array
+    constraints: Array
+    gradient: Array | None = None
+    jacobian: Array | None = None
+
+
+class DesignProblem:
+    """Criterion and constraints, with derivatives, of a flat coefficient vector.
+
+    All four functions share one evaluation, kept for the last vector asked for.
+
+    Parameters
+    ----------
+    basis : from coefficients to states.
+    regressor : from states to the regressor.
+    criterion : what to make small, on the period.
+    constraints : what to keep, on the period with run-in and run-out.
+    prior : (p,) parameters known before, for the torque.
+    """
+
+    def __init__(
+        self,
+        basis: StateBasis,
+        regressor: SmoothRegressor,
+        criterion: DesignCriterion,
+        constraints: DesignConstraints,
+        prior: Array,
+    ) -> None:
+        self.basis = basis
+        self.regressor = regressor
+        self._criterion = criterion
+        self._constraints = constraints
+        self._prior = prior
+        self._last: _Point | None = None
+
+    def value(self, x: Array) -> float:
+        """Return the criterion."""
+        return self._at(x).value
+
+    def gradient(self, x: Array) -> Array:
+        """Return the derivative of the criterion, like `x`."""
+        return self._with_derivatives(x).gradient  # type: ignore[return-value]
+
+    def constraints(self, x: Array) -> Array:
+        """Return the constraints, >= 0 where feasible."""
+        return self._at(x).constraints
+
+    def jacobian(self, x: Array) -> Array:
+        """Return the derivative of the constraints, a row each."""
+        return self._with_derivatives(x).jacobian  # type: ignore[return-value]
+
+    def _at(self, x: Array) -> _Point:
+        key = x.tobytes()
+        if self._last is None or self._last.key != key:
+            states = self.basis.states(x.reshape(self.basis.shape))
+            stacked = self.regressor.stack(states)
+            effort = stacked @ self._prior
+            period = self.basis.period_samples
+            value, by_regressor = self._criterion.evaluate(stacked[:period])
+            constraints = self._constraints.values(states, effort, period)
+            constraints = constraints[self._constraints.active]
+            self._last = _Point(key, states, stacked, effort, value, by_regressor, constraints)
+        return self._last
+
+    def _with_derivatives(self, x: Array) -> _Point:
+        point = self._at(x)
+        if point.gradient is None:
+            by_state, effort_by_state = self._contract(point)
+            point.gradient = self.basis.pull_back(*by_state).ravel()
+            point.jacobian = self._jacobian(point, effort_by_state)
+        return point
+
+    def _contract(self, point: _Point) -> tuple[Array, Array]:
+        """Return d value / d state (3, P, n) and d effort / d state (3, M, n, n).
+
+        The regressor's derivative itself, (3 n, M, n, p), is never held as a whole.
+        """
+        samples, n = point.states.q.shape
+        period = self.basis.period_samples
+        by_state = np.empty((3, period, n))
+        effort_by_state = np.empty((3, samples, n, n))
+        for kind, joint, derivative in self.regressor.derivatives(point.states, point.stacked):
+            by_state[kind, :, joint] = np.einsum(
+                'mjp,mjp->m', derivative[:period], point.by_regressor
+            )
+            effort_by_state[kind, :, joint] = derivative @ self._prior
+        return by_state, effort_by_state
+
+    def _jacobian(self, point: _Point, effort_by_state: Array) -> Array:
+        joint, clearance = self._constraints.gradients(
+            point.states, point.effort, self.basis.period_samples
+        )
+        rows = []
+        n = self.basis.n
+        for kind in range(3):
+            for j in range(n):
+                parts = np.zeros((kind + 1, *point.states.q.shape))
+                parts[kind, :, j] = joint[kind][:, j]
+                rows.append(self.basis.pull_back(*parts).ravel())
+        for j in range(n):
+            by_state = effort_by_state[:, :, :, j] * joint[3][:, j, np.newaxis]
+            rows.append(self.basis.pull_back(*by_state).ravel())
+        if clearance is not None:
+            rows.append(self.basis.pull_back(clearance).ravel())
+        return np.asarray(np.array(rows)[self._constraints.active])

@@ -1,0 +1,398 @@
+"""The checks and the planner of one arm, from its description and configuration."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.clearance import ClearanceChecker
+from aerarm_ros.excitation.feasibility import (
+    EffortModel,
+    FeasibilityChecker,
+    FeasibilityReport,
+    LimitMargin,
+    StopLimits,
+)
+from aerarm_ros.excitation.settings import (
+    DesignStoppedError,
+    ExcitationConfig,
+    ExcitationError,
+    InfeasibleError,
+    MotionLimits,
+    NothingDrawnError,
+    one_a_joint,
+)
+from aerarm_ros.excitation.trajectory import (
+    FourierTrajectory,
+    MotionSequence,
+    RampedExcitation,
+    Stage,
+    standstill,
+    transfer,
+)
+from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
+from aerarm_ros.motion.signals import Array
+
+
+@dataclass(frozen=True, eq=False)
+class RandomTrajectory:
+    """Distribution of trajectories: coefficients uniform in +-amplitude, bias in +-spread.
+
+    Parameters
+    ----------
+    bias : (n,) centre of the motion [rad].
+    bias_spread : (n,) or scalar, largest random term added to it [rad].
+    amplitude : largest coefficient [rad].
+    fundamental : f0 [Hz].
+    harmonics : N.
+
+    Raises
+    ------
+    ExcitationError
+        If a value is out of range.
+    """
+
+    bias: Array
+    bias_spread: Array | float = 0.1
+    amplitude: float = 0.35
+    fundamental: float = 0.1
+    harmonics: int = 5
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.amplitude) and self.amplitude > 0.0):
+            raise ExcitationError(f'amplitude must be positive, got {self.amplitude} rad')
+        if self.harmonics < 1 or self.harmonics != int(self.harmonics):
+            raise ExcitationError(f'at least one harmonic is needed, got {self.harmonics}')
+        if not (np.isfinite(self.fundamental) and self.fundamental > 0.0):
+            raise ExcitationError(f'fundamental must be positive, got {self.fundamental} Hz')
+
+    def draw(self, generator: np.random.Generator) -> FourierTrajectory:
+        """Return the next trajectory of `generator`."""
+        n = len(self.bias)
+        spread = generator.uniform(-self.bias_spread, self.bias_spread, n)
+        alpha, beta = generator.uniform(-self.amplitude, self.amplitude, (2, n, self.harmonics))
+        return FourierTrajectory(self.fundamental, self.bias + spread, alpha, beta)
+
+    def draw_feasible(
+        self,
+        seed: int,
+        checker: FeasibilityChecker,
+        ramp_time: float,
+        attempts: int = 500,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> tuple[FourierTrajectory, FeasibilityReport]:
+        """Return the first feasible trajectory of the sequence that `seed` starts.
+
+        Parameters
+        ----------
+        seed : the same seed and limits give the same trajectory.
+        checker : limits, over the whole period with run-in and run-out.
+        ramp_time : run-in and run-out [s].
+        attempts : how many are drawn at most.
+        stop : asked before each; True gives up.
+
+        Raises
+        ------
+        NothingDrawnError
+            If none is feasible; names the limit that most of them break.
+        DesignStoppedError
+            If asked to stop.
+        """
+        generator = np.random.default_rng(seed)
+        broken: list[LimitMargin] = []
+        for _ in range(attempts):
+            if stop():
+                raise DesignStoppedError('stopped before a feasible random trajectory was found')
+            trajectory = self.draw(generator)
+            report = checker.check_trajectory(trajectory, ramp_time, stop_early=True)
+            if report.feasible:
+                return trajectory, report
+            broken.append(report.binding)
+        raise self._error(broken, seed)
+
+    def _error(self, broken: list[LimitMargin], seed: int) -> NothingDrawnError:
+        (limit, subject), count = Counter((m.limit, m.subject) for m in broken).most_common(1)[0]
+        best = max(
+            (m for m in broken if (m.limit, m.subject) == (limit, subject)),
+            key=lambda margin: margin.relative,
+        )
+        binding = (
+            f'{limit} of {subject} binds in {100 * count / len(broken):.0f} % of them '
+            f'({best.reached:.4g} {best.unit} at best, limit {best.allowed:.4g} {best.unit})'
+        )
+        return NothingDrawnError(
+            f'none of {len(broken)} random trajectories (seed {seed}) is feasible; {binding}: '
+            f'lower the amplitude ({self.amplitude:g} rad) or the fundamental '
+            f'({self.fundamental:g} Hz), or check that limit and the bias',
+            binding,
+        )
+
+
+APPROACH, EXCITATION, RETURN = 'approach', 'excitation', 'return'
+
+
+class ExcitationPlanner:
+    """Plans approach, excitation and return, and checks the whole.
+
+    Parameters
+    ----------
+    checker : limits of the excitation itself.
+    transfer_checker : limits of approach and return. Their positions may use the joints' whole
+        range, since the arm may rest outside the share an excitation uses.
+    ramp_time : run-in and run-out along the trajectory [s].
+    transfer_share : share of the transfer checker's velocity and acceleration that transfers use.
+    """
+
+    SHORTEST_TRANSFER = 1.0
+    """Duration of a transfer between postures that are close to each other [s]."""
+
+    def __init__(
+        self,
+        checker: FeasibilityChecker,
+        transfer_checker: FeasibilityChecker,
+        ramp_time: float = 2.0,
+        transfer_share: float = 0.3,
+    ) -> None:
+        self._checker = checker
+        self._transfer_checker = transfer_checker
+        self._ramp_time = ramp_time
+        limits = transfer_checker.limits
+        # A model without acceleration limits still has to move in finite time.
+        self._velocity = transfer_share * np.minimum(limits.velocity, 10.0)
+        self._acceleration = transfer_share * np.minimum(limits.acceleration, 10.0)
+
+    def plan(
+        self,
+        trajectory: FourierTrajectory,
+        periods: int,
+        start: Array,
+        go_back: bool = True,
+    ) -> MotionSequence:
+        """Return the motion from rest at `start` through `periods` of the trajectory to rest.
+
+        Parameters
+        ----------
+        trajectory : periodic part.
+        periods : whole number of periods.
+        start : (n,) present posture [rad].
+        go_back : end at `start` rather than where the run-out ends.
+
+        Raises
+        ------
+        InfeasibleError
+            If the trajectory, the start posture or every way between them breaks a limit.
+        """
+        self._checker.check_trajectory(trajectory, self._ramp_time, stop_early=True).require(
+            'the trajectory'
+        )
+        self._transfer_checker.check(standstill(start)).require('the start posture')
+        excitation = RampedExcitation(trajectory, periods, self._ramp_time)
+        first = excitation.evaluate(0.0).q
+        last = excitation.evaluate(excitation.duration).q
+        stages = self._transfer(APPROACH, start, first, trajectory.q0)
+        stages.append(Stage(EXCITATION, excitation))
+        if go_back:
+            stages += self._transfer(RETURN, last, start, trajectory.q0)
+        return MotionSequence(stages)
+
+    def _transfer(self, name: str, start: Array, end: Array, centre: Array) -> list[Stage]:
+        """Return the first feasible way of the ways tried."""
+        refused = None
+        for way in _ways(start, end, centre):
+            stages = self._stages(name, way)
+            report = self._transfer_checker.check(MotionSequence(stages), stop_early=True)
+            if report.feasible:
+                return stages
+            refused = refused or report.binding
+        raise InfeasibleError(
+            f'no way found for the {name}: {refused}: bring the arm to another posture first'
+        )
+
+    def _stages(self, name: str, way: Sequence[Array]) -> list[Stage]:
+        stages = []
+        for leg, (a, b) in enumerate(pairwise(way)):
+            duration = rest_to_rest_duration(
+                b - a, self._velocity, self._acceleration, self.SHORTEST_TRANSFER
+            )
+            way_there = transfer(a, b, duration)
+            stages.append(Stage(name if leg == 0 else f'{name} {leg + 1}', way_there))
+        return stages
+
+
+def _ways(start: Array, end: Array, centre: Array) -> Iterator[list[Array]]:
+    """Yield straight joint-space ways, then one through the centre, then one joint at a time."""
+    yield [start, end]
+    yield [start, centre, end]
+    for order in (range(len(start)), reversed(range(len(start)))):
+        way, posture = [start], start
+        for joint in order:
+            posture = posture.copy()
+            posture[joint] = end[joint]
+            way.append(posture)
+        yield way
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitationSetup:
+    """What is needed to find, check and plan excitations of one arm.
+
+    Can be sent to another process, which builds its own checks.
+
+    Parameters
+    ----------
+    robot : the arm.
+    config : usable shares of the limits, surroundings.
+    limits : the arm's limits, whole.
+    rotor_inertia : (n,) reflected to the joints [kg m^2].
+    torque_per_ampere : (n,) joint torque per motor current [Nm/A], infinite if unknown.
+    package_directories : where `package://` meshes are looked for.
+    """
+
+    robot: Robot
+    config: ExcitationConfig
+    limits: MotionLimits
+    rotor_inertia: Array
+    torque_per_ampere: Array
+    package_directories: tuple[Path, ...] = ()
+
+    @classmethod
+    def of_arm(cls, robot: Robot, arm: ArmConfig, config: ExcitationConfig) -> ExcitationSetup:
+        """Return the setup of an arm whose drive train is configured."""
+        return cls(
+            robot,
+            config,
+            MotionLimits.of_arm(arm),
+            arm.column('reflected_inertia'),
+            arm.column('torque_per_ampere'),
+        )
+
+    @classmethod
+    def of_robot(
+        cls,
+        robot: Robot,
+        config: ExcitationConfig,
+        package_directories: Sequence[Path] = (),
+        acceleration_limit: ArrayLike = np.inf,
+        current_limit: ArrayLike = np.inf,
+        torque_per_ampere: ArrayLike = np.inf,
+    ) -> ExcitationSetup:
+        """Return the setup of any arm from its URDF, without rotor inertia.
+
+        Parameters
+        ----------
+        robot, config, package_directories : as in the class.
+        acceleration_limit, current_limit : what a URDF does not know, see `MotionLimits`.
+        torque_per_ampere : joint torque per motor current [Nm/A], one for all joints or (n,).
+
+        Raises
+        ------
+        ExcitationError
+            If a number of values fits neither one nor all joints, a value is not positive, or
+            current is limited but cannot be told from the torque.
+        """
+        limits = MotionLimits.of_robot(robot, acceleration_limit, current_limit)
+        per_ampere = one_a_joint('torque per ampere', torque_per_ampere, robot.n)
+        if not (per_ampere > 0.0).all():
+            raise ExcitationError(f'torque per ampere must be positive, got {per_ampere.min()}')
+        if np.isfinite(limits.current).any() and not np.isfinite(per_ampere).all():
+            raise ExcitationError('a current limit needs the torque per ampere of each joint')
+        return cls(robot, config, limits, np.zeros(robot.n), per_ampere, tuple(package_directories))
+
+    @cached_property
+    def usable_limits(self) -> MotionLimits:
+        """The share of the limits an excitation may use."""
+        config = self.config
+        return self.limits.scaled(config.position_share, config.velocity_share, config.effort_share)
+
+    @cached_property
+    def effort_model(self) -> EffortModel:
+        """Prior model of torque and current."""
+        return EffortModel(self.robot, self.rotor_inertia, self.torque_per_ampere)
+
+    @cached_property
+    def clearance(self) -> ClearanceChecker:
+        """Distances to keep; building it raises ExcitationError without collision shapes."""
+        return ClearanceChecker(
+            self.robot,
+            self.config.self_clearance,
+            self.config.ground_clearance,
+            self.config.ground_height,
+            self.package_directories,
+            self.config.unchecked_pairs,
+        )
+
+    @cached_property
+    def stops(self) -> StopLimits:
+        """What a stop anywhere on a motion may ask of the joints: the whole limits."""
+        return StopLimits(self.limits, self.effort_model)
+
+    @cached_property
+    def checker(self) -> FeasibilityChecker:
+        """Limits of the excitation."""
+        return FeasibilityChecker(
+            self.usable_limits,
+            self.clearance,
+            self.effort_model,
+            self.config.highest_frequency,
+            stops=self.stops,
+        )
+
+    @cached_property
+    def planner(self) -> ExcitationPlanner:
+        """From any posture through an excitation and back."""
+        transfers = FeasibilityChecker(
+            self.limits, self.clearance, self.effort_model, stops=self.stops
+        )
+        return ExcitationPlanner(
+            self.checker, transfers, self.config.ramp_time, self.config.transfer_share
+        )
+
+    def random_trajectory(
+        self, amplitude: float, fundamental: float, harmonics: int
+    ) -> RandomTrajectory:
+        """Return the distribution of random trajectories about the configured bias.
+
+        Parameters
+        ----------
+        amplitude : largest coefficient [rad].
+        fundamental : f0 [Hz].
+        harmonics : N.
+        """
+        return RandomTrajectory(
+            self.config.bias_of(self.robot),
+            self.config.bias_spread_of(self.robot),
+            amplitude,
+            fundamental,
+            harmonics,
+        )
+
+    def require_bias(self) -> None:
+        """Check the centre of the motion if one is configured: limits, gravity, clearance.
+
+        Without one, random trajectories are drawn about many postures.
+
+        Raises
+        ------
+        ConfigError
+            If it does not have one finite value a joint.
+        InfeasibleError
+            If the arm may not rest there; names the limit that binds.
+        """
+        centre = self.config.bias_of(self.robot)
+        if self.config.bias is not None:
+            report = self.checker.check(standstill(centre))
+            report.require('the centre of the motion (bias)')
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Collision geometry and solver data cannot be sent; they are built again when needed.
+        return {field.name: getattr(self, field.name) for field in fields(self)}

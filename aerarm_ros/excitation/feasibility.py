@@ -1,0 +1,440 @@
+"""Feasibility of a motion: margins to the limits of joints, speed, acceleration and effort."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.clearance import Clearance, ClearanceChecker
+from aerarm_ros.excitation.settings import ExcitationError, InfeasibleError, MotionLimits
+from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
+from aerarm_ros.model.drive_train import viscous_coulomb
+from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.motion.path_stop import Row, acceleration_rows
+from aerarm_ros.motion.signals import Array, JointMotion, JointReference
+
+
+class EffortModel:
+    """Inverse dynamics with rotor inertia and friction, thesis (2.18), and the drive train.
+
+    Parameters
+    ----------
+    robot : arm with its prior inertial parameters and friction.
+    rotor_inertia : (n,) reflected to the joint [kg m^2], None for none.
+    torque_per_ampere : (n,) joint torque per motor current [Nm/A]; None: current is unknown.
+    load_friction : dry friction per torque that a gear passes on [-]; the robot's if None.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        rotor_inertia: Array | None = None,
+        torque_per_ampere: Array | None = None,
+        load_friction: ArrayLike | None = None,
+    ) -> None:
+        self._n = robot.n
+        self._dynamics = Dynamics(
+            robot, np.zeros(robot.n) if rotor_inertia is None else rotor_inertia
+        )
+        self._viscous, self._coulomb = robot.viscous, robot.coulomb
+        self._load_friction = np.asarray(
+            robot.load_friction if load_friction is None else load_friction
+        )
+        self._torque_per_ampere = (
+            np.full(robot.n, np.inf) if torque_per_ampere is None else torque_per_ampere
+        )
+
+    def carry(self, payload: ArrayLike) -> None:
+        """Add a body to the last link, see `Dynamics.carry`."""
+        self._dynamics.carry(payload)
+
+    def effort(self, position: Array, velocity: Array, acceleration: Array) -> Array:
+        """Return joint torques (M, n) [Nm] for (M, n) positions, velocities, accelerations."""
+        inverse = self._dynamics.inverse
+        rigid = np.array(
+            [inverse(*sample) for sample in zip(position, velocity, acceleration, strict=True)]
+        ).reshape(-1, self._n)
+        # What turns the rotors does not go through the gears.
+        load = rigid - self._dynamics.rotor_inertia * acceleration
+        dry = self._coulomb + self._load_friction * np.abs(load)
+        return rigid + viscous_coulomb(velocity, self._viscous, dry)
+
+    def current(self, effort: Array) -> Array:
+        """Return motor currents [A] for joint torques [Nm], thesis (4.2) and (4.7)."""
+        return effort / self._torque_per_ampere
+
+    def torque(self, current: Array) -> Array:
+        """Return joint torques [Nm] of motor currents [A], without friction of the gears."""
+        return current * self._torque_per_ampere
+
+
+@dataclass(frozen=True)
+class LimitMargin:
+    """How far a motion stays from one limit.
+
+    Parameters
+    ----------
+    limit : which limit, such as 'velocity' or 'ground clearance'.
+    subject : joint or pair of links.
+    reached, allowed : the extreme of the motion and the limit, in `unit`.
+    margin : distance to the limit in `unit`, negative beyond it.
+    relative : margin as a share of what the limit allows, to compare unlike limits.
+    unit : unit of all but `relative`.
+    time : when the extreme is reached [s].
+    """
+
+    limit: str
+    subject: str
+    reached: float
+    allowed: float
+    margin: float
+    relative: float
+    unit: str
+    time: float
+
+    def __str__(self) -> str:
+        return (
+            f'{self.limit} of {self.subject}: {self.reached:.4g} {self.unit} at '
+            f't = {self.time:.2f} s, limit {self.allowed:.4g} {self.unit}'
+        )
+
+
+def peak_margins(
+    limit: str,
+    unit: str,
+    names: Sequence[str],
+    times: Array,
+    values: Array,
+    allowed: Array,
+) -> list[LimitMargin]:
+    """Return each joint's margin of its largest magnitude; a limit that is infinite is none.
+
+    Parameters
+    ----------
+    limit, unit : as in `LimitMargin`.
+    names : of the n joints.
+    times : (M,) when the values are reached [s].
+    values : (M, n).
+    allowed : (n,) positive.
+    """
+    margins = []
+    for j, name in enumerate(names):
+        if np.isfinite(allowed[j]):
+            sample = int(np.abs(values[:, j]).argmax())
+            reached, bound = float(abs(values[sample, j])), float(allowed[j])
+            rest = bound - reached
+            margins.append(
+                LimitMargin(
+                    limit, name, reached, bound, rest, rest / bound, unit, float(times[sample])
+                )
+            )
+    return margins
+
+
+@dataclass(frozen=True)
+class FeasibilityReport:
+    """Margins of a motion to every limit that was checked.
+
+    Parameters
+    ----------
+    margins : one for each limit and subject.
+    notes : what was not checked, or held to less than was asked for, in words.
+    """
+
+    margins: Sequence[LimitMargin]
+    notes: Sequence[str] = ()
+
+    _ROUNDING = 1e-9
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every limit is kept."""
+        return all(margin.margin >= -self._ROUNDING for margin in self.margins)
+
+    @property
+    def binding(self) -> LimitMargin:
+        """The limit with the smallest relative margin."""
+        return min(self.margins, key=lambda margin: margin.relative)
+
+    def worst_of_each(self) -> list[LimitMargin]:
+        """Return for each kind of limit the subject that comes closest to it."""
+        worst: dict[str, LimitMargin] = {}
+        for margin in self.margins:
+            if margin.limit not in worst or margin.relative < worst[margin.limit].relative:
+                worst[margin.limit] = margin
+        return list(worst.values())
+
+    def require(self, what: str) -> None:
+        """Raise unless feasible.
+
+        Raises
+        ------
+        InfeasibleError
+            Naming `what` is infeasible, and the limit that binds.
+        """
+        if not self.feasible:
+            raise InfeasibleError(f'{what} is infeasible: {self.binding}')
+
+    def as_table(self) -> str:
+        """Return one line for each kind of limit, the closest subject each, then the notes."""
+        rows = [
+            f'  {m.limit:<17} {m.subject:<24} {m.reached:9.4g} of {m.allowed:9.4g} {m.unit:<8}'
+            f' margin {m.margin:9.4g}'
+            for m in self.worst_of_each()
+        ]
+        rows += [f'  note: {note}' for note in self.notes]
+        return '\n'.join(rows)
+
+
+def effort_margins(
+    names: tuple[str, str],
+    limits: MotionLimits,
+    model: EffortModel,
+    times: Array,
+    states: JointReference,
+) -> list[LimitMargin]:
+    """Return the margins of the torques and currents that states need.
+
+    Parameters
+    ----------
+    names : what the two limits are called.
+    limits : of the joints.
+    model : prior inverse dynamics.
+    times : (M,) of the states [s].
+    states : (M, n) each.
+    """
+    effort = model.effort(*states)
+    current = model.current(effort)
+    joints, (torque_name, current_name) = limits.joint_names, names
+    return [
+        *peak_margins(torque_name, 'Nm', joints, times, effort, limits.effort),
+        *peak_margins(current_name, 'A', joints, times, current, limits.current),
+    ]
+
+
+# Where the path itself takes nearly all of a torque limit, a stop still gets this share of the
+# path's torque for braking: a stop always ends.
+_LEFT = 0.1
+
+
+class StopLimits:
+    """Acceleration, torque and motor current that a stop along a motion keeps, see `stop_along`.
+
+    A stop keeps the arm on its path, so postures are the motion's own and no joint gets faster.
+    It brakes as hard as the whole limits allow, not the share an excitation uses, because stops
+    are rare. Between full speed and rest the path's own torque lies between that of the motion,
+    which is checked, and that of the arm at rest, which `margins` checks.
+
+    Parameters
+    ----------
+    limits : the arm's limits, whole.
+    effort_model : prior dynamics; None leaves torque and current out.
+    """
+
+    _RESTS = 0.02
+    """The arm may come to rest at postures this far apart on the motion [s]."""
+
+    def __init__(self, limits: MotionLimits, effort_model: EffortModel | None) -> None:
+        self.limits = limits
+        self._effort_model = effort_model
+        self._acceleration_rows = acceleration_rows(limits.acceleration)
+        self._effort = limits.effort
+        if effort_model is not None:
+            self._effort = np.minimum(limits.effort, effort_model.torque(limits.current))
+
+    def rows(self, point: JointReference) -> Iterable[Row]:
+        """Return what limits a stop at a point (n,) of the motion, as `stop_along` wants it."""
+        rows = [*self._acceleration_rows(point)]
+        if self._effort_model is not None:
+            rows += self._effort_rows(self._effort_model, point)
+        return rows
+
+    def margins(self, motion: JointMotion) -> list[LimitMargin]:
+        """Return the margins of holding the arm still wherever on `motion` it was stopped."""
+        if self._effort_model is None:
+            return []
+        times = np.append(np.arange(0.0, motion.duration, self._RESTS), motion.duration)
+        rest = JointReference.at_rest(motion.evaluate(times).q)
+        what = ('holding torque', 'holding current')
+        return effort_margins(what, self.limits, self._effort_model, times, rest)
+
+    def inertial_torque(self, q: Array, ddq: Array) -> Array | None:
+        """Return what an acceleration takes at `q` [Nm], within the limits; None without a model.
+
+        All are (n,).
+        """
+        if self._effort_model is None:
+            return None
+        zero = np.zeros_like(q)
+        moved, still = self._effort_model.effort(
+            np.array([q, q]), np.array([zero, zero]), np.array([ddq, zero])
+        )
+        torque: Array = np.clip(moved - still, -self.limits.effort, self.limits.effort)
+        return torque
+
+    def _effort_rows(self, model: EffortModel, point: JointReference) -> Iterable[Row]:
+        """Return the rows of each joint's torque; a limit of the current is one of the torque.
+
+        Friction counts as growing with the squared rate. It is larger than that at lower rates,
+        which takes load off a motor that brakes.
+        """
+        zero = np.zeros_like(point.q)
+        still, pulled, moved = model.effort(
+            np.array([point.q, point.q, point.q]),
+            np.array([zero, zero, point.dq]),
+            np.array([zero, point.dq, point.ddq]),
+        )
+        own: Array = np.maximum(np.abs(still), np.abs(moved))
+        limit = np.maximum(self._effort, (1.0 + _LEFT) * own)
+        columns = (pulled - still, moved - still, still, limit)
+        return zip(*(column.tolist() for column in columns), strict=True)
+
+
+class FeasibilityChecker:
+    """Checks motions against joint limits, torque, motor current and clearance.
+
+    A motion is evaluated at every control cycle, which is all that is ever commanded. Between
+    two cycles a joint moves beyond both by at most ddq_max cycle^2 / 8 (2e-6 rad at 15 rad/s^2
+    and 1 kHz), less than any limit is known to. Clearance is certified between cycles too.
+
+    Parameters
+    ----------
+    limits : what the joints may do.
+    clearance : distances to keep; None leaves collisions unchecked.
+    effort_model : prior dynamics, for torque and current; None leaves them unchecked.
+    highest_frequency : highest harmonic a trajectory may have [Hz], below what shakes the arm's
+        elastic parts.
+    cycle : control cycle [s].
+    stops : checks that the arm may rest anywhere on the motion; None leaves that unchecked.
+
+    Raises
+    ------
+    ExcitationError
+        If the cycle cannot carry the highest frequency (Nyquist, thesis 3.4.2).
+    """
+
+    _GLANCE = 25
+    """Every how many cycles a motion is looked at first."""
+
+    def __init__(
+        self,
+        limits: MotionLimits,
+        clearance: ClearanceChecker | None = None,
+        effort_model: EffortModel | None = None,
+        highest_frequency: float = 2.0,
+        cycle: float = 1e-3,
+        stops: StopLimits | None = None,
+    ) -> None:
+        if not 0.0 < highest_frequency < 0.5 / cycle:
+            raise ExcitationError(
+                f'the highest frequency must lie between 0 and half the control rate '
+                f'({0.5 / cycle:g} Hz), got {highest_frequency} Hz'
+            )
+        self.highest_frequency = highest_frequency
+        self.limits = limits
+        self.clearance = clearance
+        self.effort_model = effort_model
+        self.cycle = cycle
+        self._stops = stops
+
+    def check_trajectory(
+        self, trajectory: FourierTrajectory, ramp_time: float, stop_early: bool = False
+    ) -> FeasibilityReport:
+        """Return the margins of one period of a trajectory with run-in and run-out.
+
+        More periods repeat the same postures, so one stands for all. Parameters as in `check`;
+        `ramp_time` [s] as in `RampedExcitation`.
+        """
+        reached, allowed = trajectory.highest_frequency, self.highest_frequency
+        harmonic = LimitMargin(
+            'frequency', 'highest harmonic', reached, allowed, allowed - reached,
+            1.0 - reached / allowed, 'Hz', 0.0,
+        )  # fmt: skip
+        if stop_early and not FeasibilityReport([harmonic]).feasible:
+            return FeasibilityReport([harmonic])
+        report = self.check(RampedExcitation(trajectory, 1, ramp_time), stop_early)
+        return FeasibilityReport([harmonic, *report.margins], report.notes)
+
+    def check(self, motion: JointMotion, stop_early: bool = False) -> FeasibilityReport:
+        """Return the margins of `motion` to every limit.
+
+        Parameters
+        ----------
+        motion : what is checked, from 0 to its duration.
+        stop_early : look at a few samples first, and leave the rest out once a limit is broken.
+        """
+        cycles = int(np.ceil(motion.duration / self.cycle))
+        times = np.linspace(0.0, motion.duration, cycles + 1)
+        if stop_early:
+            coarse = times[:: self._GLANCE]
+            glance = FeasibilityReport(self._joint_margins(coarse, motion.evaluate(coarse)))
+            if not glance.feasible:
+                return glance
+        states = motion.evaluate(times)
+        near: list[LimitMargin] = []
+        if self.clearance is not None:
+            found = self.clearance.sweep(states.q, stop_below=stop_early)
+            near = [_clearance_margin(kind, c, times) for kind, c in found.items()]
+        if stop_early and not FeasibilityReport(near).feasible:
+            return FeasibilityReport(near)
+        margins = [*self._joint_margins(times, states), *near]
+        if self._stops is not None:
+            margins += self._stops.margins(motion)
+        return FeasibilityReport(margins, self.clearance.notes if self.clearance else ())
+
+    def _joint_margins(self, times: Array, states: JointReference) -> list[LimitMargin]:
+        position, velocity, acceleration = states
+        margins = self._position_margins(times, position)
+        names, limits = self.limits.joint_names, self.limits
+        margins += peak_margins('velocity', 'rad/s', names, times, velocity, limits.velocity)
+        margins += peak_margins(
+            'acceleration', 'rad/s^2', names, times, acceleration, limits.acceleration
+        )
+        if self.effort_model is not None:
+            what = ('torque', 'motor current')
+            margins += effort_margins(what, limits, self.effort_model, times, states)
+        return margins
+
+    def _position_margins(self, times: Array, position: Array) -> list[LimitMargin]:
+        low, high = self.limits.position_min, self.limits.position_max
+        margins = []
+        for j, name in enumerate(self.limits.joint_names):
+            at_low, at_high = int(position[:, j].argmin()), int(position[:, j].argmax())
+            for sample, bound, sign in ((at_low, low[j], 1.0), (at_high, high[j], -1.0)):
+                if np.isfinite(bound):
+                    reached = float(position[sample, j])
+                    margin = sign * (reached - float(bound))
+                    # Half the range: the most margin that can be had on both sides.
+                    half = 0.5 * float(min(high[j] - low[j], 2.0 * np.pi))
+                    margins.append(
+                        LimitMargin(
+                            'position',
+                            name,
+                            reached,
+                            float(bound),
+                            margin,
+                            margin / half,
+                            'rad',
+                            float(times[sample]),
+                        )
+                    )
+        return margins
+
+
+def _clearance_margin(kind: str, found: Clearance, times: Array) -> LimitMargin:
+    margin = found.guaranteed - found.required
+    # Compared with 0.1 m: the distance at which an arm of this size counts as free.
+    return LimitMargin(
+        f'{kind} clearance',
+        found.subject,
+        found.guaranteed,
+        found.required,
+        margin,
+        margin / 0.1,
+        'm',
+        float(times[found.sample]),
+    )

@@ -1,0 +1,144 @@
+"""Designs from many starts, on several processes."""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from multiprocessing.synchronize import Event
+from typing import Any
+
+from aerarm_ros.excitation.settings import DesignStoppedError, InfeasibleError
+from aerarm_ros.excitation.trajectory_designer import (
+    DesignResult,
+    DesignSpecification,
+    TrajectoryDesigner,
+)
+from aerarm_ros.realtime.scheduling import THREAD_VARIABLES
+
+Outcome = DesignResult | InfeasibleError
+
+_worker_designer: TrajectoryDesigner | None = None
+_worker_stop: Callable[[], bool] | None = None
+
+GRACE = 20.0
+"""How long workers may take to return their best so far once a stop is asked for [s]."""
+
+
+def design_all(
+    specification: DesignSpecification,
+    starts: int,
+    workers: int = 1,
+    stop: Callable[[], bool] = lambda: False,
+) -> Iterator[Outcome]:
+    """Yield the outcome of each start as it is finished.
+
+    Each start has random numbers of its own, so the set of results does not depend on the
+    number of workers. Leaving the iteration early ends the workers.
+
+    Parameters
+    ----------
+    specification : what is to be designed.
+    starts : how many random starts.
+    workers : processes, at least one: this one keeps watching `stop`, and linear algebra on
+        several threads would give other last digits than on one.
+    stop : asked ten times a second; once True, starts under way yield their best so far, and
+        those not begun yield nothing.
+    """
+    # Started afresh rather than forked: the parent may have threads (BLAS, a ROS context).
+    context = multiprocessing.get_context('spawn')
+    stopping = context.Event()
+    with _single_threaded_algebra(), interrupts_held_back():
+        pool = context.Pool(
+            max(1, min(workers, starts)), _prepare_worker, (specification, stopping)
+        )
+    with pool:
+        pending = pool.imap_unordered(_work, range(starts))
+        request = _StopRequest(stop, stopping)
+        for _ in range(starts):
+            try:
+                outcome = _next(pending, request)
+            except TimeoutError:
+                return
+            if outcome is not None:
+                yield outcome
+
+
+class _StopRequest:
+    """Passes a stop on to the workers, and counts the time since."""
+
+    def __init__(self, stop: Callable[[], bool], stopping: Event) -> None:
+        self._stop = stop
+        self._stopping = stopping
+        self._give_up = math.inf
+
+    def patience_is_over(self) -> bool:
+        """Return whether the workers had long enough to react."""
+        if not self._stopping.is_set() and self._stop():
+            self._stopping.set()
+            self._give_up = time.monotonic() + GRACE
+        return time.monotonic() > self._give_up
+
+
+def _next(pending: Any, request: _StopRequest) -> Outcome | None:
+    """Wait for the next outcome; raises TimeoutError if workers do not react to a stop."""
+    while not request.patience_is_over():
+        try:
+            outcome: Outcome | None = pending.next(timeout=0.1)
+        except multiprocessing.TimeoutError:
+            continue
+        return outcome
+    raise TimeoutError
+
+
+def _prepare_worker(specification: DesignSpecification, stopping: Event) -> None:
+    global _worker_designer, _worker_stop
+    _worker_stop = stopping.is_set
+    _worker_designer = TrajectoryDesigner(specification)
+
+
+def _work(start: int) -> Outcome | None:
+    assert _worker_designer is not None
+    assert _worker_stop is not None
+    if _worker_stop():
+        return None
+    try:
+        return _worker_designer.design(start, _worker_stop)
+    except InfeasibleError as error:
+        return error
+    except DesignStoppedError:
+        return None
+
+
+@contextmanager
+def interrupts_held_back() -> Iterator[None]:
+    """Block SIGINT for this thread, and for good in the processes it starts meanwhile.
+
+    A Ctrl-C reaches every process of the terminal; the parent decides what it means.
+    """
+    resource_tracker.ensure_running()  # else it starts with the pool, and unblocks SIGINT
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _single_threaded_algebra() -> Iterator[None]:
+    """Keep the children's linear algebra from using more threads than there are workers."""
+    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, '1'))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,285 @@
+"""Settings of an excitation, its motion limits and its errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.config_reader import ConfigError, build, check_range, load
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.motion.signals import Array
+
+
+class ExcitationError(ValueError):
+    """An excitation trajectory cannot be built, loaded or played; the text says what to check."""
+
+
+class InfeasibleError(ExcitationError):
+    """No trajectory inside the limits was found; the text names the limit that binds."""
+
+
+class NothingDrawnError(InfeasibleError):
+    """None of a number of random trajectories is feasible.
+
+    Attributes
+    ----------
+    binding : the limit that most of them break, in words.
+    """
+
+    def __init__(self, message: str, binding: str) -> None:
+        super().__init__(message)
+        self.binding = binding
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Workers send it to the process that waits for them.
+        return type(self), (str(self), self.binding)
+
+
+class DesignStoppedError(ExcitationError):
+    """A design was stopped before it had a feasible trajectory."""
+
+
+def one_a_joint(name: str, values: ArrayLike, n: int) -> Array:
+    """Return `values` as (n,): one for all joints, or one each.
+
+    Raises
+    ------
+    ExcitationError
+        If there are neither 1 nor n.
+    """
+    array = np.atleast_1d(np.asarray(values, dtype=float))
+    if array.shape not in ((1,), (n,)):
+        raise ExcitationError(f'{name} must have 1 value or {n}, one a joint, not {array.size}')
+    return np.broadcast_to(array, n).copy()
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLimits:
+    """Limits of each joint, all (n,) in joint order; infinite where there is none.
+
+    Parameters
+    ----------
+    joint_names : names, for messages.
+    position_min, position_max : [rad].
+    velocity : largest speed [rad/s].
+    acceleration : largest acceleration [rad/s^2].
+    effort : largest joint torque [Nm].
+    current : largest motor current [A].
+
+    Raises
+    ------
+    ExcitationError
+        If a shape differs, a minimum is not below its maximum, or a limit is not positive.
+    """
+
+    joint_names: tuple[str, ...]
+    position_min: Array
+    position_max: Array
+    velocity: Array
+    acceleration: Array
+    effort: Array
+    current: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.joint_names)
+        for field in fields(self)[1:]:
+            values = np.asarray(getattr(self, field.name), dtype=float)
+            object.__setattr__(self, field.name, values)
+            if values.shape != (n,):
+                raise ExcitationError(f'limit {field.name} must have {n} values, one a joint')
+            for name, value in zip(self.joint_names, values, strict=True):
+                if np.isnan(value) or (not field.name.startswith('position') and value <= 0.0):
+                    raise ExcitationError(f'limit {field.name} of {name} must be positive: {value}')
+        for i, name in enumerate(self.joint_names):
+            if not self.position_min[i] < self.position_max[i]:
+                raise ExcitationError(
+                    f'position limits of {name} leave no range: minimum '
+                    f'{self.position_min[i]:.4g} rad, maximum {self.position_max[i]:.4g} rad'
+                )
+
+    @classmethod
+    def of_arm(cls, config: ArmConfig) -> MotionLimits:
+        """Return the limits of the arm's configuration."""
+        return cls(
+            tuple(config.joint_names),
+            config.column('position_min'),
+            config.column('position_max'),
+            config.column('velocity_max'),
+            config.column('acceleration_max'),
+            config.column('effort_max'),
+            np.array([joint.motor.current_max for joint in config.joints]),
+        )
+
+    @classmethod
+    def of_robot(
+        cls, robot: Robot, acceleration_limit: ArrayLike = np.inf, current_limit: ArrayLike = np.inf
+    ) -> MotionLimits:
+        """Return the limits a URDF states, and the two it does not know.
+
+        Parameters
+        ----------
+        robot : the arm.
+        acceleration_limit : largest acceleration [rad/s^2], one for all joints or (n,).
+        current_limit : largest motor current [A], likewise.
+
+        Raises
+        ------
+        ExcitationError
+            If there are neither 1 nor n values, or one is not positive.
+        """
+        unlimited = np.full(robot.n, np.inf)
+        return cls(
+            tuple(robot.joint_names),
+            robot.position_min,
+            robot.position_max,
+            robot.velocity_max,
+            one_a_joint('acceleration limit', acceleration_limit, robot.n),
+            # A URDF writes 0 where it does not know the effort.
+            np.where(robot.effort_max > 0.0, robot.effort_max, unlimited),
+            one_a_joint('current limit', current_limit, robot.n),
+        )
+
+    def scaled(self, position: float, velocity: float, effort: float) -> MotionLimits:
+        """Return the share of these limits an excitation may use, each factor in (0, 1].
+
+        Parameters
+        ----------
+        position : share of each joint's range, about its middle.
+        velocity : share of velocity and acceleration.
+        effort : share of torque and current.
+
+        Raises
+        ------
+        ExcitationError
+            If a share is not in (0, 1].
+        """
+        for name, share in (('position', position), ('velocity', velocity), ('effort', effort)):
+            if not 0.0 < share <= 1.0:
+                raise ExcitationError(f'usable share of {name} must be in (0, 1], got {share}')
+        slack = (1.0 - position) * 0.5 * (self.position_max - self.position_min)
+        slack = np.where(np.isfinite(slack), slack, 0.0)
+        return MotionLimits(
+            self.joint_names,
+            self.position_min + slack,
+            self.position_max - slack,
+            velocity * self.velocity,
+            velocity * self.acceleration,
+            effort * self.effort,
+            effort * self.current,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ExcitationConfig:
+    """Surroundings and usable shares of an arm's limits.
+
+    Parameters
+    ----------
+    position_share : usable share of each joint's range, about its middle.
+    velocity_share : usable share of velocity and acceleration limits.
+    effort_share : usable share of torque and motor current limits.
+    transfer_share : share of the usable velocity and acceleration on the way to the trajectory
+        and back.
+    self_clearance : distance kept between links that are not neighbours and to what is fixed to
+        the base [m].
+    ground_clearance : distance kept to the ground [m].
+    ground_height : height of the ground above the base frame's origin, against gravity [m]; None
+        if there is no ground in reach.
+    bias : centre of the motion [rad], a joint each; None for the middle of each joint's range.
+    bias_spread : largest random term added to a bias that is given [rad].
+    highest_frequency : highest harmonic N f0 allowed [Hz], so that elastic parts are not excited.
+    ramp_time : run-in and run-out along the trajectory [s].
+    unchecked_pairs : pairs of links whose distance is not checked, each as 'one to other': they
+        touch by construction.
+
+    Raises
+    ------
+    ConfigError
+        If a value is out of range.
+    """
+
+    position_share: float = 0.95
+    velocity_share: float = 0.9
+    effort_share: float = 0.8
+    transfer_share: float = 0.3
+    self_clearance: float = 0.02
+    ground_clearance: float = 0.03
+    ground_height: float | None = 0.0
+    bias: tuple[float, ...] | None = None
+    bias_spread: float = 0.1
+    highest_frequency: float = 2.0
+    ramp_time: float = 2.0
+    unchecked_pairs: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for key in ('position_share', 'velocity_share', 'effort_share', 'transfer_share'):
+            check_range('excitation', key, getattr(self, key), 0.01, 1.0, '')
+        for key in ('self_clearance', 'ground_clearance'):
+            check_range('excitation', key, getattr(self, key), 0.0, 1.0, 'm')
+        check_range('excitation', 'bias_spread', self.bias_spread, 0.0, np.pi, 'rad')
+        check_range('excitation', 'highest_frequency', self.highest_frequency, 1e-3, 499.0, 'Hz')
+        check_range('excitation', 'ramp_time', self.ramp_time, 0.1, 60.0, 's')
+        if self.ground_height is not None:
+            check_range('excitation', 'ground_height', self.ground_height, -100.0, 100.0, 'm')
+        pairs = self.unchecked_pairs
+        if not isinstance(pairs, list | tuple) or not all(isinstance(pair, str) for pair in pairs):
+            raise ConfigError("excitation: unchecked_pairs must be a list of 'one to other'")
+        object.__setattr__(self, 'unchecked_pairs', tuple(pairs))
+
+    def bias_spread_of(self, robot: Robot) -> Array:
+        """Return the largest random term of each joint's bias [rad], (n,).
+
+        Without a bias given, the middle of a joint's range is a guess (and may be a posture in
+        collision), so a third of the range around it is drawn from.
+        """
+        if self.bias is not None:
+            return np.full(robot.n, self.bias_spread)
+        span = np.minimum(robot.position_max - robot.position_min, 2.0 * np.pi)
+        return np.maximum(span / 6.0, self.bias_spread)
+
+    def bias_of(self, robot: Robot) -> Array:
+        """Return the centre of the motion [rad], (n,).
+
+        Raises
+        ------
+        ConfigError
+            If `bias` does not have one value a joint.
+        """
+        if self.bias is None:
+            middle = 0.5 * (robot.position_min + robot.position_max)
+            return np.where(np.isfinite(middle), middle, 0.0)
+        if len(self.bias) != robot.n:
+            raise ConfigError(
+                f'excitation: bias has {len(self.bias)} values, the robot has {robot.n} joints'
+            )
+        for name, value in zip(robot.joint_names, self.bias, strict=True):
+            if not np.isfinite(value):
+                raise ConfigError(
+                    f'excitation: bias of {name} must be a finite number, not {value}'
+                )
+        return np.array(self.bias)
+
+
+def load_excitation_config(path: Path | str | None = None) -> ExcitationConfig:
+    """Read an excitation configuration; None reads the packaged config/excitation.yaml.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read or says something wrong.
+    """
+    return load(path, 'excitation.yaml', _build)
+
+
+def _build(document: dict[str, Any]) -> ExcitationConfig:
+    if 'stop_time' in document:
+        raise ConfigError(
+            'stop_time is no longer used, motions stop as fast as the limits of the arm allow: '
+            'delete the line'
+        )
+    return build(ExcitationConfig, 'top level', document)

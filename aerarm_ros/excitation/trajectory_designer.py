@@ -1,0 +1,412 @@
+"""Designs one trajectory from one random start."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from math import exp, log
+
+import numpy as np
+import scipy
+
+from aerarm_ros.excitation.criteria import (
+    BoundedCriterion,
+    CombinedCriterion,
+    ConditionCriterion,
+    DesignCriterion,
+    IdentifiableSpace,
+    InformationCriterion,
+    SmoothRegressor,
+)
+from aerarm_ros.excitation.design_problem import (
+    DesignConstraints,
+    DesignProblem,
+    FeasibleIterates,
+    StateBasis,
+)
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.feasibility import FeasibilityReport, LimitMargin
+from aerarm_ros.excitation.settings import ExcitationError, InfeasibleError, NothingDrawnError
+from aerarm_ros.excitation.trajectory import FourierTrajectory
+from aerarm_ros.motion.signals import Array, JointReference
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How good a trajectory is.
+
+    Parameters
+    ----------
+    objective : value of the objective, smaller is better.
+    condition_number : thesis (5.2), without rotor columns.
+    scaled_condition_number : of the base regressor, columns of norm one, rotors included.
+    log_deviation : mean logarithm of the standard deviations, see `InformationCriterion`.
+    """
+
+    objective: float
+    condition_number: float
+    scaled_condition_number: float
+    log_deviation: float
+
+    def compared_with(self, other: Quality, name: str) -> str:
+        """Return how expected standard deviations (geometric mean) compare with `other`'s."""
+        gain = exp(other.log_deviation - self.log_deviation)
+        if abs(gain - 1.0) < 0.005:
+            return f'deviations as large as {name}'
+        ratio, word = (gain, 'smaller') if gain >= 1.0 else (1.0 / gain, 'larger')
+        return f'deviations {ratio:.2f} times {word} than {name}'
+
+
+@dataclass(frozen=True)
+class DesignResult:
+    """A feasible trajectory, how good it is and where it comes from.
+
+    Parameters
+    ----------
+    trajectory : the Fourier series.
+    quality : its figures.
+    report : margins to all limits.
+    start : number of the random start.
+    seconds : time taken [s].
+    remark : what became of the optimum, if this is not it.
+    stopped : whether the search was stopped before its optimiser came to an end.
+    """
+
+    trajectory: FourierTrajectory
+    quality: Quality
+    report: FeasibilityReport
+    start: int
+    seconds: float
+    remark: str = ''
+    stopped: bool = False
+
+
+THESIS, SCALED, INFORMATION, BOTH = 'thesis', 'condition', 'd_optimal', 'both'
+OBJECTIVES = {
+    BOTH: 'd_optimal, with the condition number (5.2) held below a limit',
+    INFORMATION: 'volume of the confidence ellipsoid under torque noise (D-optimality)',
+    SCALED: 'condition number of the base regressor with columns of norm one',
+    THESIS: 'condition number of the regressor without rotor columns, thesis (5.2)',
+}
+
+
+@dataclass(frozen=True, eq=False)
+class DesignSpecification:
+    """Trajectory family, objective and arm of a design.
+
+    Parameters
+    ----------
+    setup : the arm, its limits and surroundings.
+    fundamental : f0 [Hz].
+    harmonics : N.
+    objective : a key of `OBJECTIVES`.
+    condition_limit : what `both` holds a smooth upper bound of the condition number (5.2) below;
+        the number itself ends about a tenth lower.
+    amplitude : largest coefficient of the random trajectories that designs start from [rad].
+    noise : (n,) standard deviation of the torque measurement [Nm]; None: 1 % of the effort limit.
+    seed : of the starting points.
+
+    Raises
+    ------
+    ExcitationError, ConfigError
+        If a value is out of range.
+    InfeasibleError
+        If no trajectory can be feasible: N f0 too high, or a centre the arm may not rest at.
+    """
+
+    setup: ExcitationSetup
+    fundamental: float = 0.1
+    harmonics: int = 5
+    objective: str = BOTH
+    condition_limit: float = 26.0
+    amplitude: float = 0.35
+    noise: Array | None = field(default=None)
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if self.objective not in OBJECTIVES:
+            raise ExcitationError(
+                f'objective {self.objective!r} is none of {", ".join(OBJECTIVES)}'
+            )
+        if not self.condition_limit > 1.0:
+            raise ExcitationError(f'condition limit must exceed 1, got {self.condition_limit}')
+        if self.seed < 0:
+            raise ExcitationError(f'the seed must not be negative, got {self.seed}')
+        # Its own checks see to amplitude, fundamental and harmonics.
+        self.setup.random_trajectory(self.amplitude, self.fundamental, self.harmonics)
+        self._require_frequency()
+        self.setup.require_bias()
+
+    def _require_frequency(self) -> None:
+        checker, highest = self.setup.checker, self.harmonics * self.fundamental
+        limits = {
+            'half the control rate (sampling limit)': 0.5 / checker.cycle,
+            'highest_frequency of the excitation configuration': checker.highest_frequency,
+        }
+        for name, limit in limits.items():
+            if highest > limit * (1.0 + 1e-9):
+                raise InfeasibleError(
+                    f'frequency of highest harmonic: N f0 = {self.harmonics} x '
+                    f'{self.fundamental:g} Hz = {highest:g} Hz exceeds {limit:g} Hz, {name}: '
+                    'lower the harmonics or the fundamental'
+                )
+
+    def torque_noise(self) -> Array:
+        """Return the standard deviation of each joint's torque measurement [Nm], (n,)."""
+        if self.noise is not None:
+            return self.noise
+        effort = self.setup.limits.effort
+        return np.where(np.isfinite(effort), 0.01 * effort, 0.1)
+
+    def criterion(
+        self,
+        thesis: ConditionCriterion,
+        scaled: ConditionCriterion,
+        optimality: InformationCriterion,
+    ) -> DesignCriterion:
+        """Return the criterion of the objective, made of the three it is reported by."""
+        if self.objective == BOTH:
+            # Weight 2: beyond the limit, a tenth more is not worth a tenth less of deviation.
+            bounded = BoundedCriterion(thesis, log(self.condition_limit))
+            return CombinedCriterion([(1.0, optimality), (2.0, bounded)])
+        if self.objective == INFORMATION:
+            return optimality
+        return scaled if self.objective == SCALED else thesis
+
+
+# SLSQP's exit modes.
+_CONVERGED, _OUT_OF_ITERATIONS = 0, 9
+
+
+class _StopDesignError(Exception):
+    """Leaves the optimiser from inside the function it minimises."""
+
+
+class TrajectoryDesigner:
+    """Sequential quadratic programming from random feasible trajectories.
+
+    Parameters
+    ----------
+    specification : what is to be designed.
+    """
+
+    _SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1)
+    """Amplitudes tried for a feasible start, times the specification's."""
+    _REPORT_SAMPLES = 2000
+    _RESTARTS = 4
+    """Attempts if the solver's quadratic subproblem fails: a new one forgets the curvature."""
+    _REPAIR = (1.0, 0.995, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8)
+    """Scales about the bias tried for a result that breaks a limit between its samples."""
+
+    def __init__(self, specification: DesignSpecification) -> None:
+        setup = specification.setup
+        self.specification = specification
+        self._setup = setup
+        self._basis = StateBasis(
+            specification.fundamental,
+            specification.harmonics,
+            setup.robot.n,
+            setup.config.ramp_time,
+        )
+        self.regressor = SmoothRegressor(setup.robot)
+        # Results are told with the velocity's true sign, and at the rate of a fine plot.
+        self._exact_regressor = SmoothRegressor(setup.robot, width=1e-9)
+        everything = slice(None)
+        thesis_columns = self.regressor.thesis_columns
+        space = IdentifiableSpace.of_regressor(setup.robot, self.regressor, everything)
+        thesis_space = IdentifiableSpace.of_regressor(setup.robot, self.regressor, thesis_columns)
+        self._thesis = ConditionCriterion(thesis_space, thesis_columns)
+        self._scaled = ConditionCriterion(space, everything, scaled=True)
+        self.optimality = InformationCriterion(space, specification.torque_noise())
+        self._criterion = specification.criterion(self._thesis, self._scaled, self.optimality)
+        self._problem = self._build_problem()
+        self._candidates = setup.random_trajectory(
+            specification.amplitude, specification.fundamental, specification.harmonics
+        )
+
+    def initial(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
+        """Return the random feasible trajectory that `start` begins with.
+
+        Raises
+        ------
+        InfeasibleError
+            If there is none even with a tenth of the amplitude; names the limit that binds.
+        DesignStoppedError
+            If `stop` became true before there was one.
+        """
+        began = time.monotonic()
+        seed = int(np.random.SeedSequence([self.specification.seed, start]).generate_state(1)[0])
+        binding = ''
+        for shrink in self._SHRINKING:
+            candidates = replace(self._candidates, amplitude=shrink * self.specification.amplitude)
+            try:
+                trajectory, report = candidates.draw_feasible(
+                    seed, self._setup.checker, self._setup.config.ramp_time, 40, stop
+                )
+            except NothingDrawnError as refusal:
+                binding = refusal.binding
+                continue
+            return self._result(trajectory, report, start, began)
+        amplitude = self.specification.amplitude
+        raise InfeasibleError(
+            f'no random trajectory with the amplitude of {amplitude:g} rad is feasible, nor with '
+            f'less, down to a tenth of it, where {binding}: lower the amplitude or the fundamental '
+            f'({self.specification.fundamental:g} Hz), or check that limit and the bias'
+        )
+
+    def design(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
+        """Return the best feasible trajectory found from `start`, at least the initial one.
+
+        Parameters
+        ----------
+        start : number of the random start.
+        stop : asked at every step; True ends the search, and the best so far is returned.
+
+        Raises
+        ------
+        InfeasibleError, DesignStoppedError
+            As `initial`.
+        """
+        began = time.monotonic()
+        initial = self.initial(start, stop)
+        iterates = FeasibleIterates()
+        optimum = self._optimise(self._basis.coefficients(initial.trajectory), iterates, stop)
+        # A search that was not let go on says nothing about the limits.
+        stopped = optimum is None
+        refusal: LimitMargin | None = None
+        for coefficients, remark in self._proposals(optimum, iterates):
+            trajectory = self._basis.trajectory(coefficients)
+            report = self._check(trajectory)
+            if report.feasible:
+                remark = _explain(remark, refusal)
+                result = self._result(trajectory, report, start, began, remark, stopped)
+                if result.quality.objective < initial.quality.objective:
+                    return result
+            elif refusal is None and not stopped:
+                refusal = report.binding
+        remark = _explain('nothing better than the random start', refusal)
+        seconds = time.monotonic() - began
+        return replace(initial, seconds=seconds, remark=remark, stopped=stopped)
+
+    def _check(self, trajectory: FourierTrajectory) -> FeasibilityReport:
+        ramp_time = self._setup.config.ramp_time
+        return self._setup.checker.check_trajectory(trajectory, ramp_time, stop_early=True)
+
+    def _proposals(
+        self, optimum: Array | None, iterates: FeasibleIterates
+    ) -> Iterator[tuple[Array, str]]:
+        """Yield coefficients to be checked, best first, and how they differ from the optimum."""
+        if optimum is not None:
+            yield from self._shrunk(optimum, '')
+        for coefficients, number in iterates.best():
+            why = 'stopped after' if optimum is None else 'taken from'
+            yield coefficients.reshape(self._basis.shape), f'{why} {number} steps'
+        if optimum is None and iterates.last is not None:
+            yield from self._shrunk(iterates.last.reshape(self._basis.shape), 'stopped early')
+
+    def _shrunk(self, coefficients: Array, remark: str) -> Iterator[tuple[Array, str]]:
+        """Yield coefficients with smaller and smaller amplitudes about the same bias."""
+        for scale in self._REPAIR:
+            scaled = coefficients.copy()
+            scaled[1:] *= scale
+            texts = [remark, '' if scale == 1.0 else f'amplitudes times {scale:g}']
+            yield scaled, ', '.join(filter(None, texts))
+
+    def states(self, trajectory: FourierTrajectory) -> JointReference:
+        """Return the states of one period, fine enough to judge the trajectory by."""
+        time = np.arange(self._REPORT_SAMPLES) * trajectory.period / self._REPORT_SAMPLES
+        return trajectory.evaluate(time)
+
+    def stacked(self, states: JointReference) -> Array:
+        """Return the regressor (M, n, p) of (M, n) states, not smoothed."""
+        return self._exact_regressor.stack(states)
+
+    def quality(self, states: JointReference) -> Quality:
+        """Return the figures of a motion, given by (M, n) states at equal intervals."""
+        stacked = self.stacked(states)
+        return Quality(
+            self._criterion.evaluate(stacked)[0],
+            self._thesis.condition_number(stacked),
+            self._scaled.condition_number(stacked),
+            self.optimality.evaluate(stacked)[0],
+        )
+
+    def _optimise(
+        self, coefficients: Array, iterates: FeasibleIterates, stop: Callable[[], bool]
+    ) -> Array | None:
+        """Return the optimum, None if stopped; `iterates` collects what is met on the way."""
+        problem = self._problem
+
+        def value(x: Array) -> float:
+            if stop():
+                raise _StopDesignError
+            return problem.value(x)
+
+        best = coefficients.ravel()
+        try:
+            for _ in range(self._RESTARTS):
+                result = scipy.optimize.minimize(
+                    value,
+                    best,
+                    jac=problem.gradient,
+                    bounds=self._bounds(),
+                    constraints={
+                        'type': 'ineq',
+                        'fun': problem.constraints,
+                        'jac': problem.jacobian,
+                    },
+                    method='SLSQP',
+                    options={'maxiter': 200, 'ftol': 1e-4},
+                    callback=lambda x: iterates.see(x, problem.value(x), problem.constraints(x)),
+                )
+                if not np.isfinite(result.x).all():
+                    break
+                best = result.x
+                if result.status in (_CONVERGED, _OUT_OF_ITERATIONS):
+                    break
+        except _StopDesignError:
+            return None
+        return np.asarray(best.reshape(coefficients.shape))
+
+    def _bounds(self) -> Array:
+        """Return the most each coefficient can be, (coefficients, 2) [rad]."""
+        limits, rows = self._setup.usable_limits, self._basis.shape[0]
+        # Beyond these no trajectory is feasible, and a line search has no business there.
+        reach = np.minimum(0.5 * (limits.position_max - limits.position_min), np.pi)
+        low, high = np.tile(-reach, (2, rows, 1)) * np.array([1.0, -1.0])[:, None, None]
+        low[0] = np.maximum(limits.position_min, -2.0 * np.pi)
+        high[0] = np.minimum(limits.position_max, 2.0 * np.pi)
+        return np.column_stack([low.ravel(), high.ravel()])
+
+    def _build_problem(self) -> DesignProblem:
+        setup, limits = self._setup, self._setup.usable_limits
+        by_current = limits.current * setup.torque_per_ampere  # both may be infinite, never 0
+        robot = setup.robot
+        prior = np.concatenate(
+            [robot.inertial_parameters.ravel(), robot.viscous, robot.coulomb, setup.rotor_inertia]
+        )
+        return DesignProblem(
+            self._basis,
+            self.regressor,
+            self._criterion,
+            DesignConstraints(limits, np.minimum(limits.effort, by_current), setup.clearance),
+            prior,
+        )
+
+    def _result(
+        self,
+        trajectory: FourierTrajectory,
+        report: FeasibilityReport,
+        start: int,
+        began: float,
+        remark: str = '',
+        stopped: bool = False,
+    ) -> DesignResult:
+        seconds = time.monotonic() - began
+        quality = self.quality(self.states(trajectory))
+        return DesignResult(trajectory, quality, report, start, seconds, remark, stopped)
+
+
+def _explain(remark: str, refusal: LimitMargin | None) -> str:
+    return remark if refusal is None else f'{remark}: the optimum breaks {refusal}'

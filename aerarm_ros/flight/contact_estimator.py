@@ -1,0 +1,308 @@
+"""Contact in flight from what comes of drone and arm, at different times and not always."""
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from aerarm_ros.control.base.rotor_wrench import RotorWrench
+from aerarm_ros.control.checks import RejectedInputError, positive
+from aerarm_ros.control.compensation import Fade
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
+from aerarm_ros.flight.flight_estimator import FlightEstimator
+from aerarm_ros.flight.flight_state import FlightState, OdometrySample, StampedValues
+from aerarm_ros.model.inertia import cross
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+from aerarm_ros.motion.signals import Array
+
+_WEIGHT = np.array([0.0, 0.0, -GRAVITY])
+
+
+class ContactObserver:
+    """Compares the momentum of drone and arm with what rotors and weight have made of it.
+
+    With p and L the linear momentum and the angular one about the centre of mass c of the whole,
+    joints included, in the world::
+
+        dp/dt = f + m g + f_c          dL/dt = M - c x f + M_c
+
+    The joints' torques act between parts of the whole and are not in it, so the arm moves as it
+    likes; neither is any acceleration. What remains passes a first-order low-pass, which makes of
+    it the observer `d = K (p - int(f + m g + d) dt)` (De Luca et al., IROS 2006, of a free body).
+
+    Parameters
+    ----------
+    drone : DroneConfig
+        For where the arm's base is on it.
+    whole : WholeBodyDynamics
+        Arm and drone, an instance of its own, to be told of a payload.
+    bandwidth : float
+        Of the low-pass [Hz].
+
+    Attributes
+    ----------
+    bandwidth : float
+        May be changed.
+
+    Raises
+    ------
+    ValueError
+        If the bandwidth isn't positive.
+    """
+
+    def __init__(self, drone: DroneConfig, whole: WholeBodyDynamics, bandwidth: float) -> None:
+        self.bandwidth = positive('contact_bandwidth', bandwidth)
+        self.whole = whole
+        self._mount = np.array(drone.mount.position)
+        self._turn = drone.mount.rotation
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew, with no contact."""
+        self._estimate = np.zeros(6)
+        self.pause()
+
+    def pause(self) -> None:
+        """Keep the estimate, and take the next motion as it is: what went before was not seen."""
+        self._before: tuple[Array, Array, Array] | None = None
+
+    def update(self, state: FlightState, q: Array, dq: Array, rotors: Array, dt: float) -> Array:
+        """Return the wrench of the contact, low-passed.
+
+        Parameters
+        ----------
+        state : FlightState
+            Of the drone.
+        q, dq : (n,) ndarray
+            Of the joints at the same time [rad], [rad/s].
+        rotors : (6,) ndarray
+            Mean wrench of the rotors over the last `dt`.
+        dt : float
+            Since the last call [s], positive.
+
+        Returns
+        -------
+        (6,) ndarray
+            On drone and arm: force [N] and moment [Nm] about the origin of the arm's base frame, in
+            its axes, as is `rotors`.
+        """
+        rotation = state.rotation @ self._turn
+        momentum, centre = self._momentum(state, q, dq, rotation)
+        before, self._before = self._before, (momentum, rotation, centre)
+        if before is not None:
+            last, last_rotation, last_centre = before
+            # The mean of both ends is of second order in the step.
+            known = 0.5 * (
+                self._known(rotors, last_rotation, last_centre)
+                + self._known(rotors, rotation, centre)
+            )
+            gain = 1.0 - np.exp(-2.0 * np.pi * self.bandwidth * dt)
+            rest = (momentum - last) / dt - known
+            self._estimate = self._estimate + gain * (rest - self._estimate)
+        force, moment = self._estimate[:3] @ rotation, self._estimate[3:] @ rotation
+        return np.concatenate([force, moment + cross(centre, force)])
+
+    def _momentum(
+        self, state: FlightState, q: Array, dq: Array, rotation: Array
+    ) -> tuple[Array, Array]:
+        """Return the momentum (6,) in the world, and the centre of mass in base axes."""
+        in_body = state.velocity @ state.rotation + cross(state.rate, self._mount)
+        twist = np.concatenate([in_body @ self._turn, state.rate @ self._turn])
+        momentum = self.whole.centroidal_momentum(q, dq, twist)
+        centre = self.whole.composite_inertia(q)[1]
+        return np.concatenate([rotation @ momentum[:3], rotation @ momentum[3:]]), centre
+
+    def _known(self, rotors: Array, rotation: Array, centre: Array) -> Array:
+        """Return what rotors and weight change of the momentum in a second, (6,)."""
+        force = rotation @ rotors[:3] + self.whole.mass * _WEIGHT
+        moment = rotation @ (rotors[3:] - cross(centre, rotors[:3]))
+        return np.concatenate([force, moment])
+
+
+DURATION = 2.0
+"""[s] over which it is averaged."""
+
+
+class ContactZero:
+    """Subtracts what a wrong model makes of weight and thrust.
+
+    A wrong mass, or a thrust that is not as commanded, is a force that stays along the world's axes
+    as long as the drone hovers; where it acts stays with the drone. So a mean force in the world
+    and a mean moment in the axes of the arm's base are subtracted.
+    """
+
+    def __init__(self) -> None:
+        self._force, self._moment = np.zeros(3), np.zeros(3)
+        self._sum, self._time = np.zeros(6), 0.0
+        self._is_averaging = False
+
+    def begin(self) -> None:
+        """Average what comes from now on; until that is done what was subtracted still is."""
+        self._sum, self._time, self._is_averaging = np.zeros(6), 0.0, True
+
+    def apply(self, wrench: Array, rotation: Array, dt: float) -> Array:
+        """Return a wrench (6,) in base axes, about the base's origin, without what is subtracted.
+
+        Parameters
+        ----------
+        wrench : (6,) ndarray
+            [N], [Nm]
+        rotation : (3, 3) ndarray
+            Of the base in the world.
+        dt : float
+            Since the last one [s].
+        """
+        force = rotation @ wrench[:3]
+        if self._is_averaging:
+            self._sum = self._sum + dt * np.concatenate([force, wrench[3:]])
+            self._time += dt
+            if self._time >= DURATION:
+                self._force, self._moment = np.split(self._sum / self._time, 2)
+                self._is_averaging = False
+        return np.concatenate([(force - self._force) @ rotation, wrench[3:] - self._moment])
+
+
+FADE_STEP = 0.01
+"""[s] between two words on an estimate that fades."""
+
+_FADE = 0.2  # [s] in which it does
+_PIECE = 0.004  # [s] over which the rotors' wrench may be taken as straight
+_GAP = 0.05  # [s] without odometry: what the rotors did meanwhile need not have been heard
+_WAITING = 16  # odometry messages that wait for their joint state
+_OTHER_CLOCK = 1.0  # [s]
+
+
+class ContactEstimator:
+    """Joins odometry, rotor commands and joint states by their stamps, for a `ContactObserver`.
+
+    All stamps must be of one clock: a command acts from its stamp (that of the odometry that it
+    answers) plus the latency of the rotors' wrench on. Where an input is missing the last estimate
+    fades to nothing, and what comes back begins anew.
+
+    Parameters
+    ----------
+    drone : DroneConfig
+    observer : ContactObserver
+    rotors : RotorWrench
+        An instance of its own.
+    hold_time : float
+        Silence of the odometry [s] after which it counts as missing.
+
+    Attributes
+    ----------
+    observer : ContactObserver
+    zero : ContactZero
+        What is subtracted.
+    """
+
+    def __init__(
+        self,
+        drone: DroneConfig,
+        observer: ContactObserver,
+        rotors: RotorWrench,
+        hold_time: float = 0.1,
+    ) -> None:
+        self.observer = observer
+        self.zero = ContactZero()
+        self._turn = drone.mount.rotation
+        self._rotors = rotors
+        self._hold_time = positive('hold_time', hold_time)
+        self._flight = FlightEstimator(drone)
+        self._joints = StampedValues(0.0)
+        self._now = -np.inf
+        self._offered = self._told_at = -np.inf
+        self._waiting: deque[tuple[float, FlightState]] = deque(maxlen=_WAITING)
+        self._taken: float | None = None
+        self._wrench: Array | None = None
+        self._fade = Fade(_FADE, share=1.0)
+
+    def offer_odometry(self, sample: OdometrySample) -> None:
+        """Take an odometry sample; raises RejectedInputError with what is wrong."""
+        if sample.stamp == self._offered:
+            return  # told again
+        self._check_clock('odometry', sample.stamp)
+        self._offered = sample.stamp
+        self._flight.offer_odometry(sample)
+        state = self._flight.state()
+        if state is not None:
+            self._waiting.append((sample.stamp, state))
+
+    def offer_rotors(self, names: Sequence[str], thrust: Array, stamp: float) -> None:
+        """Take commanded thrusts [N] of named rotors; raises RejectedInputError if they are none.
+
+        They act from their stamp [s] on.
+        """
+        self._check_clock('rotor_command', stamp)
+        self._rotors.offer(names, thrust, stamp, stamp)
+
+    def offer_joints(self, stamp: float, q: Array, dq: Array) -> None:
+        """Take positions [rad] and velocities [rad/s] (n,) of the joints at a stamp [s]."""
+        self._now = stamp
+        self._joints.add(stamp, np.concatenate([q, dq]))
+
+    def problem(self) -> str:
+        """Return why nothing can be told now, '' if it can."""
+        now = self._now
+        if np.isinf(now):
+            return 'no joint states yet'
+        if np.isinf(self._offered):
+            return 'no odometry yet'
+        if self._flight.state() is None or abs(now - self._offered) > self._hold_time:
+            return f'no good odometry for {abs(now - (self._flight.stamp or 0.0)):.2f} s'
+        return self._rotors.problem(now)
+
+    def update(self) -> tuple[float, Array] | None:
+        """Return the newest wrench (6,) with its time [s], None if there is nothing new to tell.
+
+        See `ContactObserver.update`.
+        """
+        if self.problem():
+            self._waiting.clear()
+            due = self._now - self._told_at
+            return self.fade(due) if due >= FADE_STEP or due < 0.0 else None
+        told = None
+        while self._waiting and self._waiting[0][0] <= self._now:
+            told = self._take(*self._waiting.popleft()) or told
+        return told
+
+    def fade(self, dt: float) -> tuple[float, Array] | None:
+        """Let the last estimate fade over `dt` [s]; return what is left, None once that is told."""
+        if self._wrench is None:
+            return None
+        # What was told last is some time ago; nothing may jump for that.
+        share = self._fade.update(FADE_STEP, is_on=False)
+        self._told_at = self._told_at + dt if dt > 0.0 else self._now
+        told = self._told_at, share * self._wrench
+        if share == 0.0:
+            self._wrench = self._taken = None
+            self.observer.reset()
+        return told
+
+    def _take(self, stamp: float, state: FlightState) -> tuple[float, Array] | None:
+        joints = self._joints.at(stamp)
+        if joints is None:
+            return None
+        dt = 0.0 if self._taken is None else stamp - self._taken
+        if not 0.0 < dt < _GAP:
+            self.observer.pause()
+        self._taken, self._told_at = stamp, stamp
+        q, dq = np.split(joints, 2)
+        wrench = self.observer.update(state, q, dq, self._mean_wrench(stamp, dt), dt)
+        wrench = self.zero.apply(wrench, state.rotation @ self._turn, min(dt, _GAP))
+        self._wrench, self._fade.share = wrench, 1.0
+        return stamp, wrench
+
+    def _mean_wrench(self, end: float, length: float) -> Array:
+        """Return the rotors' mean wrench over a time [s] before `end` [s]."""
+        pieces = max(1, round(min(length, _GAP) / _PIECE))
+        middles = end - length * (np.arange(pieces) + 0.5) / pieces
+        wrenches = [self._rotors.wrench(float(middle)) for middle in middles]
+        return np.asarray(np.mean(wrenches, axis=0))
+
+    def _check_clock(self, what: str, stamp: float) -> None:
+        ahead = stamp - self._now
+        if np.isfinite(ahead) and abs(ahead) > _OTHER_CLOCK:
+            raise RejectedInputError(
+                f'{what}: it is stamped {ahead:+.3g} s from joint_states; contact needs both on '
+                "one clock: synchronise the drone's with this host's"
+            )

@@ -1,0 +1,122 @@
+"""Estimators of unmodelled forces on the drone: observer and incremental (INDI)."""
+
+from typing import Protocol
+
+import numpy as np
+
+from aerarm_ros.control.checks import positive
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
+from aerarm_ros.flight.arm_load import MassProperties
+from aerarm_ros.flight.flight_state import FlightState
+from aerarm_ros.model.inertia import cross
+from aerarm_ros.motion.signals import Array
+
+
+class Disturbance(Protocol):
+    """What estimates the wrench on drone and arm beside rotors and weight."""
+
+    def reset(self) -> None:
+        """Begin anew."""
+
+    def update(self, state: FlightState, body: MassProperties, wrench: Array, dt: float) -> Array:
+        """Return force in the world and moment in body axes about the centre of mass, (6,).
+
+        Parameters
+        ----------
+        state : FlightState
+        body : MassProperties
+        wrench : (6,) ndarray
+            Of all that is known over the last `dt` [s], in body axes about the origin.
+        """
+        ...
+
+
+_WEIGHT = np.array([0.0, 0.0, -GRAVITY])
+
+
+class DisturbanceObserver:
+    """Compares the momentum of drone and arm with what is known to have changed it.
+
+    First order: `d = K (p - int(w + d) dt)`, with the momentum p of the whole taken as one rigid
+    body, from odometry and gyroscope.
+
+    Parameters
+    ----------
+    frequency : float
+        K [rad/s].
+    """
+
+    def __init__(self, frequency: float) -> None:
+        self._gain = positive('observer_frequency', frequency)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._expected: Array | None = None
+        self._estimate = np.zeros(6)
+
+    def update(self, state: FlightState, body: MassProperties, wrench: Array, dt: float) -> Array:
+        """Return the estimate, see `Disturbance`."""
+        spin = body.inertia @ state.rate
+        velocity = state.velocity + state.rotation @ cross(state.rate, body.centre)
+        momentum = np.concatenate([body.mass * velocity, spin])
+        if self._expected is None:
+            self._expected = momentum
+        known = np.concatenate(
+            [
+                state.rotation @ wrench[:3] + body.mass * _WEIGHT,
+                wrench[3:] - cross(body.centre, wrench[:3]) - cross(state.rate, spin),
+            ]
+        )
+        self._expected = self._expected + dt * (known + self._estimate)
+        self._estimate = self._gain * (momentum - self._expected)
+        return self._estimate
+
+
+class IncrementalEstimate:
+    """What incremental dynamic inversion adds to the last command, as a `Disturbance`.
+
+    INDI commands `w_f + M (a_wanted - a_f)`, with the rotors' wrench w and the measured
+    acceleration a through one filter (Smeur, Chu and de Croon, J. Guid. Control Dyn. 2016). That
+    is `M a_wanted - d` with the disturbance `d = M a_f - w_f`, second order here.
+
+    Parameters
+    ----------
+    drone : DroneConfig
+        For the place of its IMU.
+    frequency : float
+        Of the filter, critically damped [rad/s].
+    """
+
+    def __init__(self, drone: DroneConfig, frequency: float) -> None:
+        self._imu = np.array(drone.imu.position)
+        self._frequency = positive('observer_frequency', frequency)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._rate: Array | None = None
+        self._once = self._twice = np.zeros(6)
+
+    def update(self, state: FlightState, body: MassProperties, wrench: Array, dt: float) -> Array:
+        """Return the estimate, see `Disturbance`."""
+        rate, before = state.rate, self._rate
+        self._rate = rate
+        if before is None or dt <= 0.0 or state.specific_force is None:
+            return self._twice
+        spin = (rate - before) / dt
+        lever = body.centre - self._imu
+        felt = state.specific_force + cross(spin, lever)
+        felt = felt + cross(rate, cross(rate, lever))
+        momentum = body.inertia @ rate
+        moment = wrench[3:] - cross(body.centre, wrench[:3])
+        disturbance = np.concatenate(
+            [
+                state.rotation @ (body.mass * felt - wrench[:3]),
+                body.inertia @ spin + cross(rate, momentum) - moment,
+            ]
+        )
+        gain = 1.0 - np.exp(-self._frequency * dt)
+        self._once = self._once + gain * (disturbance - self._once)
+        self._twice = self._twice + gain * (self._once - self._twice)
+        return self._twice

@@ -1,0 +1,128 @@
+"""Commands and states of a board, and the CRC of its frames."""
+
+import zlib
+from dataclasses import dataclass, field
+
+
+def _pair(value: float = 0.0) -> list[float]:
+    return [value, value]
+
+
+def _flags() -> list[bool]:
+    return [False, False]
+
+
+@dataclass(slots=True)
+class BoardCommand:
+    """One command frame in SI units, motor side; lists hold motor 1, motor 2.
+
+    The board computes ``iq = kp (position - theta) + kd (velocity - omega) + current``
+    (thesis (4.4)) and saturates it. A frame profile with an integral gain adds
+    ``integral_gain`` times the integral of the position error, as the thesis prints it.
+
+    Attributes
+    ----------
+    enable_system, enable_motor
+        A motor is driven only if both are set. Setting them aligns the motor, which moves it.
+    position_rollover_error
+        Let the board stop with an error when a position leaves the field's range.
+    index_offset_compensation
+        Let a position jump to the encoder's index when the index is met: for homing only.
+    timeout
+        Time without a valid frame after which the board stops [s]; never 0.
+    position, velocity, current
+        References [rad], [rad/s] and feed-forward current [A].
+    kp, kd, integral_gain
+        Gains [A/rad], [A s/rad], [A/(rad s)].
+    current_saturation
+        Largest current the law may ask for [A]; never 0.
+    index
+        Number of the command modulo 65536, echoed by the board.
+    """
+
+    enable_system: bool = False
+    enable_motor: list[bool] = field(default_factory=_flags)
+    position_rollover_error: bool = True
+    index_offset_compensation: list[bool] = field(default_factory=_flags)
+    timeout: float = 0.02
+    position: list[float] = field(default_factory=_pair)
+    velocity: list[float] = field(default_factory=_pair)
+    current: list[float] = field(default_factory=_pair)
+    kp: list[float] = field(default_factory=_pair)
+    kd: list[float] = field(default_factory=_pair)
+    integral_gain: list[float] = field(default_factory=_pair)
+    current_saturation: list[float] = field(default_factory=lambda: [1.0, 1.0])
+    index: int = 0
+
+
+TIMESTAMP_PERIOD = 65.536  # [s] after which a board's clock begins anew
+
+
+def _measured_pair() -> list[float]:
+    return [0.0, 0.0]
+
+
+@dataclass(slots=True)
+class BoardState:
+    """One sensor frame in SI units, motor side; lists hold motor 1, motor 2.
+
+    Attributes
+    ----------
+    system_enabled, motor_enabled, motor_ready
+        A motor is ready once it is aligned.
+    index_detected, index_toggle
+        The encoder's index was met since power-on; a bit that flips at each pass.
+    error
+        Error code of the board, 0 for none; `FrameProfile.error_text` says what it means.
+    timestamp
+        Clock of the board [s], wraps after 65.5 s.
+    position, velocity, current
+        Measured motor angle [rad], filtered speed [rad/s] and quadrature current [A].
+    coil_resistance, adc
+        Phase resistance [ohm] and raw analogue inputs, where the profile carries them.
+    quadrature_voltage, bus_voltage
+        Voltages of a motor [V], where the profile carries them.
+    index
+        Number of the last command that the board accepted.
+    """
+
+    system_enabled: bool = False
+    motor_enabled: list[bool] = field(default_factory=_flags)
+    motor_ready: list[bool] = field(default_factory=_flags)
+    index_detected: list[bool] = field(default_factory=_flags)
+    index_toggle: list[bool] = field(default_factory=_flags)
+    error: int = 0
+    timestamp: float = 0.0
+    position: list[float] = field(default_factory=_measured_pair)
+    velocity: list[float] = field(default_factory=_measured_pair)
+    current: list[float] = field(default_factory=_measured_pair)
+    coil_resistance: list[float] = field(default_factory=_measured_pair)
+    adc: list[int] = field(default_factory=lambda: [0, 0])
+    quadrature_voltage: list[float] = field(default_factory=_measured_pair)
+    bus_voltage: list[float] = field(default_factory=_measured_pair)
+    index: int = 0
+
+
+_MASK = 0xFFFFFFFF
+_BIT_REVERSED = bytes(int(f'{byte:08b}'[::-1], 2) for byte in range(256))
+
+
+def crc32_mpeg2(data: bytes) -> int:
+    """Return the CRC-32/MPEG-2 of some bytes: polynomial 0x04C11DB7, start value all ones.
+
+    The CRC-32 of zlib divides by the same polynomial from the same start value, but takes
+    the bits of each byte from the other end and inverts the result. Reversing the bits
+    before and after it therefore gives this CRC at the speed of compiled code.
+
+    Parameters
+    ----------
+    data
+        Any number of bytes, first byte first.
+
+    Returns
+    -------
+    int
+        The check value, 0 <= crc < 2**32.
+    """
+    reflected = zlib.crc32(data.translate(_BIT_REVERSED)) ^ _MASK
+    return int.from_bytes(reflected.to_bytes(4, 'little').translate(_BIT_REVERSED), 'big')

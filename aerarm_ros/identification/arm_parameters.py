@@ -1,0 +1,209 @@
+"""Parameters of an arm as its URDF and configuration state them: the CAD model."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.joint_model import COUPLED, JointModel, JointTerm, TermKind
+from aerarm_ros.model.inertia import pseudo_inertia
+from aerarm_ros.motion.signals import Array
+
+
+@dataclass(frozen=True)
+class LinkBounds:
+    """Additional constraints of the semidefinite program.
+
+    Attributes
+    ----------
+    total_mass : tuple of two floats, optional
+        Least and largest mass of all links that a joint moves (3.13) [kg], from weighing.
+    centres : bool
+        Keep each centre of mass in the box that the link's inertia has according to CAD (3.12).
+    """
+
+    total_mass: tuple[float, float] | None = None
+    centres: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the masses."""
+        if self.total_mass is not None:
+            low, high = self.total_mass
+            if not (np.isfinite([low, high]).all() and 0.0 <= low < high):
+                raise IdentificationError(
+                    f'total mass {low:g} .. {high:g} kg must rise from a number not below 0'
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class InertiaBoxes:
+    """A box for each of n links.
+
+    Attributes
+    ----------
+    centre : (n, 3) ndarray
+        Centre of mass in the frame of the link's joint [m].
+    axes : (n, 3, 3) ndarray
+        Columns: directions of the box's edges, in the same frame.
+    half_edges : (n, 3) ndarray
+        [m]; NaN where no real body has this inertia.
+    """
+
+    centre: Array
+    axes: Array
+    half_edges: Array
+
+    @property
+    def reach(self) -> Array:
+        """(n, 3) how far the box reaches from its centre along the frame's axes [m]."""
+        return np.asarray((np.abs(self.axes) @ self.half_edges[..., None])[..., 0])
+
+    def corners(self) -> Array:
+        """Return the (n, 8, 3) corners in the frames of the links' joints [m]."""
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        edges = self.axes * self.half_edges[:, None, :]
+        return np.asarray(self.centre[:, None, :] + signs @ edges.transpose(0, 2, 1))
+
+
+def inertia_boxes(inertial: Array) -> InertiaBoxes:
+    """Return the boxes that have the mass and inertia of links.
+
+    Parameters
+    ----------
+    inertial : (n, 10) ndarray
+        Of positive masses.
+    """
+    matter = pseudo_inertia(inertial)
+    mass = inertial[:, :1]
+    centre = inertial[:, 1:4] / mass
+    spread = matter[:, :3, :3] / mass[..., None] - centre[:, :, None] * centre[:, None, :]
+    variance, axes = np.linalg.eigh(spread)
+    with np.errstate(invalid='ignore'):
+        # Homogeneous matter between -a and a has the variance a^2 / 3.
+        half_edges = np.sqrt(3.0 * variance)
+    return InertiaBoxes(centre, axes, half_edges)
+
+
+CoupledJoints = Sequence[tuple[str, str]]
+"""Pairs of a joint and its driver, the joint whose motion it feels."""
+
+
+def coupled_terms(
+    joint_names: Sequence[str], coupled: CoupledJoints
+) -> tuple[tuple[JointTerm, ...], ...]:
+    """Return the columns that couplings add to each joint.
+
+    A drive that passes another joint, as in many wrists, is turned by it: the joint's torque
+    gets `cv dq + ca ddq` of its driver. Where the torque acts both ways, give both pairs.
+
+    Parameters
+    ----------
+    joint_names : sequence of n str
+    coupled : sequence of (joint, driver)
+
+    Returns
+    -------
+    tuple of n tuples of JointTerm
+
+    Raises
+    ------
+    IdentificationError
+        If the arm lacks a joint, or one is to drive itself.
+    """
+    terms: list[list[JointTerm]] = [[] for _ in joint_names]
+    for joint, driver in dict.fromkeys(coupled):
+        unknown = [name for name in (joint, driver) if name not in joint_names]
+        if unknown:
+            raise IdentificationError(
+                f'coupled joints {joint}, {driver}: no joint {", ".join(unknown)}: the arm has '
+                f'{", ".join(joint_names)}'
+            )
+        if joint == driver:
+            raise IdentificationError(
+                f'coupled joints {joint}, {driver}: a joint is coupled to another one, its own '
+                'friction and rotor are there anyway'
+            )
+        index = list(joint_names).index(driver)
+        terms[list(joint_names).index(joint)] += [JointTerm(k, driver=index) for k in COUPLED]
+    return tuple(map(tuple, terms))
+
+
+_SMALLEST_SIZE = 0.05  # [m]: no link that a joint carries is smaller
+
+
+@dataclass(frozen=True, eq=False)
+class ArmParameters:
+    """Inertial parameters of the links and coefficients of the joints' terms.
+
+    Attributes
+    ----------
+    inertial : (n, 10) ndarray
+        In the order of thesis (3.3).
+    viscous, coulomb, rotor_inertia : (n,) ndarray
+        [Nms/rad], [Nm], [kg m^2] at the joints.
+    load_friction : (n,) ndarray
+        Dry friction per torque that the gears pass on [-].
+    """
+
+    inertial: Array
+    viscous: Array
+    coulomb: Array
+    rotor_inertia: Array
+    load_friction: Array
+
+    @classmethod
+    def stated(cls, robot: Robot, config: ArmConfig | None) -> 'ArmParameters':
+        """Return what the URDF states and, for the rotors, the configuration.
+
+        Raises
+        ------
+        IdentificationError
+            If the configuration lacks a joint of the URDF.
+        """
+        rotor_inertia = np.zeros(robot.n)
+        if config is not None:
+            missing = [name for name in robot.joint_names if name not in config.joint_names]
+            if missing:
+                raise IdentificationError(
+                    f'joints {", ".join(missing)} of the URDF are not in the configuration, which '
+                    f'has {", ".join(config.joint_names)}: give --urdf and --config of one arm'
+                )
+            order = [config.joint_names.index(name) for name in robot.joint_names]
+            rotor_inertia = config.column('reflected_inertia')[order]
+        return cls(
+            np.array(robot.inertial_parameters),
+            np.array(robot.viscous),
+            np.array(robot.coulomb),
+            rotor_inertia,
+            np.array(robot.load_friction),
+        )
+
+    def vector(self, model: JointModel) -> Array:
+        """Return theta in the order of `model.columns`; terms that CAD doesn't know are 0."""
+        known = {
+            TermKind.VISCOUS: self.viscous,
+            TermKind.COULOMB: self.coulomb,
+            TermKind.ROTOR: self.rotor_inertia,
+            TermKind.LOAD: self.load_friction,
+        }
+        unknown = np.zeros(model.n)
+        joints = [known.get(term.kind, unknown)[joint] for joint, term in model.joint_columns]
+        return np.concatenate([self.inertial.ravel(), joints])
+
+    def inertial_scale(self) -> Array:
+        """Return the natural size of each inertial parameter.
+
+        Returns
+        -------
+        (n, 10) ndarray
+            m, m l and m l^2 with the link's radius of gyration l about its joint's frame.
+        """
+        mass = self.inertial[:, :1]
+        second_moment = np.trace(pseudo_inertia(self.inertial)[:, :3, :3], axis1=1, axis2=2)
+        size = np.sqrt(np.maximum(second_moment[:, None] / mass, _SMALLEST_SIZE**2))
+        return np.asarray(
+            np.hstack([mass, np.repeat(mass * size, 3, 1), np.repeat(mass * size**2, 6, 1)])
+        )

@@ -1,0 +1,268 @@
+"""Torque error of an estimate, thesis (5.3)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerarm_ros.identification.regression.base_parameters import noise_from_residuals
+from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank
+from aerarm_ros.identification.regression.regression import Prediction, SampleColumns
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.motion.signals import Array
+
+# Share of the identified range by which a motion may leave it: filters alone cause a little.
+_TOLERATED = 0.1
+_HARDLY_MOVED = 10.0  # times that range: a share says nothing then
+# The model is asked beyond its data if its uncertainty grows by this factor and matters.
+_GROWTH = 3.0
+_QUANTITIES = (('q', 'position'), ('dq', 'velocity'), ('ddq', 'acceleration'))
+
+
+@dataclass(frozen=True, eq=False)
+class BagDemand:
+    """What one bag demands of the model.
+
+    Attributes
+    ----------
+    bag : str
+    beyond : (3, n) ndarray
+        How far position, velocity and acceleration leave the range of the identification
+        motion, as a share of that range; 0 inside.
+    uncertainty : (n,) ndarray
+        Standard deviation of the predicted torque because of the parameters' [Nm], root mean
+        square along the motion: the leverage of the samples, in torque.
+    """
+
+    bag: str
+    beyond: Array
+    uncertainty: Array
+
+
+def bag_demand(fit: ModelFit, bags: Sequence[SampleColumns], judged: SampleColumns) -> BagDemand:
+    """Compare a bag with those identified from.
+
+    Parameters
+    ----------
+    fit : ModelFit
+        Made from `bags`.
+    bags : sequence of SampleColumns
+        To identify from.
+    judged : SampleColumns
+    """
+    beyond = []
+    for quantity, _ in _QUANTITIES:
+        known = np.vstack([getattr(bag.samples, quantity)[bag.samples.kept] for bag in bags])
+        asked = getattr(judged.samples, quantity)[judged.samples.kept]
+        low, high = known.min(axis=0), known.max(axis=0)
+        over = np.maximum(asked.max(axis=0) - high, low - asked.min(axis=0))
+        beyond.append(np.maximum(over, 0.0) / np.maximum(high - low, 1e-9))
+    terms = [term for _, term in fit.model.joint_columns]
+    regression = RegressionBank([judged], terms, fit.inertial).regression(fit.model)
+    variance = [
+        np.einsum('ij,jk,ik', f[:, :-1], fit.covariance, f[:, :-1]) for f in regression.factors
+    ]
+    mean = np.array(variance) / np.maximum(regression.rows, 1)
+    return BagDemand(judged.samples.name, np.array(beyond), np.sqrt(mean))
+
+
+def extrapolation_warnings(
+    fit: ModelFit, identification: Sequence[BagDemand], validation: Sequence[BagDemand]
+) -> list[str]:
+    """Return where validation bags ask for more than the identification bags have shown.
+
+    Parameters
+    ----------
+    fit : ModelFit
+    identification, validation : sequence of BagDemand
+    """
+    names = fit.model.joint_names
+    known = np.max([demand.uncertainty for demand in identification], axis=0)
+    warnings = []
+    for demand in validation:
+        for (_, word), beyond in zip(_QUANTITIES, demand.beyond, strict=True):
+            joints = [
+                f'{name} by {100.0 * share:.0f} %'
+                if share < _HARDLY_MOVED
+                else f'{name}, which hardly moved there'
+                for name, share in zip(names, beyond, strict=True)
+                if share > _TOLERATED
+            ]
+            if joints:
+                warnings.append(
+                    f'{demand.bag}: {word} leaves the range of the identification motion '
+                    f'({", ".join(joints)}): its errors are those of extrapolation'
+                )
+        grown = (demand.uncertainty > _GROWTH * known) & (demand.uncertainty > fit.noise.std)
+        if grown.any():
+            joints = [name for name, bad in zip(names, grown, strict=True) if bad]
+            warnings.append(
+                f'{demand.bag}: needs parameters that the identification motion hardly excites '
+                f'(torque of {", ".join(joints)}): identify from a motion that is more like it'
+            )
+    return warnings
+
+
+_SMALLEST = 1e-300  # keeps a bag without torque from dividing by zero
+
+
+@dataclass(frozen=True, eq=False)
+class BagAssessment:
+    """How well an estimate predicts the torque of one bag.
+
+    Attributes
+    ----------
+    bag : str
+    filtered, filtered_measured, raw : float
+        `100 |tau - tau_hat| / |tau|` over all joints stacked [%]: for torque and prediction
+        through the same low-pass; for filtered torque and the prediction as it is, which is what
+        most publications quote; and for measured torque as recorded. A joint whose recorded
+        effort never changes does not count: nothing was measured of it. Nor does saturated effort.
+    per_joint_filtered, per_joint_filtered_measured, per_joint_raw : (n,) ndarray
+        The same for each joint alone [%]; NaN for one that does not count.
+    prediction : Prediction
+    """
+
+    bag: str
+    filtered: float
+    filtered_measured: float
+    raw: float
+    per_joint_filtered: Array
+    per_joint_filtered_measured: Array
+    per_joint_raw: Array
+    prediction: Prediction
+
+    def __repr__(self) -> str:
+        """Return the errors without the samples."""
+        return (
+            f'<{self.bag}: torque error {self.filtered:.2f} % filtered, '
+            f'{self.filtered_measured:.2f} % only the measured one, {self.raw:.2f} % raw>'
+        )
+
+
+def assess(estimate: Estimate, bags: Sequence[SampleColumns]) -> list[BagAssessment]:
+    """Return the torque errors of an estimate on each bag."""
+    results = []
+    for bag in bags:
+        prediction = bag.predict(estimate.model, estimate.theta)
+        samples = bag.samples
+        kept = samples.kept
+        # 0 near saturation, which leaves these samples out; NaN for a joint without any.
+        known = np.where(samples.measured.any(axis=0), samples.measured, np.nan)[kept]
+        filtered, filtered_measured, raw = (
+            torque_errors(known * measured[kept], known * predicted[kept])
+            for measured, predicted in (
+                (samples.tau, prediction.filtered),
+                (samples.tau, prediction.raw),
+                (samples.tau_raw, prediction.raw),
+            )
+        )
+        results.append(
+            BagAssessment(
+                bag=samples.name,
+                filtered=filtered[0],
+                filtered_measured=filtered_measured[0],
+                raw=raw[0],
+                per_joint_filtered=filtered[1],
+                per_joint_filtered_measured=filtered_measured[1],
+                per_joint_raw=raw[1],
+                prediction=prediction,
+            )
+        )
+    return results
+
+
+def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
+    """Return (5.3) of all joints stacked, and of each joint, both in percent.
+
+    Parameters
+    ----------
+    measured, predicted : (M, n) ndarray
+        [Nm]; a joint of which nothing was measured is NaN, and left out of the first.
+    """
+    difference = np.linalg.norm(measured - predicted, axis=0)
+    size = np.linalg.norm(measured, axis=0)
+    per_joint = 100.0 * difference / np.maximum(size, _SMALLEST)
+    known = np.isfinite(size)
+    whole = max(float(np.linalg.norm(size[known])), _SMALLEST)
+    return 100.0 * float(np.linalg.norm(difference[known])) / whole, per_joint
+
+
+_SLOW = 0.05  # share of a joint's top speed up to which its direction is faded in
+_CLEAR = 4.0  # standard deviations
+_WORTH_TELLING = 0.05  # of the joint's torque, as root mean square
+_SHORTEST = 10.0  # [s] of a motion in which anything can change
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualTrend:
+    """How the torque that a model leaves grows from a bag's beginning to its end.
+
+    Attributes
+    ----------
+    bag : str
+    friction, offset : (n,) ndarray
+        Torque against the motion, and in one direction [Nm]; 0 where nothing is clear.
+    torque : (n,) ndarray
+        Size of each joint's torque [Nm].
+    """
+
+    bag: str
+    friction: Array
+    offset: Array
+    torque: Array
+
+
+def residual_trend(bag: SampleColumns, assessed: BagAssessment) -> ResidualTrend:
+    """Look for what grows with time in the residuals of a bag.
+
+    Parameters
+    ----------
+    bag : SampleColumns
+    assessed : BagAssessment
+        Of an estimate on this bag.
+    """
+    samples = bag.samples
+    n = samples.n
+    residuals = samples.tau - assessed.prediction.filtered
+    span = float(samples.time[-1] - samples.time[0])
+    age = (samples.time - samples.time[0]) / max(span, 1e-9) - 0.5
+    size = np.sqrt((samples.tau**2).mean(axis=0))
+    grown = np.zeros((2, n))
+    for joint in range(n):
+        rows = samples.usable[:, joint]
+        if span < _SHORTEST or rows.sum() < 50:
+            continue
+        dq, residual = samples.dq[rows, joint], residuals[rows, joint]
+        way = np.tanh(dq / max(_SLOW * float(np.abs(dq).max()), 1e-9))
+        columns = np.column_stack([way * age[rows], age[rows], way, np.ones(len(dq))])
+        if np.linalg.matrix_rank(columns) < 4:
+            continue
+        solved, *_ = np.linalg.lstsq(columns, residual, rcond=None)
+        left = (residual - columns @ solved)[:, None]
+        noise = noise_from_residuals([left], [np.ones_like(left, dtype=bool)], size[[joint]])
+        covariance = np.linalg.inv(columns.T @ columns) * noise.std**2 * noise.correlation
+        clear = np.abs(solved) > _CLEAR * np.sqrt(np.diag(covariance))
+        grown[:, joint] = np.where(clear, solved, 0.0)[:2]
+    return ResidualTrend(samples.name, grown[0], grown[1], size)
+
+
+def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> list[str]:
+    """Return which joints' friction or offset changed enough to matter."""
+    warnings = []
+    for trend in trends:
+        for values, what, why in (
+            (trend.friction, 'friction', 'gears that get warm: let them, before recording'),
+            (trend.offset, 'torque offset', 'a sensor that drifts: set it to zero again'),
+        ):
+            told = [
+                f'{name} by {value:+.2g} Nm'
+                for name, value, torque in zip(joints, values, trend.torque, strict=True)
+                if abs(value) > _WORTH_TELLING * torque
+            ]
+            if told:
+                warnings.append(
+                    f'{trend.bag}: the {what} changes from its beginning to its end '
+                    f'({", ".join(told)}), as with {why}'
+                )
+    return warnings

@@ -1,0 +1,524 @@
+"""The identified arm as URDF, MJCF and SDF."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.parsers import expat
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from scipy.linalg import eigh
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.urdf_document import LOAD_FRICTION
+from aerarm_ros.identification.files.estimate_file import NO_FRICTION
+from aerarm_ros.identification.joint_model import COUPLED, TermKind
+from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.model.inertia import barycentric_inertia, is_physically_consistent, pseudo_inertia
+from aerarm_ros.motion.signals import Array
+
+
+def equivalent_friction(
+    estimate: Estimate, bags: Sequence[SampleColumns], beside_load: bool = False
+) -> tuple[Array, Array]:
+    """Return f_v and f_s of thesis (2.6) that come closest to the estimate's friction.
+
+    Least squares over the motion of the bags, neither coefficient negative. For joints whose
+    only friction is that of (2.6), these are the estimate's own coefficients.
+
+    Parameters
+    ----------
+    estimate : Estimate
+    bags : sequence of SampleColumns
+        The identification bags.
+    beside_load : bool
+        Whether to leave out what grows with the load, for who knows that as well, and rounds off
+        the sign of the velocity about rest, as `FrictionCompensation` does: Coulomb friction that
+        is rounded off stays what it is then.
+
+    Returns
+    -------
+    two (n,) ndarrays
+        [Nms/rad], [Nm]
+    """
+    model = estimate.model
+    left_out = {*NO_FRICTION, TermKind.LOAD} if beside_load else NO_FRICTION
+    viscous, coulomb = estimate.joint_values('fv'), estimate.joint_values('fs')
+    loads = [bag.links_torque(estimate.inertial.ravel()) for bag in bags]
+    values = estimate.theta[10 * model.n :]
+    for joint in range(model.n):
+        own = [
+            (term, value)
+            for (j, term), value in zip(model.joint_columns, values, strict=True)
+            if j == joint and term.kind not in left_out
+        ]
+        if all(
+            term.kind in (TermKind.VISCOUS, TermKind.COULOMB) and (beside_load or not term.width)
+            for term, _ in own
+        ):
+            continue
+        velocity, torque = [], []
+        for bag, load in zip(bags, loads, strict=True):
+            dq, ddq = bag.samples.dq[:, joint], bag.samples.ddq[:, joint]
+            parts = [value * term.basis(dq, ddq, np.abs(load[:, joint])) for term, value in own]
+            velocity.append(dq)
+            torque.append(np.sum(parts, axis=0))
+        viscous[joint], coulomb[joint] = _nearest(np.concatenate(velocity), np.concatenate(torque))
+    return viscous, coulomb
+
+
+def unwritten(estimate: Estimate) -> tuple[str, ...]:
+    """Return what to know of the estimate's terms that these formats have no place for.
+
+    Not of offsets, which a controller's integral makes up for.
+    """
+    names = estimate.model.columns[10 * estimate.model.n :]
+    pairs = zip(names, estimate.model.joint_columns, strict=True)
+    coupled = [name for name, (_, term) in pairs if term.kind in COUPLED]
+    if not coupled:
+        return ()
+    return (
+        f'{", ".join(coupled)} are in estimate.yaml only: URDF, MJCF and SDF have no place for a '
+        "torque by another joint's motion",
+    )
+
+
+def _nearest(dq: Array, torque: Array) -> tuple[float, float]:
+    columns = np.column_stack([dq, np.sign(dq)])
+    both, *_ = np.linalg.lstsq(columns, torque, rcond=None)
+    if both.min() >= 0.0:
+        return float(both[0]), float(both[1])
+    # On the border one coefficient is zero and the other fits alone.
+    alone = [float(max(c @ torque / max(c @ c, 1e-300), 0.0)) for c in columns.T]
+    left = [np.linalg.norm(torque - c * a) for c, a in zip(columns.T, alone, strict=True)]
+    return (alone[0], 0.0) if left[0] < left[1] else (0.0, alone[1])
+
+
+INERTIA_ENTRIES = {
+    'xx': (0, 0),
+    'yy': (1, 1),
+    'zz': (2, 2),
+    'xy': (0, 1),
+    'xz': (0, 2),
+    'yz': (1, 2),
+}
+"""Which entry of an inertia tensor each name stands for."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkBody:
+    """A moving link of a serial arm, about the frame of its joint.
+
+    Attributes
+    ----------
+    link, joint : str
+    parent : int or None
+        Index of the link that carries it; None for the base.
+    translation : (3,) ndarray
+        Of its frame in that of the parent [m].
+    quaternion : (4,) ndarray
+        Rotation of the same, x y z w.
+    mass : float
+        [kg]
+    centre : (3,) ndarray
+        Of mass [m].
+    tensor : (3, 3) ndarray
+        Inertia about the centre of mass, along the frame's axes [kg m^2].
+    turns : bool
+        Whether the joint is revolute; else prismatic.
+    axis : (3,) ndarray
+        Of the joint.
+    limits : (2,) ndarray
+        [rad] or [m]; infinite for a continuous joint.
+    """
+
+    link: str
+    joint: str
+    parent: int | None
+    translation: Array
+    quaternion: Array
+    mass: float
+    centre: Array
+    tensor: Array
+    turns: bool
+    axis: Array
+    limits: Array
+
+
+def link_bodies(robot: Robot, inertial: Array) -> Iterator[LinkBody]:
+    """Yield the moving links from base to tool.
+
+    Links behind fixed or locked joints are part of the one that carries them, as they were
+    identified; what is fixed to the base has no effect and is left out.
+
+    Parameters
+    ----------
+    robot : Robot
+    inertial : (n, 10) ndarray
+        Of the moving links, thesis (3.3): of bodies that can be.
+    """
+    numbers = [robot.model.getJointId(joint) for joint in robot.joint_names]
+    tensors = barycentric_inertia(inertial)
+    for index, number in enumerate(numbers):
+        placement = robot.model.jointPlacements[number]
+        parent = robot.model.parents[number]
+        turns, axis = _freedom(robot.model.joints[number])
+        yield LinkBody(
+            link=robot.link_names[index],
+            joint=robot.joint_names[index],
+            parent=numbers.index(parent) if parent else None,
+            translation=np.array(placement.translation),
+            quaternion=np.array(pin.Quaternion(placement.rotation).coeffs()),
+            mass=float(inertial[index, 0]),
+            centre=inertial[index, 1:4] / inertial[index, 0],
+            tensor=tensors[index],
+            turns=turns,
+            axis=axis,
+            limits=np.array([robot.position_min[index], robot.position_max[index]]),
+        )
+
+
+def _freedom(joint: pin.JointModel) -> tuple[bool, Array]:
+    """Return whether a joint turns, and its axis, from its motion subspace."""
+    data = joint.createData()
+    joint.calc(data, np.zeros(joint.nq))
+    linear, angular = np.split(np.asarray(data.S).ravel(), 2)
+    return bool(angular.any()), angular if angular.any() else linear
+
+
+def numbers_text(values: npt.ArrayLike) -> str:
+    """Return numbers as XML has them, to the last bit."""
+    return ' '.join(repr(float(value)) for value in np.ravel(values))
+
+
+_REMAINING = 0.9  # of what can be taken off a link at most: the rest must stay a body
+
+
+@dataclass(frozen=True)
+class IdentifiedUrdf:
+    """A URDF text, and what the user should know of it."""
+
+    text: str
+    warnings: tuple[str, ...]
+
+
+def identified_urdf(
+    robot: Robot, inertial: Array, viscous: Array, coulomb: Array, load: Array | None = None
+) -> IdentifiedUrdf:
+    """Return the URDF with other inertial and friction values.
+
+    What is identified of a link includes whatever fixed joints hang on it. So the link gets
+    it all and those links lose their own `<inertial>`. Links behind locked joints keep theirs,
+    which is taken off; where that leaves no possible body, they are written lighter, so that
+    every link is physically consistent and their sum is what was identified.
+
+    Parameters
+    ----------
+    robot : Robot
+        As loaded from the original URDF.
+    inertial : (n, 10) ndarray
+        Of the moving links, thesis (3.3).
+    viscous, coulomb : (n,) ndarray
+        For `<dynamics damping friction>` [Nms/rad], [Nm].
+    load : (n,) ndarray, optional
+        Dry friction per torque that the gears pass on, beside these, for `load_friction` [-].
+    """
+    text = robot.urdf_text
+    root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    links = {link.get('name'): link for link in root.findall('link')}
+    joints = {joint.get('name'): joint for joint in root.findall('joint')}
+    warnings = []
+    for index, name in enumerate(robot.link_names):
+        fixed = _behind_fixed_joints(root, name)
+        held = _held_by_locked_joints(robot, root, [name, *fixed])
+        kept = _inertia_held(robot, index) if held else np.zeros(10)
+        share = _possible_share(inertial[index], kept)
+        if share < 1.0:
+            warnings += _scaled(links, held, share, name)
+        own = inertial[index] - share * kept
+        if not is_physically_consistent(own):
+            warnings.append(
+                f'identified.urdf: link {name} is NOT PHYSICALLY CONSISTENT: its identified '
+                'parameters are those of no body; do not simulate or control with this file'
+            )
+        for other in fixed:
+            _remove_inertial(links[other])
+        _set_inertial(links[name], own)
+        share = 0.0 if load is None else load[index]
+        _set_dynamics(joints[robot.joint_names[index]], viscous[index], coulomb[index], share)
+    # The serializer's blank before '/>' would show up in every line of a comparison.
+    written = ET.tostring(root, encoding='unicode').replace(' />', '/>')
+    return IdentifiedUrdf(_before_root(text) + written + '\n', tuple(warnings))
+
+
+def _before_root(text: str) -> str:
+    """Return declaration and comments in front of the root, which the tree doesn't have."""
+    starts: list[int] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda *_: starts.append(parser.CurrentByteIndex)
+    encoded = text.encode()
+    parser.Parse(encoded, True)
+    return encoded[: starts[0]].decode()
+
+
+def _children(root: ET.Element, parents: list[str], fixed: bool) -> list[tuple[str, str]]:
+    """Return joint and child link of the joints on some links: the fixed ones, or the others."""
+    found = []
+    for joint in root.findall('joint'):
+        parent, child = joint.find('parent'), joint.find('child')
+        assert parent is not None and child is not None
+        if parent.get('link') in parents and (joint.get('type') == 'fixed') == fixed:
+            found.append((joint.get('name', ''), child.get('link', '')))
+    return found
+
+
+def _behind_fixed_joints(root: ET.Element, link: str) -> list[str]:
+    found: list[str] = []
+    front = [link]
+    while front:
+        front = [child for _, child in _children(root, front, fixed=True)]
+        found += front
+    return found
+
+
+def _held_by_locked_joints(robot: Robot, root: ET.Element, links: list[str]) -> list[str]:
+    """Return the links that only locked (and fixed) joints connect to some links."""
+    found: list[str] = []
+    front = links
+    while front:
+        children = _children(root, front, fixed=False)
+        behind = [child for joint, child in children if joint not in robot.joint_names]
+        front = [link for child in behind for link in (child, *_behind_fixed_joints(root, child))]
+        found += front
+    return found
+
+
+def _inertia_held(robot: Robot, index: int) -> Array:
+    """Return the inertial parameters, in the moving link's frame, of what locked joints carry."""
+    full = pin.buildModelFromXML(robot.urdf_text)
+    data = full.createData()
+    posture = pin.neutral(full)
+    posture = np.clip(posture, full.lowerPositionLimit, full.upperPositionLimit)
+    pin.forwardKinematics(full, data, posture)
+    carrier = full.getJointId(robot.joint_names[index])
+    total = np.zeros(10)
+    for body in range(1, full.njoints):
+        if body == carrier or _moving_ancestor(full, body, robot.joint_names) != carrier:
+            continue
+        placed = data.oMi[carrier].actInv(data.oMi[body]).act(full.inertias[body])
+        total += placed.toDynamicParameters()
+    return total
+
+
+def _moving_ancestor(full: Any, joint: int, moving: tuple[str, ...]) -> int:
+    """Return the nearest joint towards the base that moves, maybe itself; 0 for the base."""
+    while joint > 0 and full.names[joint] not in moving:
+        joint = full.parents[joint]
+    return joint
+
+
+def _possible_share(whole: Array, kept: Array) -> float:
+    """Return how much of a part can be taken off a body such that a body remains."""
+    if not kept.any() or is_physically_consistent(whole - kept):
+        return 1.0
+    if not is_physically_consistent(whole):
+        return 0.0
+    # P - s K stays positive definite up to s = 1 / (largest eigenvalue of K by P).
+    largest = eigh(pseudo_inertia(kept), pseudo_inertia(whole), eigvals_only=True)[-1]
+    return float(_REMAINING / largest)
+
+
+def _scaled(
+    links: Mapping[str | None, ET.Element], held: list[str], share: float, carrier: str
+) -> list[str]:
+    """Make links lighter, centres and shapes as they are; return what is to be said of it."""
+    for name in held:
+        for element in (
+            *links[name].iterfind('inertial/mass'),
+            *links[name].iterfind('inertial/inertia'),
+        ):
+            for key, value in element.items():
+                element.set(key, repr(share * float(value)))
+    return [
+        f'identified.urdf: the links behind locked joints ({", ".join(held)}) were written with '
+        f'{100.0 * share:.3g} % of their mass: as heavy as in the URDF, they would leave of '
+        f'{carrier} no possible body; check their inertia in the URDF'
+    ]
+
+
+def _set_inertial(link: ET.Element, pi: Array) -> None:
+    inertial = link.find('inertial')
+    if inertial is None:
+        inertial = ET.Element('inertial')
+        inertial.tail = '\n    '
+        link.insert(0, inertial)
+    centre, tensor = pi[1:4] / pi[0], barycentric_inertia(pi)
+    values = {
+        'origin': {'xyz': ' '.join(repr(float(c)) for c in centre), 'rpy': '0 0 0'},
+        'mass': {'value': repr(float(pi[0]))},
+        'inertia': {
+            f'i{a}{b}': repr(float(tensor[i, j]))
+            for i, a in enumerate('xyz')
+            for j, b in enumerate('xyz')
+            if i <= j
+        },
+    }
+    for tag, attributes in values.items():
+        element = inertial.find(tag)
+        if element is None:
+            element = ET.SubElement(inertial, tag)
+        for key, value in attributes.items():
+            element.set(key, value)
+
+
+def _remove_inertial(link: ET.Element) -> None:
+    inertial = link.find('inertial')
+    if inertial is not None:
+        link.remove(inertial)
+
+
+def _set_dynamics(joint: ET.Element, damping: float, friction: float, load: float) -> None:
+    dynamics = joint.find('dynamics')
+    if dynamics is None:
+        dynamics = ET.SubElement(joint, 'dynamics')
+    dynamics.set('damping', repr(float(damping)))
+    dynamics.set('friction', repr(float(friction)))
+    dynamics.attrib.pop(LOAD_FRICTION, None)  # of the URDF that this was
+    if load:
+        dynamics.set(LOAD_FRICTION, repr(float(load)))
+
+
+def identified_mjcf(
+    robot: Robot, inertial: Array, viscous: Array, coulomb: Array, rotor_inertia: Array
+) -> str:
+    """Return an MJCF text with the dynamics of the identified arm.
+
+    Frames, names and directions are those of the URDF, links those of `link_bodies`. Angles are in
+    radians, gravity as it was found.
+
+    Parameters
+    ----------
+    robot : Robot
+        With gravity as identified.
+    inertial : (n, 10) ndarray
+        Of the moving links, thesis (3.3): of bodies that can be.
+    viscous, coulomb, rotor_inertia : (n,) ndarray
+        MuJoCo's damping, frictionloss and armature [Nms/rad], [Nm], [kg m^2].
+    """
+    root = ET.Element('mujoco', model=robot.model.name)
+    ET.SubElement(root, 'compiler', angle='radian', balanceinertia='false', boundmass='0')
+    ET.SubElement(root, 'option', gravity=numbers_text(robot.gravity_in_base))
+    world = ET.SubElement(root, 'worldbody')
+    bodies: list[ET.Element] = []
+    for index, own in enumerate(link_bodies(robot, inertial)):
+        body = ET.SubElement(
+            world if own.parent is None else bodies[own.parent],
+            'body',
+            name=own.link,
+            pos=numbers_text(own.translation),
+            quat=numbers_text(np.roll(own.quaternion, 1)),
+        )
+        bodies.append(body)
+        ET.SubElement(
+            body,
+            'inertial',
+            pos=numbers_text(own.centre),
+            mass=repr(own.mass),
+            fullinertia=numbers_text([own.tensor[entry] for entry in INERTIA_ENTRIES.values()]),
+        )
+        attributes = {
+            'name': own.joint,
+            'type': 'hinge' if own.turns else 'slide',
+            'axis': numbers_text(own.axis),
+            'damping': repr(float(viscous[index])),
+            'frictionloss': repr(float(coulomb[index])),
+            'armature': repr(float(rotor_inertia[index])),
+        }
+        joint = ET.SubElement(body, 'joint', attributes)
+        if np.isfinite(own.limits).all():
+            joint.set('limited', 'true')
+            joint.set('range', numbers_text(own.limits))
+    ET.indent(root)
+    return ET.tostring(root, encoding='unicode') + '\n'
+
+
+_VERSION = '1.9'  # the first with quaternions
+_DRAKE = 'drake.mit.edu'
+
+
+def identified_sdf(
+    robot: Robot, inertial: Array, viscous: Array, coulomb: Array, rotor_inertia: Array
+) -> str:
+    """Return an SDF text with the dynamics of the identified arm, its base fixed to the world.
+
+    Frames, names and directions are those of the URDF, links those of `link_bodies`. SDF has no
+    place for rotor inertia: Drake's own element holds it, with a gear ratio of 1, which others pass
+    over. Gravity belongs to the world, and stands in a comment.
+
+    Parameters
+    ----------
+    robot : Robot
+        With gravity as identified.
+    inertial : (n, 10) ndarray
+        Of the moving links, thesis (3.3): of bodies that can be.
+    viscous, coulomb, rotor_inertia : (n,) ndarray
+        [Nms/rad], [Nm], [kg m^2]
+    """
+    ET.register_namespace('drake', _DRAKE)
+    root = ET.Element('sdf', version=_VERSION)
+    root.append(ET.Comment(f' gravity as found [m/s^2]: {numbers_text(robot.gravity_in_base)} '))
+    model = ET.SubElement(root, 'model', name=robot.model.name)
+    bodies = list(link_bodies(robot, inertial))
+    efforts = zip(robot.effort_max, robot.velocity_max, strict=True)
+    for index, (own, (effort, velocity)) in enumerate(zip(bodies, efforts, strict=True)):
+        parent = None if own.parent is None else bodies[own.parent].link
+        _add_link(model, own, parent)
+        joint = _add_joint(model, own, parent or 'world')
+        axis = ET.SubElement(joint, 'axis')
+        _text(axis, 'xyz', own.axis)
+        dynamics = ET.SubElement(axis, 'dynamics')
+        _text(dynamics, 'damping', viscous[index])
+        _text(dynamics, 'friction', coulomb[index])
+        limit = ET.SubElement(axis, 'limit')
+        known = zip(
+            ('lower', 'upper', 'effort', 'velocity'), (*own.limits, effort, velocity), strict=True
+        )
+        for tag, value in known:
+            if np.isfinite(value):
+                _text(limit, tag, value)
+        _text(joint, f'{{{_DRAKE}}}rotor_inertia', rotor_inertia[index])
+        _text(joint, f'{{{_DRAKE}}}gear_ratio', 1.0)
+    ET.indent(root)
+    return ET.tostring(root, encoding='unicode') + '\n'
+
+
+def _add_link(model: ET.Element, own: LinkBody, parent: str | None) -> None:
+    link = ET.SubElement(model, 'link', name=own.link)
+    pose = ET.SubElement(link, 'pose', rotation_format='quat_xyzw')
+    if parent is not None:
+        pose.set('relative_to', parent)
+    pose.text = numbers_text([*own.translation, *own.quaternion])
+    inertial = ET.SubElement(link, 'inertial')
+    _text(inertial, 'pose', [*own.centre, 0.0, 0.0, 0.0])
+    _text(inertial, 'mass', own.mass)
+    inertia = ET.SubElement(inertial, 'inertia')
+    for name, entry in INERTIA_ENTRIES.items():
+        _text(inertia, f'i{name}', own.tensor[entry])
+
+
+def _add_joint(model: ET.Element, own: LinkBody, parent: str) -> ET.Element:
+    """Return a joint whose frame is that of its link."""
+    kind = 'prismatic'
+    if own.turns:
+        kind = 'revolute' if np.isfinite(own.limits).all() else 'continuous'
+    joint = ET.SubElement(model, 'joint', name=own.joint, type=kind)
+    ET.SubElement(joint, 'parent').text = parent
+    ET.SubElement(joint, 'child').text = own.link
+    return joint
+
+
+def _text(parent: ET.Element, tag: str, values: npt.ArrayLike) -> None:
+    ET.SubElement(parent, tag).text = numbers_text(values)

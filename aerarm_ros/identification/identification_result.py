@@ -1,0 +1,280 @@
+"""Everything an identification found, for files and report."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.config_reader import ConfigError, read_plain
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.energy.energy_model import EnergyBalance, EnergyModel
+from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.assessment import BagAssessment, BagDemand, ResidualTrend
+from aerarm_ros.identification.conditioning.conditioning import Conditioner
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.model_choice.filter_choice import (
+    EffortDelay,
+    FilterChoice,
+    GravityDirection,
+)
+from aerarm_ros.identification.model_choice.model_choice import Comparison
+from aerarm_ros.identification.regression.base_parameters import BaseParameters
+from aerarm_ros.identification.regression.model_fit import ModelFit
+from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.rollout import RolloutError
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.identification.solvers.solvers import RECOMMENDED
+
+_UNKNOWN = 0.01  # share from data below which a parameter is the prior's
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """An estimate and its torque errors."""
+
+    estimate: Estimate
+    identification: list[BagAssessment]
+    validation: list[BagAssessment]
+
+
+@dataclass(frozen=True, eq=False)
+class IdentificationResult:
+    """The outcome of `identify`.
+
+    Attributes
+    ----------
+    robot : Robot
+    cad : ArmParameters
+    gravity : GravityDirection or None
+        What the data say of it; None if it wasn't asked.
+    delay : EffortDelay or None
+        How late efforts are; None if it wasn't asked.
+    conditioner : Conditioner
+        Cut-off, period, harmonics, and the delays that were taken off.
+    filter_choice : FilterChoice
+        How the kinematics were cleaned; holds the identification bags.
+    validation : list of SampleColumns
+    thesis_base, used_base : BaseParameters
+        Of links, viscous and Coulomb friction alone, and of all fitted columns.
+    fit : ModelFit
+        The regression behind the estimates.
+    comparisons : list of Comparison
+        Friction models tried.
+    solutions : dict of str to Solution
+        By solver.
+    left_out : list of str
+        Columns that the data had no use for: at their bound 0.
+    demands : list of BagDemand
+        What each bag, of identification and then of validation, asks of the model.
+    trends : list of ResidualTrend
+        What changed during each bag of identification.
+    rollouts : list of RolloutError
+        Of each solver on each bag, if they were asked for.
+    warnings : list of str
+    """
+
+    robot: Robot
+    cad: ArmParameters
+    conditioner: Conditioner
+    gravity: GravityDirection | None
+    delay: EffortDelay | None
+    filter_choice: FilterChoice
+    validation: list[SampleColumns]
+    thesis_base: BaseParameters
+    used_base: BaseParameters
+    fit: ModelFit
+    comparisons: list[Comparison]
+    solutions: dict[str, Solution]
+    left_out: list[str]
+    demands: list[BagDemand]
+    trends: list[ResidualTrend]
+    rollouts: list[RolloutError]
+    warnings: list[str]
+
+    @property
+    def identification(self) -> list[SampleColumns]:
+        """The bags identified from."""
+        return self.filter_choice.bags
+
+    @property
+    def recommended(self) -> Solution:
+        """The solution to use: the physically consistent one."""
+        return self.solutions[RECOMMENDED]
+
+    @property
+    def only_prior(self) -> tuple[str, ...]:
+        """Parameters of the recommended estimate that the data say next to nothing about."""
+        determined = self.recommended.estimate.determined
+        if determined is None:
+            return ()
+        pairs = zip(self.fit.model.columns, determined, strict=True)
+        return tuple(name for name, share in pairs if share < _UNKNOWN)
+
+    @property
+    def only_in_sums(self) -> tuple[str, ...]:
+        """Parameters that have an effect, but none of their own: the data determine a sum."""
+        base = self.used_base
+        mixed = base.combination != 0.0
+        index = [*base.independent[mixed.any(axis=1)], *base.dependent[mixed.any(axis=0)]]
+        return tuple(base.columns[i] for i in sorted(index))
+
+    @property
+    def base_deviations(self) -> npt.NDArray[np.float64]:
+        """(r,) standard deviations of the base parameters by the data alone."""
+        weights = self.fit.noise.information_weights
+        factor = self.fit.regression.system(weights).R[:, self.used_base.independent]
+        scale = np.linalg.norm(factor, axis=0)
+        inverse = np.linalg.pinv(factor / scale)
+        return np.asarray(np.sqrt((inverse**2).sum(axis=1)) / scale)
+
+    @property
+    def samples(self) -> int:
+        """Recorded samples that the identification bags contributed."""
+        return sum(bag.samples.recorded for bag in self.identification)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One limit, and what was found.
+
+    Attributes
+    ----------
+    name : str
+        A key of `LIMITS`.
+    limit, value : float
+    passed : bool
+    """
+
+    name: str
+    limit: float
+    value: float
+    passed: bool
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """All limits that were asked for."""
+
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every limit is kept."""
+        return all(check.passed for check in self.checks)
+
+    @property
+    def text(self) -> str:
+        """One line a limit, for a terminal."""
+        return '\n'.join(
+            f'{"kept  " if check.passed else "FAILED"}  {check.name}: {check.value:.4g}, at most '
+            f'{check.limit:.4g}'
+            for check in self.checks
+        )
+
+
+def _bags(result: IdentificationResult) -> list[BagAssessment]:
+    """Return what was only predicted; what was identified from where there is nothing else."""
+    return result.recommended.validation or result.recommended.identification
+
+
+def _largest(
+    values: Callable[[BagAssessment], npt.ArrayLike],
+) -> Callable[[IdentificationResult], float]:
+    return lambda result: float(
+        np.nanmax([np.nanmax(np.asarray(values(bag))) for bag in _bags(result)])
+    )
+
+
+LIMITS: dict[str, Callable[[IdentificationResult], float]] = {
+    'filtered': _largest(lambda bag: bag.filtered),
+    'filtered_measured': _largest(lambda bag: bag.filtered_measured),
+    'raw': _largest(lambda bag: bag.raw),
+    'joint_filtered': _largest(lambda bag: bag.per_joint_filtered),
+    'joint_raw': _largest(lambda bag: bag.per_joint_raw),
+    'torque_deviation': lambda result: max(float(d.uncertainty.max()) for d in result.demands),
+    'condition_number': lambda result: result.thesis_base.condition_number,
+    'inconsistent': lambda result: float(not result.recommended.estimate.physically_consistent),
+    'tilt': lambda result: float(np.degrees(result.gravity.tilt)) if result.gravity else 0.0,
+    'warnings': lambda result: float(len(result.warnings)),
+}
+"""What can be limited: largest errors of the validation bags [%], the standard deviation of
+predicted torque because of the parameters' [Nm], (5.2), 0 or 1, degrees, and a count."""
+
+
+def read_limits(path: Path) -> dict[str, float]:
+    """Return the limits in a YAML file.
+
+    Raises
+    ------
+    IdentificationError
+        If it can't be read, or holds something else than keys of `LIMITS` with numbers.
+    """
+    try:
+        document = read_plain(path)
+    except OSError as error:
+        raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
+    except ConfigError as error:
+        raise IdentificationError(f'{path}: {" ".join(str(error).split())}') from None
+    known = f'limits are {", ".join(LIMITS)}'
+    if not isinstance(document, dict) or not document:
+        raise IdentificationError(f'{path}: no limits: {known}')
+    unknown = [str(key) for key in document if key not in LIMITS]
+    if unknown:
+        raise IdentificationError(f'{path}: no limit {", ".join(unknown)}: {known}')
+    for key, value in document.items():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not np.isfinite(value) or value < 0.0:
+            raise IdentificationError(f'{path}: {key} = {value} must be a number not below 0')
+    return {key: float(value) for key, value in document.items()}
+
+
+def judge(result: IdentificationResult, limits: dict[str, float]) -> Verdict:
+    """Compare a result with limits.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+    limits : dict
+        Keys of `LIMITS` to the largest value that is good enough.
+    """
+    checks = []
+    for name, limit in limits.items():
+        value = LIMITS[name](result)
+        checks.append(Check(name, limit, value, value <= limit))
+    return Verdict(tuple(checks))
+
+
+def bag_energies(config: ArmConfig, result: IdentificationResult) -> dict[str, EnergyBalance]:
+    """Return the balance of each bag, by its name, where the filter has settled.
+
+    Torque is the measured one, filtered; links and rotors are the identified ones, and friction is
+    what the recommended estimate predicts besides them.
+
+    Parameters
+    ----------
+    config : ArmConfig
+        Motors with resistances, and the power stage. Empty is returned if it is another arm's.
+    result : IdentificationResult
+    """
+    robot, solution = result.robot, result.recommended
+    if config.joint_names != robot.joint_names:
+        return {}
+    estimate = solution.estimate
+    theta = dict(zip(estimate.model.columns, estimate.theta.tolist(), strict=True))
+    rotors = [max(theta.get(f'Ja_{name}', 0.0), 0.0) for name in robot.joint_names]
+    model = EnergyModel(config, robot.with_inertial_parameters(estimate.inertial), rotors)
+    balances = {}
+    bags = [*result.identification, *result.validation]
+    assessed = [*solution.identification, *solution.validation]
+    for bag, assessment in zip(bags, assessed, strict=True):
+        samples, kept = bag.samples, bag.samples.kept
+        rigid, weight = model.torques(samples.q[kept], samples.dq[kept], samples.ddq[kept])
+        friction = assessment.prediction.filtered[kept] - rigid
+        dt = float(np.median(np.diff(samples.time)))
+        balances[assessment.bag] = model.split(
+            dt, samples.dq[kept], samples.tau[kept], rigid - weight, weight, friction
+        )
+    return balances

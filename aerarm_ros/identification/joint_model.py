@@ -1,0 +1,228 @@
+"""Which terms each joint of an arm has, and the names of the regressor's columns."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from aerarm_ros.model.inertia import PARAMETER_NAMES
+from aerarm_ros.motion.signals import Array
+
+
+class TermKind(Enum):
+    """What a term stands for; the value is its symbol in column names."""
+
+    VISCOUS = 'fv'
+    COULOMB = 'fs'
+    ROTOR = 'Ja'
+    OFFSET = 'fo'
+    LOAD = 'fl'
+    CREEP = 'fc'
+    STRIBECK = 'fb'
+    FORWARD = 'fp'
+    BACKWARD = 'fn'
+    COUPLED_VISCOUS = 'cv'
+    COUPLED_INERTIA = 'ca'
+
+
+_UNITS = {
+    TermKind.VISCOUS: 'Nms/rad',
+    TermKind.COULOMB: 'Nm',
+    TermKind.ROTOR: 'kg m^2',
+    TermKind.OFFSET: 'Nm',
+    TermKind.LOAD: '-',
+    TermKind.CREEP: 'Nm',
+    TermKind.STRIBECK: 'Nm',
+    TermKind.FORWARD: 'Nm',
+    TermKind.BACKWARD: 'Nm',
+    TermKind.COUPLED_VISCOUS: 'Nms/rad',
+    TermKind.COUPLED_INERTIA: 'kg m^2',
+}
+_MEANINGS = {
+    TermKind.VISCOUS: 'viscous friction',
+    TermKind.COULOMB: 'Coulomb friction',
+    TermKind.ROTOR: 'rotor inertia at the joint',
+    TermKind.OFFSET: 'offset',
+    TermKind.LOAD: 'friction per torque on the links',
+    TermKind.CREEP: 'friction that grows slowly with speed',
+    TermKind.STRIBECK: 'friction at low speed only (Stribeck)',
+    TermKind.FORWARD: 'Coulomb friction in positive direction only',
+    TermKind.BACKWARD: 'Coulomb friction in negative direction only',
+    TermKind.COUPLED_VISCOUS: 'torque per velocity of',
+    TermKind.COUPLED_INERTIA: 'torque per acceleration of',
+}
+
+COUPLED = (TermKind.COUPLED_VISCOUS, TermKind.COUPLED_INERTIA)
+"""Torque by another joint's motion: of either sign."""
+
+
+@dataclass(frozen=True)
+class JointTerm:
+    """A regressor column of one joint: thesis (2.6), extended.
+
+    Attributes
+    ----------
+    kind : TermKind
+    width : float
+        Velocity [rad/s] over which dry friction changes sign, `s = tanh(dq / width)`; 0 is the
+        step `sgn(dq)` of (2.6). Of Stribeck friction, `sgn(dq) exp(-(dq / width)^2)`, the
+        velocity by which it has fallen to a third.
+    driver : int or None
+        Index of the joint whose motion causes the torque, where that is another one.
+
+    Notes
+    -----
+    Asymmetric Coulomb friction is that of both directions plus a part that acts in one of them,
+    `max(s, 0)` or `min(s, 0)`. So every coefficient is not negative, and every term dissipates.
+    """
+
+    kind: TermKind
+    width: float = 0.0
+    driver: int | None = None
+
+    @property
+    def symbol(self) -> str:
+        """Start of the column's name, such as 'fs'."""
+        return self.kind.value
+
+    @property
+    def unit(self) -> str:
+        """Unit of the coefficient."""
+        return _UNITS[self.kind]
+
+    @property
+    def meaning(self) -> str:
+        """What the coefficient is, in words."""
+        return _MEANINGS[self.kind]
+
+    @property
+    def nonnegative(self) -> bool:
+        """Whether the coefficient of a real joint cannot be negative."""
+        return self.kind not in (TermKind.OFFSET, *COUPLED)
+
+    @property
+    def smooth(self) -> bool:
+        """Whether the torque has no more high frequencies than the motion itself."""
+        return self.kind in (TermKind.VISCOUS, TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
+
+    def basis(self, dq: Array, ddq: Array, load: Array | None) -> Array:
+        """Return the torque per coefficient.
+
+        Parameters
+        ----------
+        dq, ddq : (...) ndarray
+            Of the driver, the joint itself where there is none [rad/s], [rad/s^2].
+        load : (...) ndarray or None
+            Magnitude of the torque on the links [Nm]; only `LOAD` terms need it.
+
+        Raises
+        ------
+        ValueError
+            If a load is needed and not given.
+        """
+        if self.kind in (TermKind.VISCOUS, TermKind.COUPLED_VISCOUS):
+            return dq
+        if self.kind in (TermKind.ROTOR, TermKind.COUPLED_INERTIA):
+            return ddq
+        if self.kind is TermKind.OFFSET:
+            return np.ones_like(dq)
+        if self.kind is TermKind.STRIBECK:
+            return np.asarray(np.sign(dq) * np.exp(-((dq / max(self.width, 1e-9)) ** 2)))
+        sign = np.tanh(dq / self.width) if self.width > 0.0 else np.sign(dq)
+        if self.kind is TermKind.LOAD:
+            if load is None:
+                raise ValueError('friction that depends on the load needs the load')
+            return np.asarray(load * sign)
+        if self.kind is TermKind.FORWARD:
+            return np.asarray(np.maximum(sign, 0.0))
+        if self.kind is TermKind.BACKWARD:
+            return np.asarray(np.minimum(sign, 0.0))
+        return np.asarray(sign)
+
+
+THESIS_TERMS = (JointTerm(TermKind.VISCOUS), JointTerm(TermKind.COULOMB))
+"""The friction of thesis (2.6)."""
+
+ROTOR = JointTerm(TermKind.ROTOR)
+"""Rotor inertia, which the thesis leaves out and geared joints need."""
+
+
+# Order of the blocks of columns, thesis (3.5) first.
+_ORDER = tuple(TermKind)
+
+
+@dataclass(frozen=True)
+class JointModel:
+    """The joints' part of the torque model.
+
+    Attributes
+    ----------
+    joint_names, link_names : tuple of str
+        The n joints and the links they move.
+    terms : tuple of tuples of JointTerm
+        For each joint.
+    """
+
+    joint_names: tuple[str, ...]
+    link_names: tuple[str, ...]
+    terms: tuple[tuple[JointTerm, ...], ...]
+
+    @classmethod
+    def uniform(
+        cls, joint_names: Sequence[str], link_names: Sequence[str], terms: Sequence[JointTerm]
+    ) -> 'JointModel':
+        """Return a model in which every joint has the same terms."""
+        return cls(tuple(joint_names), tuple(link_names), (tuple(terms),) * len(joint_names))
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @property
+    def joint_columns(self) -> tuple[tuple[int, JointTerm], ...]:
+        """Joint index and term of each column behind the links' 10 n, in the order of (3.5)."""
+        return tuple(
+            (joint, term)
+            for kind in _ORDER
+            for joint, terms in enumerate(self.terms)
+            for term in terms
+            if term.kind is kind
+        )
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Name of every column: 'm_link1', ..., 'fv_joint1', ..., as in `Regressor.columns`.
+
+        A coupled one's ends with its driver: 'cv_joint1_joint2'.
+        """
+        links = [f'{name}_{link}' for link in self.link_names for name in PARAMETER_NAMES]
+        joints = []
+        for joint, term in self.joint_columns:
+            moving = [joint] if term.driver is None else [joint, term.driver]
+            joints.append('_'.join([term.symbol, *(self.joint_names[j] for j in moving)]))
+        return (*links, *joints)
+
+    def torque(self, theta: Array, links: Array, dq: Array, ddq: Array) -> Array:
+        """Return the torque (M, n) of links and joints [Nm], thesis (3.5).
+
+        Parameters
+        ----------
+        theta : (p,) ndarray
+            In the order of `columns`.
+        links : (M, n) ndarray
+            Torque on the links [Nm].
+        dq, ddq : (M, n) ndarray
+            [rad/s], [rad/s^2]
+        """
+        torque, load = links.copy(), np.abs(links)
+        for (joint, term), value in zip(self.joint_columns, theta[10 * self.n :], strict=True):
+            moving = joint if term.driver is None else term.driver
+            torque[:, joint] += value * term.basis(dq[:, moving], ddq[:, moving], load[:, joint])
+        return torque
+
+    @property
+    def depends_on_load(self) -> bool:
+        """Whether a term depends on the torque on the links."""
+        return any(term.kind is TermKind.LOAD for _, term in self.joint_columns)

@@ -1,0 +1,248 @@
+"""Identification of a payload from two recordings: its mass, centre and inertia."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.conditioning.conditioning import Conditioner
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.joint_model import JointModel
+from aerarm_ros.identification.model_choice.filter_choice import choose_filter
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.regression.base_parameters import Noise, Prior, noise_from_residuals
+from aerarm_ros.identification.regression.model_fit import (
+    RegressionBank,
+    posterior_covariance,
+    solve_regularised,
+)
+from aerarm_ros.identification.regression.regression import (
+    SampleColumns,
+    TriangularSystem,
+    triangular_factor,
+)
+from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
+from aerarm_ros.identification.solvers.semidefinite_solver import solve_semidefinite
+from aerarm_ros.model.inertia import barycentric_inertia, from_pseudo_inertia
+from aerarm_ros.model.regressor import Regressor
+from aerarm_ros.motion.signals import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """Inertial parameters of a rigid body fixed to the last link.
+
+    Attributes
+    ----------
+    link : str
+        The link that carries it; all coordinates are in the frame of that link's joint.
+    inertial : (10,) ndarray
+        In the order of thesis (3.3); physically consistent.
+    covariance : (10, 10) ndarray
+        From the noise of the motion with the payload and from the arm's own uncertainty.
+    """
+
+    link: str
+    inertial: Array
+    covariance: Array
+
+    @property
+    def mass(self) -> float:
+        """[kg]."""
+        return float(self.inertial[0])
+
+    @property
+    def centre(self) -> Array:
+        """(3,) centre of mass [m]."""
+        return np.asarray(self.inertial[1:4] / self.inertial[0])
+
+    @property
+    def barycentric_inertia(self) -> Array:
+        """(3, 3) inertia about the centre of mass [kg m^2]."""
+        return barycentric_inertia(self.inertial)
+
+    @property
+    def std(self) -> Array:
+        """(10,) standard deviations of `inertial`."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def centre_std(self) -> Array:
+        """(3,) standard deviations of `centre`, to first order [m]."""
+        slope = np.hstack([-self.centre[:, None], np.eye(3)]) / self.mass
+        return np.asarray(np.sqrt(np.diag(slope @ self.covariance[:4, :4] @ slope.T)))
+
+
+_ROUNDS = 3  # the payload decides the load that friction depends on, and the other way round
+_SIZE = 0.1  # [m]: of what an arm carries, to a factor of a few
+_WIDE = 10.0  # standard deviations of the prior in natural sizes: data decide all they can
+_SIGNIFICANT = 3.0  # standard deviations that a payload must weigh
+
+
+@dataclass(frozen=True, eq=False)
+class _Arm:
+    """The arm without the payload; its covariance is None if it isn't known."""
+
+    robot: Robot
+    model: JointModel
+    theta: Array
+    covariance: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Residual:
+    """What the arm's model leaves of the torque, reduced, for the payload's ten columns.
+
+    `system` is weighted for the fit. `information` is weighted to unit variance an independent
+    sample; `arm` are its columns of all the arm's parameters, `own` those of the payload.
+    """
+
+    system: TriangularSystem
+    information: TriangularSystem
+    arm: Array
+    own: Array
+
+
+def identify_payload(result: IdentificationResult, recordings: Sequence[Recording]) -> Payload:
+    """Identify what the last link carries, from a motion with and one without it.
+
+    Torque that the arm's own model leaves unexplained is linear in the payload's inertial
+    parameters: their columns are those of the last link.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+        Of the arm without the payload.
+    recordings : sequence of Recording
+        Motion with the payload.
+
+    Raises
+    ------
+    IdentificationError
+        If a recording is too short, or shows no payload.
+    """
+    regressor = Regressor(result.robot)
+    kinematics = result.filter_choice.kinematics
+    bags = [
+        SampleColumns(result.conditioner.condition(recording, kinematics), regressor)
+        for recording in recordings
+    ]
+    fit = result.fit
+    arm = _Arm(result.robot, fit.model, result.recommended.estimate.theta, fit.covariance)
+    return _weigh(arm, bags, [fit.noise] * _ROUNDS)
+
+
+def weigh_payload(
+    robot: Robot,
+    estimate: Estimate,
+    recordings: Sequence[Recording],
+    options: ConditioningOptions,
+) -> Payload:
+    """Identify what the last link carries with the arm's model given, for example from a file.
+
+    Standard deviations are those of the motion; the model counts as exact.
+
+    Parameters
+    ----------
+    robot : Robot
+    estimate : Estimate
+        Of the arm without the payload.
+    recordings : sequence of Recording
+        Motion with the payload.
+    options : ConditioningOptions
+
+    Raises
+    ------
+    IdentificationError
+        If a recording is too short, or shows no payload.
+    """
+    conditioner = Conditioner(recordings, options)
+    bags = choose_filter(Regressor(robot), conditioner, recordings).bags
+    tau = np.concatenate([bag.samples.tau for bag in bags])
+    rms = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-6)
+    arm = _Arm(robot, estimate.model, estimate.theta, None)
+    return _weigh(arm, bags, [Noise(rms, np.ones(robot.n)), *[None] * _ROUNDS])
+
+
+def _weigh(arm: _Arm, bags: Sequence[SampleColumns], noises: Sequence[Noise | None]) -> Payload:
+    """Fit once for each noise; None is that which the fit before has left."""
+    carried = np.zeros(10)
+    for noise in noises:
+        noise = noise or _noise(arm, bags, carried)
+        residual = _residual(arm, bags, carried, noise)
+        prior, limits = _about(_unconstrained(residual.system))
+        carried = solve_semidefinite(residual.system, prior, limits)
+    payload = Payload(arm.robot.link_names[-1], carried, _covariance(arm, residual, prior))
+    if payload.mass < _SIGNIFICANT * payload.std[0]:
+        raise IdentificationError(_nothing(payload.mass, float(payload.std[0])))
+    return payload
+
+
+def _last_link(model: JointModel) -> slice:
+    return slice(10 * (model.n - 1), 10 * model.n)
+
+
+def _noise(arm: _Arm, bags: Sequence[SampleColumns], carried: Array) -> Noise:
+    """Return the noise that the arm with the payload leaves."""
+    theta = np.array(arm.theta)
+    theta[_last_link(arm.model)] += carried
+    residuals = [bag.samples.tau - bag.predict(arm.model, theta).filtered for bag in bags]
+    rms = np.sqrt(np.mean(np.concatenate([bag.samples.tau for bag in bags]) ** 2, axis=0))
+    return noise_from_residuals(residuals, [bag.samples.usable for bag in bags], rms)
+
+
+def _residual(arm: _Arm, bags: Sequence[SampleColumns], carried: Array, noise: Noise) -> _Residual:
+    model, theta, last = arm.model, arm.theta, _last_link(arm.model)
+    load = np.array(theta[: 10 * model.n])
+    load[last] += carried
+    terms = [term for _, term in model.joint_columns]
+    regression = RegressionBank(bags, terms, load).regression(model)
+
+    def reduced(weights: Array) -> tuple[TriangularSystem, TriangularSystem]:
+        whole = regression.system(weights)
+        rows = np.column_stack([whole.R[:, last], whole.z - whole.R @ theta])
+        factor = triangular_factor(rows)
+        return TriangularSystem(factor[:10, :10], factor[:10, 10]), whole
+
+    system, _ = reduced(noise.weights)
+    information, whole = reduced(noise.information_weights)
+    return _Residual(system, information, whole.R, whole.R[:, last])
+
+
+def _unconstrained(system: TriangularSystem) -> Array:
+    """Return the (10,) least-squares payload, next to nothing assumed."""
+    scale = np.array([1.0, *[_SIZE] * 3, *[_SIZE**2] * 6])
+    return solve_regularised(system, Prior(np.zeros(10), _WIDE * scale))
+
+
+def _about(rough: Array) -> tuple[Prior, PhysicalLimits]:
+    """Return a wide prior about a ball of the mass that was found, and what a body obeys."""
+    mass = float(rough[0])
+    if mass <= 0.0:
+        raise IdentificationError(_nothing(mass, None))
+    point = np.append(np.clip(rough[1:4] / mass, -3.0 * _SIZE, 3.0 * _SIZE), 1.0)
+    ball = mass * (np.outer(point, point) + np.diag([*[0.2 * _SIZE**2] * 3, 0.0]))
+    scale = mass * np.array([1.0, *[_SIZE] * 3, *[_SIZE**2] * 6])
+    limits = PhysicalLimits(np.array([mass]), np.array([_SIZE]), np.zeros(0, dtype=bool))
+    return Prior(from_pseudo_inertia(ball), _WIDE * scale), limits
+
+
+def _covariance(arm: _Arm, residual: _Residual, prior: Prior) -> Array:
+    """Return the (10, 10) covariance: of the payload's own motion, and of the arm's model."""
+    own = posterior_covariance(residual.information, prior)
+    if arm.covariance is None:
+        return own
+    # An error of the arm's parameters is torque that the fit takes for the payload's.
+    slope = own @ residual.own.T @ residual.arm
+    return np.asarray(own + slope @ arm.covariance @ slope.T)
+
+
+def _nothing(mass: float, std: float | None) -> str:
+    spread = '' if std is None else f' with a standard deviation of {std:.2g} kg'
+    return (
+        f'no payload found: its mass would be {mass:.3g} kg{spread}; check that --payload '
+        'is the recording with the payload and --bag the one without'
+    )

@@ -1,0 +1,223 @@
+"""What a result says about its input: signs, units, gravity, bounds."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.identification_result import Solution
+from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
+from aerarm_ros.identification.regression.model_fit import ModelFit
+from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.solvers.estimate import MASS_FACTOR, Estimate
+from aerarm_ros.motion.signals import Array
+
+# [%] of torque error: predicting no torque at all leaves 100, which efforts in a much smaller
+# unit approach from below.
+_USELESS = 90.0
+# The semidefinite program costs a few per cent of the least error, not several times it.
+_FAR_ABOVE = 3.0
+_LARGE = 10.0  # [%]
+_OPPOSITE = -0.5  # correlation of measured and drawn torque
+_OTHER_UNIT = 5.0  # factor between their sizes
+_AT_BOUND = 0.01  # share of a mass
+_CLEARLY_NEGATIVE = 3.0  # standard deviations
+
+_FAR_OFF = 20.0  # [%] of a joint's own torque
+_FOLLOWS = 0.5  # share of a residual that two columns of another joint's motion explain
+
+_CHECK = (
+    'check the sign and unit of the effort (--effort-gain JOINT=Nm/A for amperes, =-1 for the '
+    'other sign), the direction of gravity (--gravity), the topic, and that the names of the '
+    "bag's joints belong to the joints that move (--rename)"
+)
+
+
+def error_warnings(
+    solutions: Mapping[str, Solution], bags: list[SampleColumns], joints: tuple[str, ...]
+) -> list[str]:
+    """Return what torque errors reveal of a wrong input.
+
+    Parameters
+    ----------
+    solutions : mapping
+        By solver; 'cad', 'ols' and 'sdp' are there.
+    bags : list of SampleColumns
+        The identification bags.
+    joints : tuple of str
+    """
+    cad, ols, sdp = (
+        float(np.mean([bag.filtered for bag in solutions[name].identification]))
+        for name in ('cad', 'ols', 'sdp')
+    )
+    warnings = []
+    if cad > _USELESS:
+        suspects = _suspects(solutions['cad'], bags, joints)
+        hint = f' ({"; ".join(suspects)})' if suspects else ''
+        warnings.append(f'the CAD model misses the measured torque by {cad:.0f} %{hint}: {_CHECK}')
+    if sdp > max(_LARGE, _FAR_ABOVE * ols):
+        warnings.append(
+            f'a physically consistent arm leaves {sdp:.1f} % of the torque unexplained, least '
+            f'squares without that condition {ols:.1f} %: no real arm of this URDF moves like '
+            f'this; {_CHECK}'
+        )
+    return warnings
+
+
+def joint_warnings(
+    recommended: Solution, bags: list[SampleColumns], joints: tuple[str, ...]
+) -> list[str]:
+    """Return which joints' torque is hardly explained, and what might explain it.
+
+    Parameters
+    ----------
+    recommended : Solution
+    bags : list of SampleColumns
+        The identification bags.
+    joints : tuple of str
+    """
+    warnings = []
+    errors, predicted = (
+        np.fmax.reduce([np.zeros(len(joints)), *(bag.per_joint_filtered for bag in part)])
+        for part in (recommended.identification, recommended.validation)
+    )
+    if far_off := _shares(joints, errors, errors > _FAR_OFF):
+        warnings.append(
+            f'of the torque of some joints much is not explained ({far_off} of it): '
+            'their friction and the parameters that only they feel are not to be relied on'
+        )
+    if far_off := _shares(joints, predicted, (predicted > _FAR_OFF) & (errors <= _FAR_OFF)):
+        warnings.append(
+            f'of the torque of some joints much is not predicted in validation ({far_off} of it): '
+            'see what that motion asks for that the one of identification has not shown'
+        )
+    for joint, (driver, share) in _followed(recommended, bags).items():
+        if driver is not None and share > _FOLLOWS and errors[joint] > _LARGE:
+            pair = f'{joints[joint]}={joints[driver]}'
+            warnings.append(
+                f"the residual of {joints[joint]} follows {joints[driver]}'s velocity or "
+                f'acceleration ({100.0 * share:.0f} % of it): if the drive of one passes the '
+                f'other, give --coupled {pair}'
+            )
+    return warnings
+
+
+def _shares(joints: tuple[str, ...], errors: Array, told: npt.NDArray[np.bool_]) -> str:
+    named = zip(joints, errors, told, strict=True)
+    return ', '.join(f'{name} {error:.0f} %' for name, error, is_told in named if is_told)
+
+
+def _followed(
+    recommended: Solution, bags: list[SampleColumns]
+) -> dict[int, tuple[int | None, float]]:
+    """Return for each joint the one whose motion explains most of its residual, and how much."""
+    n = bags[0].samples.n
+    couplings = {(k, kind): JointTerm(kind, driver=k) for k in range(n) for kind in COUPLED}
+    found: dict[int, tuple[int | None, float]] = {}
+    for joint in range(n):
+        rows = [bag.samples.usable[:, joint] for bag in bags]
+        pairs = list(zip(bags, recommended.identification, rows, strict=True))
+        residual = np.concatenate(
+            [(b.samples.tau - a.prediction.filtered)[row, joint] for b, a, row in pairs]
+        )
+        best: tuple[int | None, float] = (None, 0.0)
+        known = recommended.estimate.model.terms[joint]
+        for other in range(n):
+            if other == joint or couplings[other, COUPLED[0]] in known or not len(residual):
+                continue
+            columns = np.concatenate(
+                [
+                    np.column_stack([b.term(couplings[other, kind])[row, 0] for kind in COUPLED])
+                    for b, _, row in pairs
+                ]
+            )
+            solved, *_ = np.linalg.lstsq(columns, residual, rcond=None)
+            left = residual - columns @ solved
+            share = 1.0 - float(left @ left) / max(float(residual @ residual), 1e-300)
+            best = max(best, (other, share), key=lambda pair: pair[1])
+        found[joint] = best
+    return found
+
+
+def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[str]:
+    """Return which parameters of the recommended estimate are held by their bounds.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        By the semidefinite program.
+    fit : ModelFit
+        Its `theta` is the solution without constraints.
+    cad_mass : (n,) ndarray
+        [kg]
+    """
+    warnings = []
+    ratio = estimate.inertial[:, 0] / cad_mass
+    for bound, word in ((1.0 / MASS_FACTOR, 'half'), (MASS_FACTOR, 'twice')):
+        at = np.abs(ratio / bound - 1.0) < _AT_BOUND
+        if at.any():
+            links = [name for name, held in zip(fit.model.link_names, at, strict=True) if held]
+            warnings.append(
+                f'mass of {", ".join(links)} is at its bound, {word} that of the URDF: check the '
+                'masses in the URDF and the unit of the effort'
+            )
+    start = 10 * fit.model.n
+    loads = [term.kind is TermKind.LOAD for _, term in fit.model.joint_columns]
+    too_much = np.array(loads, dtype=bool) & (estimate.theta[start:] > 1.0 - _AT_BOUND)
+    if too_much.any():
+        at_bound = np.array(fit.model.columns[start:])[too_much]
+        warnings.append(
+            f'{", ".join(at_bound)} at the bound 1: a gear that loses all that it carries is none; '
+            'something else that grows with the load is in the torque of these joints'
+        )
+    std = fit.prior.std if estimate.std is None else estimate.std
+    asked_for_less = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)
+    held = [
+        (name, term.kind)
+        for name, (_, term), less in zip(
+            fit.model.columns[start:],
+            fit.model.joint_columns,
+            asked_for_less[start:],
+            strict=True,
+        )
+        if less
+    ]
+    if held:
+        kinds = {kind for _, kind in held}
+        if TermKind.COULOMB in kinds:
+            check = 'check the sign of the effort of these joints'
+        elif kinds == {TermKind.ROTOR}:
+            check = (
+                'right where torque sensors sit behind the gears; else velocities may lag, or the '
+                'model of these joints is not exact'
+            )
+        else:
+            check = (
+                'the model of these joints is not exact, or their measured velocities lag '
+                'behind; check the errors joint by joint'
+            )
+        names = ', '.join(name for name, _ in held)
+        warnings.append(f'{names} left out, as the data ask for less than 0: {check}')
+    return warnings
+
+
+def _suspects(cad: Solution, bags: list[SampleColumns], joints: tuple[str, ...]) -> list[str]:
+    """Return joints whose torque runs against the drawing's or has another size."""
+    measured, drawn = (
+        np.vstack([values[bag.samples.kept] for values, bag in zip(group, bags, strict=True)])
+        for group in (
+            [bag.samples.tau for bag in bags],
+            [bag.prediction.filtered for bag in cad.identification],
+        )
+    )
+    found = []
+    for joint, name in enumerate(joints):
+        size, expected = (float(np.linalg.norm(x[:, joint])) for x in (measured, drawn))
+        if min(size, expected) <= 0.0:
+            continue
+        along = float(measured[:, joint] @ drawn[:, joint]) / (size * expected)
+        if along < _OPPOSITE:
+            found.append(f"{name}'s effort has the opposite sign")
+        elif size > _OTHER_UNIT * expected or expected > _OTHER_UNIT * size:
+            found.append(f"{name}'s effort is {size / expected:.2g} times as large")
+    return found

@@ -1,0 +1,284 @@
+"""Checks of recorded signals: efforts, stamps and units."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.motion.signals import Array
+
+Mask = npt.NDArray[np.bool_]
+
+# A spike leaves its neighbours by this many times the range of all of the joint's efforts, and
+# comes back: dry friction or a contact stay within about one range.
+_SPIKE = 3.0
+_NEIGHBOURS = 5  # samples whose median a spike does not move, two in a row neither
+_RARE = 0.01  # share of the samples: what is more frequent is no spike but the signal
+# A drive at its limit reports the same number, the largest, this often and in a row.
+_HELD = 10
+_HELD_SHARE = 2e-3
+_SMALLEST_MOTION = 1e-3  # [rad]: an effort that rests with its joint is not saturated
+
+
+def without_spikes(bag: str, joints: Sequence[str], tau: Array) -> tuple[Array, list[str]]:
+    """Return the efforts with spikes replaced by the line between their neighbours, and warnings.
+
+    Parameters
+    ----------
+    bag : str
+        Name for warnings.
+    joints : sequence of n str
+    tau : (M, n) ndarray
+        [Nm]; not changed.
+    """
+    warnings = []
+    for index, joint in enumerate(joints):
+        spikes = _spikes(tau[:, index])
+        if not spikes.any():
+            continue
+        rows = np.arange(len(tau))
+        tau = tau.copy()
+        tau[spikes, index] = np.interp(rows[spikes], rows[~spikes], tau[~spikes, index])
+        warnings.append(
+            f'{bag}: {spikes.sum()} spikes in the effort of {joint} bridged by their neighbours'
+        )
+    return tau, warnings
+
+
+def saturated_effort(
+    bag: str, joints: Sequence[str], q: Array, tau: Array
+) -> tuple[Mask | None, list[str]]:
+    """Return where efforts stay at their limit while the joint moves, and warnings.
+
+    Parameters
+    ----------
+    bag : str
+        Name for warnings.
+    joints : sequence of n str
+    q, tau : (M, n) ndarray
+        [rad], [Nm]
+
+    Returns
+    -------
+    (M, n) ndarray of bool or None
+        None if no effort is saturated.
+    list of str
+    """
+    mask, warnings = np.zeros(tau.shape, dtype=bool), []
+    for index, joint in enumerate(joints):
+        column = tau[:, index]
+        for limit in (column.min(), column.max()):
+            mask[:, index] |= _held(column == limit, q[:, index])
+        share = float(mask[:, index].mean())
+        if share > 0.5:  # a torque of two values only is odd, but no drive at its limit
+            mask[:, index] = False
+        elif share > 0.0:
+            warnings.append(
+                f'{bag}: effort of {joint} is saturated for {100.0 * share:.2g} % of the time: '
+                'left out; record a slower motion'
+            )
+    return (mask if mask.any() else None), warnings
+
+
+def _spikes(column: Array) -> Mask:
+    low, high = np.percentile(column, [1.0, 99.0])
+    least = _SPIKE * (high - low)
+    none = np.zeros(len(column), dtype=bool)
+    if least == 0.0 or not (np.abs(np.diff(column)) > least).any():
+        return none
+    padded = np.pad(column, _NEIGHBOURS // 2, mode='edge')
+    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, _NEIGHBOURS), axis=1)
+    spikes = np.abs(column - around) > least
+    return np.asarray(spikes) if spikes.mean() <= _RARE else none
+
+
+def _held(at_limit: Mask, q: Array) -> Mask:
+    """Return the long runs at the limit in which the joint moves."""
+    held = np.zeros(len(at_limit), dtype=bool)
+    if at_limit.sum() < max(_HELD, _HELD_SHARE * len(at_limit)):
+        return held
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], at_limit.astype(int), [0]))))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        held[first:last] = last - first >= _HELD and np.ptp(q[first:last]) > _SMALLEST_MOTION
+    return held
+
+
+# A middleware may deliver a message twice or swap two; more than this is a faulty clock.
+_TOLERATED_SHARE = 1e-3
+# A gap up to this is bridged by interpolation: arms move little in it.
+_LONGEST_GAP = 0.1  # [s]
+# Messages in a row behind one that came before: more are a clock set back, not a late message.
+_LATE_IN_A_ROW = 2
+_LONGEST_GAP_PERIODS = 5.0
+# Between two messages, usually: so few would show no motion, so it is another unit. 1 ms are 1.0.
+_LONGEST_STEP = 0.5  # [s]
+_OTHER_UNITS = ((5e2, 'milliseconds'), (5e5, 'microseconds'), (np.inf, 'nanoseconds'))
+
+_ADVICE = 'check the clock of the node that stamps the topic, or record again'
+
+
+def check_stamp_unit(bag: str, stamp: Array) -> None:
+    """Refuse stamps that are so far apart that they can't be seconds.
+
+    Parameters
+    ----------
+    bag : str
+        Name for messages.
+    stamp : (M,) ndarray
+        Header stamps.
+
+    Raises
+    ------
+    IdentificationError
+        If they are; what they seem to be is named.
+    """
+    steps = np.diff(stamp)
+    step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    if step >= _LONGEST_STEP:
+        unit = next(name for largest, name in _OTHER_UNITS if step < largest)
+        raise IdentificationError(
+            f'{bag}: joint states are {step:.3g} s apart: stamps are in {unit}, it seems, and must '
+            'be in s; the column of a table may state its unit, as time [ms]'
+        )
+
+
+def sound_messages(
+    bag: str, stamp: Array, begin: float | None = None
+) -> tuple[npt.NDArray[np.intp], list[str]]:
+    """Return which messages to use, in the order of their stamps, and warnings.
+
+    A rare message delivered twice or out of order is dropped or put in its place.
+
+    Parameters
+    ----------
+    bag : str
+        Name for messages.
+    stamp : (M,) ndarray
+        Header stamps [s] of the part that is used.
+    begin : float, optional
+        First stamp of the whole bag [s], from which messages count; by default that of the part.
+
+    Raises
+    ------
+    IdentificationError
+        If stamps are not finite, repeat, run backwards or jump.
+    """
+    if not np.isfinite(stamp).all():
+        raise IdentificationError(f'{bag}: stamps that are not finite: {_ADVICE}')
+    if np.ptp(stamp) == 0.0:
+        raise IdentificationError(f'{bag}: every message has the same stamp: {_ADVICE}')
+    order = np.argsort(stamp, kind='stable')
+    step = np.diff(stamp[order])
+    repeated = int(np.sum(step <= 0.0))
+    if repeated > _TOLERATED_SHARE * len(stamp):
+        first = _when(stamp[order[np.flatnonzero(step <= 0.0)[0]]], stamp, begin)
+        raise IdentificationError(
+            f'{bag}: {repeated} of {len(stamp)} stamps are repeated, first at {first}: {_ADVICE}'
+        )
+    warnings = _check_order(bag, stamp)
+    _check_gaps(bag, stamp[order], step, begin)
+    if repeated:
+        warnings.append(f'{bag}: {repeated} messages with a repeated stamp left out')
+    return order[np.concatenate(([True], step > 0.0))], warnings
+
+
+def _check_order(bag: str, stamp: Array) -> list[str]:
+    back = np.flatnonzero(np.diff(stamp) < 0.0)
+    if not len(back):
+        return []
+    farthest = float(-np.diff(stamp)[back].min())
+    behind = stamp < np.maximum.accumulate(stamp)
+    window = np.ones(_LATE_IN_A_ROW + 1)
+    set_back = np.convolve(behind, window).max() > _LATE_IN_A_ROW
+    if len(back) > _TOLERATED_SHARE * len(stamp) or farthest > _LONGEST_GAP or set_back:
+        raise IdentificationError(
+            f'{bag}: stamps jump back {len(back)} times, by up to {farthest:.3f} s, first at '
+            f'message {back[0] + 1}: {_ADVICE}'
+        )
+    return [f'{bag}: {len(back)} messages out of order put in their place']
+
+
+def _check_gaps(bag: str, stamp: Array, step: Array, begin: float | None) -> None:
+    limit = max(_LONGEST_GAP, _LONGEST_GAP_PERIODS * float(np.median(step)))
+    worst = int(np.argmax(step))
+    if step[worst] > limit:
+        when = _when(float(stamp[worst]), stamp, begin)
+        raise IdentificationError(
+            f'{bag}: no joint states for {step[worst]:.3f} s at {when}: '
+            'the recorder lost messages or the clock was set; record again'
+        )
+
+
+def _when(instant: float, stamp: Array, begin: float | None) -> str:
+    """Return where in the bag something is, and where in the part of it that is used."""
+    used = f'{instant - stamp[0]:.2f} s'
+    if begin is None or begin == stamp[0]:
+        return f'{used} of the bag'
+    return f'{instant - begin:.2f} s of the bag ({used} of the used part)'
+
+
+_LARGEST_TURN = 6.0 * np.pi  # [rad] of a joint from end to end: three turns, more than arms have
+_AGREES = 0.95  # correlation of measured and differentiated velocities that are the same motion
+_FACTOR = 1.5  # by which they may differ in size: filters and delays make less of them
+# What velocities may be: name, how many times the rate of the positions, and how nearly. Turns per
+# minute are not far from stamps ten times too slow.
+_VELOCITY_UNITS = (
+    ('degrees per second', 180.0 / np.pi, 0.1),
+    ('turns per minute', 30.0 / np.pi, 0.02),
+)
+
+
+def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Array | None) -> None:
+    """Refuse positions in degrees, and velocities that are not the rate of the positions.
+
+    Parameters
+    ----------
+    bag : str
+        Name for messages.
+    joints : sequence of n str
+    time : (M,) ndarray
+        [s], increasing.
+    q : (M, n) ndarray
+        [rad] if all is well.
+    dq : (M, n) ndarray or None
+        [rad/s] if all is well.
+
+    Raises
+    ------
+    IdentificationError
+        If they are not; what they seem to be is named.
+    """
+    ranges = np.ptp(q, axis=0)
+    if ranges.max() > _LARGEST_TURN:
+        joint, turns = joints[int(np.argmax(ranges))], ranges.max() / (2.0 * np.pi)
+        raise IdentificationError(
+            f'{bag}: {joint} moves by {ranges.max():.0f} rad, {turns:.0f} turns: '
+            'positions are in degrees, it seems, not in rad; say so of a table (--degrees, '
+            'degrees= of read_bag, or a column q1 [deg]), else check the node that publishes the '
+            'topic'
+        )
+    ratio = None if dq is None else _speed_ratio(time, q, dq)
+    if ratio is None or 1.0 / _FACTOR < ratio < _FACTOR:
+        return
+    text = f'{bag}: velocities are {ratio:.3g} times the rate at which positions change'
+    unit = next((u for u, of, near in _VELOCITY_UNITS if abs(ratio / of - 1.0) < near), None)
+    if unit is not None:
+        text += f': they are in {unit}, it seems, and positions in rad'
+    elif ratio > 1.0:
+        text += f': stamps run {ratio:.3g} times too slow, it seems'
+    else:
+        text += f': stamps run {1.0 / ratio:.3g} times too fast, it seems'
+    raise IdentificationError(
+        f'{text}; check the column of the table, or the node that publishes the topic'
+    )
+
+
+def _speed_ratio(time: Array, q: Array, dq: Array) -> float | None:
+    """Return measured over differentiated velocities; None where they aren't the same motion."""
+    slope = np.gradient(q, time, axis=0)
+    size, found = float(np.linalg.norm(slope)), float(np.linalg.norm(dq))
+    if min(size, found) == 0.0:
+        return None
+    along = float((slope * dq).sum())
+    return found / size if along > _AGREES * size * found else None

@@ -1,0 +1,246 @@
+"""The regression of a bag: the columns of its samples, reduced by QR."""
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.identification.conditioning.uniform_motion import Samples
+from aerarm_ros.identification.joint_model import JointModel, JointTerm, TermKind
+from aerarm_ros.model.regressor import Regressor
+from aerarm_ros.motion.signals import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Torque that a parameter vector predicts for a bag.
+
+    Attributes
+    ----------
+    filtered, raw : (M, n) ndarray
+        With and without the torque's low-pass [Nm], at the decimated samples.
+    """
+
+    filtered: Array
+    raw: Array
+
+
+class SampleColumns:
+    """Regressor (3.6) along one bag, filtered as the torque is ("parallel filtering").
+
+    The torque balance holds for filtered torque only if every column passes the same filter
+    (Gautier, ICRA 1997): products of smooth signals have frequencies above theirs, and dry
+    friction is not smooth at all. Dry friction is evaluated at the fine rate, so that its
+    steps are where they were.
+
+    Parameters
+    ----------
+    samples : Samples
+    regressor : Regressor
+        Of the arm.
+
+    Attributes
+    ----------
+    samples : Samples
+    rigid, rigid_raw : (M, n, 10 n) ndarray
+        The links' columns, with and without the torque's low-pass.
+    weights : (n,) ndarray
+        Of each joint's rows among those of other bags.
+    """
+
+    def __init__(self, samples: Samples, regressor: Regressor) -> None:
+        self.samples = samples
+        self.rigid_raw = regressor.stack_rigid(samples.q, samples.dq, samples.ddq)
+        self.rigid = samples.coarse_filter(self.rigid_raw)
+        self._cache: dict[JointTerm, Array] = {}
+        self.weights = np.ones(samples.n)
+
+    def with_samples(self, samples: Samples) -> 'SampleColumns':
+        """Return the same columns with other torques: `samples` of the same motion."""
+        other = copy(self)
+        other.samples = samples
+        return other
+
+    def with_weights(self, weights: Array) -> 'SampleColumns':
+        """Return the same bag that counts more or less, (n,) joint by joint."""
+        other = copy(self)
+        other.weights = weights
+        return other
+
+    def rate(self, term: JointTerm, inertial: Array | None = None) -> Array:
+        """Return the time derivative of a term's filtered column for every joint, (M, n) [1/s].
+
+        Not of a term that depends on another joint; parameters are those of `term`.
+        """
+        samples = self.samples
+        if term.kind is TermKind.LOAD and inertial is not None:
+            joints = range(samples.n)
+            return np.column_stack([self._load_column(term, j, inertial, 1) for j in joints])
+        if term.smooth:
+            basis = term.basis(samples.dq, samples.ddq, None)
+            return samples.coarse_filter(basis, derivative=1)
+        basis = term.basis(samples.dq_fine, samples.ddq_fine, None)
+        return samples.fine_filter(basis, derivative=1)
+
+    def term(self, term: JointTerm, inertial: Array | None = None) -> Array:
+        """Return a joint term's column for every joint.
+
+        Parameters
+        ----------
+        term : JointTerm
+        inertial : (10 n,) ndarray, optional
+            Inertial parameters that give the load, for a term that depends on it.
+
+        Returns
+        -------
+        (M, n) ndarray
+            Filtered torque per coefficient.
+        """
+        if term.kind is TermKind.LOAD:
+            if inertial is None:
+                raise ValueError('friction that depends on the load needs inertial parameters')
+            joints = range(self.samples.n)
+            return np.column_stack([self._load_column(term, j, inertial) for j in joints])
+        if term not in self._cache:
+            samples = self.samples
+            if term.driver is not None:
+                basis = term.basis(samples.dq[:, term.driver], samples.ddq[:, term.driver], None)
+                column = samples.coarse_filter(basis)[:, None]
+                self._cache[term] = np.broadcast_to(column, samples.q.shape)
+            elif term.smooth:
+                # As the links' columns, so that a rotor's adds up with theirs to the last bit.
+                self._cache[term] = samples.coarse_filter(term.basis(samples.dq, samples.ddq, None))
+            else:
+                self._cache[term] = samples.fine_filter(
+                    term.basis(samples.dq_fine, samples.ddq_fine, None)
+                )
+        return self._cache[term]
+
+    def predict(self, model: JointModel, theta: Array) -> Prediction:
+        """Return the torque of a parameter vector; loads follow from its own links.
+
+        Parameters
+        ----------
+        model : JointModel
+        theta : (p,) ndarray
+            In the order of `model.columns`.
+        """
+        samples = self.samples
+        inertial = theta[: 10 * samples.n]
+        raw = model.torque(theta, self.rigid_raw @ inertial, samples.dq, samples.ddq)
+        filtered = self.rigid @ inertial
+        for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
+            if term.kind is TermKind.LOAD:
+                filtered[:, joint] += value * self._load_column(term, joint, inertial)
+            else:
+                filtered[:, joint] += value * self.term(term)[:, joint]
+        return Prediction(filtered, raw)
+
+    def links_torque(self, inertial: Array) -> Array:
+        """Return the (M, n) torque on the links [Nm], not filtered, of (10 n,) parameters."""
+        return np.asarray(self.rigid_raw @ inertial)
+
+    def _load_column(
+        self, term: JointTerm, joint: int, inertial: Array, derivative: int = 0
+    ) -> Array:
+        """Return the filtered column (M,) of a joint's load-dependent friction, or its rate."""
+        samples = self.samples
+        torque = self.rigid_raw[:, joint] @ inertial
+        fine = np.arange(len(samples.dq_fine), dtype=float)
+        coarse = np.arange(len(torque), dtype=float) * samples.step
+        load = np.abs(np.interp(fine, coarse, torque))
+        basis = term.basis(samples.dq_fine[:, joint], samples.ddq_fine[:, joint], load)
+        return samples.fine_filter(basis, derivative)
+
+
+@dataclass(frozen=True, eq=False)
+class TriangularSystem:
+    """A least-squares problem `min ||R theta - z||` equivalent to one of many more rows.
+
+    Attributes
+    ----------
+    R : (p, p) ndarray
+        Upper triangular.
+    z : (p,) ndarray
+    """
+
+    R: Array
+    z: Array
+
+
+class ReducedRegression:
+    """Rows of the stacked regressor (3.8), one triangular factor a joint.
+
+    A factor R of `[Phi_j tau_j] = Q R` keeps every inner product of its columns, so any
+    weighting of the joints, any fit and any residual norm follow from the factors alone: an
+    80,000-row problem becomes one of n (p + 1) rows, solved exactly as well.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Names of the p parameters.
+    factors : sequence of n arrays (rows_j, p + 1)
+        Of the columns and, last, the torque.
+    rows : (n,) array_like of int
+        Samples behind each factor.
+    """
+
+    def __init__(
+        self, columns: Sequence[str], factors: Sequence[Array], rows: npt.ArrayLike
+    ) -> None:
+        self.columns = tuple(columns)
+        self.factors = tuple(factors)
+        self.rows = np.asarray(rows, dtype=np.intp)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.factors)
+
+    @property
+    def torque_norms(self) -> Array:
+        """(n,) norm of each joint's torque [Nm]."""
+        return np.array([np.linalg.norm(factor[:, -1]) for factor in self.factors])
+
+    def column_norms(self) -> Array:
+        """Return the (n, p) norms of each joint's rows of every column."""
+        return np.array([np.linalg.norm(factor[:, :-1], axis=0) for factor in self.factors])
+
+    def system(self, weights: npt.ArrayLike = 1.0) -> TriangularSystem:
+        """Return the problem of all joints together.
+
+        Parameters
+        ----------
+        weights : float or (n,) array_like
+            Factor of each joint's rows, usually one over its noise [1/Nm].
+        """
+        weights = np.broadcast_to(np.asarray(weights, dtype=float), (self.n,))
+        stacked = np.vstack([w * f for w, f in zip(weights, self.factors, strict=True)])
+        factor = triangular_factor(stacked)
+        count = len(self.columns)
+        padded = np.zeros((count + 1, count + 1))
+        padded[: len(factor)] = factor
+        return TriangularSystem(padded[:count, :count], padded[:count, count])
+
+    def residual_norms(self, theta: Array) -> Array:
+        """Return the (n,) norms of `tau_j - Phi_j theta` [Nm]."""
+        extended = np.append(-theta, 1.0)
+        return np.array([np.linalg.norm(factor @ extended) for factor in self.factors])
+
+    def error(self, theta: Array) -> float:
+        """Return the torque error (5.3) of all rows [%]."""
+        residual, torque = self.residual_norms(theta), self.torque_norms
+        return float(100.0 * np.linalg.norm(residual) / np.linalg.norm(torque))
+
+    def select(self, names: Sequence[str]) -> 'ReducedRegression':
+        """Return the regression with some of the columns only."""
+        index = [self.columns.index(name) for name in names] + [len(self.columns)]
+        factors = [triangular_factor(factor[:, index]) for factor in self.factors]
+        return ReducedRegression(names, factors, self.rows)
+
+
+def triangular_factor(matrix: Array) -> Array:
+    """Return R of `matrix = Q R`."""
+    return np.asarray(np.linalg.qr(matrix, mode='r'))

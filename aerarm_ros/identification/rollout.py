@@ -1,0 +1,330 @@
+"""An arm with some parameters, moved by recorded torque."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.conditioning.conditioning import Conditioner
+from aerarm_ros.identification.conditioning.uniform_motion import (
+    KinematicsFilter,
+    Samples,
+    sampling_time,
+)
+from aerarm_ros.identification.joint_model import JointModel, JointTerm, TermKind
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.motion.signals import Array
+
+_LENGTH = 0.5  # [s]: longer ones say more of small errors, until gravity has carried the arm away
+_MOST = 40  # of a bag, evenly spread
+# Torque that moves an arm is filtered less than torque that is fitted: dry friction turns round
+# within milliseconds.
+_CUTOFF = 20.0  # [Hz]
+_SAMPLES_PER_CUTOFF = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutWindows:
+    """W windows of K + 1 samples of an arm's motion.
+
+    Attributes
+    ----------
+    robot : Robot
+        Its kinematics, under its gravity.
+    dt : float
+        [s]
+    q, dq, tau : (W, K + 1, n) ndarray
+        [rad], [rad/s], [Nm]
+    """
+
+    robot: Robot
+    dt: float
+    q: Array
+    dq: Array
+    tau: Array
+
+    @classmethod
+    def of(cls, robot: Robot, bags: Sequence[Samples]) -> 'RolloutWindows':
+        """Return windows of some motions, all of the first one's sampling time.
+
+        Only those in which every joint's torque is known all along; there may be none.
+        """
+        dt = float(bags[0].time[1] - bags[0].time[0])
+        steps = max(2, round(_LENGTH / dt))
+        parts: list[list[Array]] = [[], [], []]
+        for samples in bags:
+            own = float(samples.time[1] - samples.time[0])
+            count = int((len(samples.time) - 1) * own / dt) + 1
+            index: Array = np.asarray(dt / own * np.arange(count), dtype=float)
+            complete: npt.NDArray[np.bool_] = np.asarray(samples.measured.all(axis=1))
+            known = complete[np.rint(index).astype(int)]
+            signals = [_at(index, values) for values in (samples.q, samples.dq, samples.tau)]
+            starts = np.arange(0, len(index) - steps, steps)
+            starts = np.array([s for s in starts if known[s : s + steps + 1].all()], dtype=int)
+            starts = starts[np.linspace(0, len(starts) - 1, min(len(starts), _MOST)).astype(int)]
+            rows = starts[:, None] + np.arange(steps + 1)
+            for part, signal in zip(parts, signals, strict=True):
+                part.append(signal[rows])
+        q, dq, tau = (np.concatenate(part) for part in parts)
+        return cls(robot, dt, q, dq, tau)
+
+    @property
+    def count(self) -> int:
+        """Number of windows."""
+        return len(self.q)
+
+
+def _at(index: Array, values: Array) -> Array:
+    """Return (M, n) values between samples, linearly."""
+    places = np.arange(len(values))
+    return np.column_stack([np.interp(index, places, column) for column in values.T])
+
+
+def rollout_samples(conditioner: Conditioner, recording: Recording) -> Samples:
+    """Return a recording as rollouts take it: positions as the reference, torque up to 20 Hz.
+
+    Raises
+    ------
+    IdentificationError
+        If the motion in it is too short.
+    """
+    highest = 1.0 / (_SAMPLES_PER_CUTOFF * sampling_time(recording))
+    cutoff = max(conditioner.cutoff, min(_CUTOFF, highest))
+    kinematics = KinematicsFilter(cutoff, from_position=True)
+    return conditioner.at(cutoff).condition(recording, kinematics, predicted=True)
+
+
+# A step of dry friction would make velocities chatter about zero: it is spread over this.
+_WIDTH = 0.02  # [rad/s]
+_SLOPE = 1e-4  # [rad/s] by which friction is differentiated
+_INERTIA = (TermKind.ROTOR, TermKind.COUPLED_INERTIA)
+
+
+class JointTorques:
+    """Friction, rotors, offsets and couplings of n joints, with k coefficients.
+
+    Parameters
+    ----------
+    model : JointModel
+    """
+
+    def __init__(self, model: JointModel) -> None:
+        self._n = model.n
+        self._terms = [
+            (joint, joint if term.driver is None else term.driver, _spread(term))
+            for joint, term in model.joint_columns
+        ]
+
+    def columns(self, dq: Array, ddq: Array, load: Array) -> Array:
+        """Return the (W, n, k) torque per coefficient [Nm].
+
+        Parameters
+        ----------
+        dq, ddq, load : (W, n) ndarray
+            [rad/s], [rad/s^2], and magnitude of the torque on the links [Nm].
+        """
+        columns = np.zeros((*dq.shape, len(self._terms)))
+        for k, (joint, moving, term) in enumerate(self._terms):
+            columns[:, joint, k] = term.basis(dq[:, moving], ddq[:, moving], load[:, joint])
+        return columns
+
+    def without_inertia(self, columns: Array) -> Array:
+        """Return columns of which those by acceleration are zero: they are part of the mass."""
+        kept = [float(term.kind not in _INERTIA) for _, _, term in self._terms]
+        return np.asarray(columns * np.array(kept))
+
+    def inertia(self, values: Array) -> Array:
+        """Return the (n, n) matrix by which accelerations cost torque [kg m^2]."""
+        matrix = np.zeros((self._n, self._n))
+        for value, (joint, moving, term) in zip(values, self._terms, strict=True):
+            if term.kind in _INERTIA:
+                matrix[joint, moving] += value
+        return matrix
+
+    def damping(self, values: Array, dq: Array, load: Array) -> Array:
+        """Return the (W, n, n) derivative of the torque by velocities [Nms/rad]."""
+        matrix = np.zeros((*dq.shape, self._n))
+        still = np.zeros(len(dq))
+        for value, (joint, moving, term) in zip(values, self._terms, strict=True):
+            if term.kind not in _INERTIA:
+                above, below = (
+                    term.basis(dq[:, moving] + way * _SLOPE, still, load[:, joint])
+                    for way in (0.5, -0.5)
+                )
+                matrix[:, joint, moving] += value * (above - below) / _SLOPE
+        return matrix
+
+
+def _spread(term: JointTerm) -> JointTerm:
+    """Return a term without a step."""
+    dry = (TermKind.COULOMB, TermKind.LOAD, TermKind.CREEP, TermKind.FORWARD, TermKind.BACKWARD)
+    return replace(term, width=max(term.width, _WIDTH)) if term.kind in dry else term
+
+
+_STEP = 5e-3  # [s] at most
+_FARTHEST = 1e3  # [rad], [rad/s]: a model that runs away is stopped there
+
+
+class Rollout:
+    """Simulates windows of a motion, all side by side.
+
+    Steps are implicit in the joints' own damping, so that friction never pushes, and take the links
+    as they are half a step ahead.
+
+    Parameters
+    ----------
+    model : JointModel
+    windows : RolloutWindows
+    """
+
+    def __init__(self, model: JointModel, windows: RolloutWindows) -> None:
+        self._windows = windows
+        self._joints = JointTorques(model)
+        self._substeps = max(1, int(np.ceil(windows.dt / _STEP - 1e-9)))
+        self._dt = windows.dt / self._substeps
+
+    def positions(self, theta: Array) -> Array:
+        """Return the (W, K, n) positions at the samples after the first [rad].
+
+        NaN where an arm has run away, as one may whose parameters are those of no body.
+
+        Parameters
+        ----------
+        theta : (p,) ndarray
+            In the order of the model's columns.
+        """
+        return self._run(theta, sensitive=False)[0]
+
+    def sensitivities(self, theta: Array) -> tuple[Array, Array]:
+        """Return positions, and their (W, K, n, k) derivatives by the joints' k coefficients."""
+        return self._run(theta, sensitive=True)
+
+    def _run(self, theta: Array, sensitive: bool) -> tuple[Array, Array]:
+        windows, n = self._windows, self._windows.robot.n
+        arm = windows.robot.with_inertial_parameters(theta[: 10 * n].reshape(n, 10)).model
+        data, values = arm.createData(), theta[10 * n :]
+        count, samples = windows.count, windows.q.shape[1] - 1
+        q, dq, ddq = windows.q[:, 0], windows.dq[:, 0], np.zeros((count, n))
+        of_q, of_dq, grown = np.zeros((3, count if sensitive else 0, n, len(values)))
+        positions = np.empty((count, samples, n))
+        slopes = np.empty((len(of_q), samples, n, len(values)))
+        for sample in range(samples):
+            for part in range(self._substeps):
+                share = (part + 0.5) / self._substeps
+                tau = (1.0 - share) * windows.tau[:, sample] + share * windows.tau[:, sample + 1]
+                # Half a step ahead, as the step before went on.
+                ahead = q + 0.5 * self._dt * dq, dq + 0.5 * self._dt * ddq
+                mass, bias = _links(arm, data, *ahead)
+                load = np.abs((mass @ ddq[..., None])[..., 0] + bias)
+                damping = self._joints.damping(values, dq, load)
+                system = mass + self._joints.inertia(values) + self._dt * damping
+                columns = self._joints.columns(dq, ddq, load)
+                own = self._joints.without_inertia(columns) @ values
+                change = _solved(system, (self._dt * (tau - bias - own))[..., None])[..., 0]
+                if sensitive:
+                    columns = self._joints.columns(dq, change / self._dt, load)
+                    by_q, by_dq = _derivatives(arm, data, *ahead, change / self._dt)
+                    pull = columns + damping @ of_dq + by_q @ (of_q + 0.5 * self._dt * of_dq)
+                    grown = _solved(system, -self._dt * (pull + by_dq @ (of_dq + 0.5 * grown)))
+                    of_q = of_q + self._dt * (of_dq + 0.5 * grown)
+                    of_dq = of_dq + grown
+                q = np.clip(q + self._dt * (dq + 0.5 * change), -_FARTHEST, _FARTHEST)
+                dq, ddq = np.clip(dq + change, -_FARTHEST, _FARTHEST), change / self._dt
+            positions[:, sample] = np.where(np.abs(q) < _FARTHEST, q, np.nan)
+            slopes[:, sample] = of_q
+        return positions, slopes
+
+
+def _links(model: Any, data: Any, q: Array, dq: Array) -> tuple[Array, Array]:
+    """Return mass matrices (W, n, n) and torques without acceleration (W, n) of the links."""
+    mass = np.array([pin.crba(model, data, own) for own in q])
+    bias = np.array([pin.nonLinearEffects(model, data, *own) for own in zip(q, dq, strict=True)])
+    upper = np.triu(mass)
+    return upper + np.swapaxes(np.triu(mass, 1), 1, 2), bias
+
+
+def _derivatives(model: Any, data: Any, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
+    """Return the (W, n, n) derivatives of the links' torque by position and velocity."""
+    by_q, by_dq = np.empty((2, len(q), q.shape[1], q.shape[1]))
+    for k, state in enumerate(zip(q, dq, ddq, strict=True)):
+        pin.computeRNEADerivatives(model, data, *state)
+        by_q[k], by_dq[k] = data.dtau_dq, data.dtau_dv
+    return by_q, by_dq
+
+
+def _solved(system: Array, right: Array) -> Array:
+    """Return the solutions; infinite where a matrix is singular."""
+    try:
+        return np.asarray(np.linalg.solve(system, right))
+    except np.linalg.LinAlgError:
+        return np.full(right.shape, np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutError:
+    """Of one set of parameters on one bag.
+
+    Attributes
+    ----------
+    bag, solver : str
+    seconds : float
+        Length of a window [s].
+    windows : int
+    per_joint : (n,) ndarray
+        Root mean square of the position's error along the windows [rad]; infinite where the
+        simulated arm runs away.
+    total : float
+        The same of all joints, as a share of how far they move within the windows [%].
+    """
+
+    bag: str
+    solver: str
+    seconds: float
+    windows: int
+    per_joint: Array
+    total: float
+
+
+def rollout_error(
+    robot: Robot, model: JointModel, bag: Samples, estimates: Mapping[str, Array]
+) -> list[RolloutError]:
+    """Simulate a bag's windows with the parameters of each solver.
+
+    Parameters
+    ----------
+    robot : Robot
+    model : JointModel
+    bag : Samples
+    estimates : mapping
+        Solver to parameters (p,).
+
+    Returns
+    -------
+    list of RolloutError
+        Empty if no window of the bag has all torques.
+    """
+    windows = RolloutWindows.of(robot, [bag])
+    if not windows.count:
+        return []
+    rollout = Rollout(model, windows)
+    moved = windows.q[:, 1:] - windows.q[:, :1]
+    size = max(float(np.linalg.norm(moved)), 1e-12)
+    errors = []
+    for solver, theta in estimates.items():
+        left = rollout.positions(theta) - windows.q[:, 1:]
+        squares = np.where(np.isfinite(left), left, np.inf) ** 2
+        errors.append(
+            RolloutError(
+                bag.name,
+                solver,
+                windows.dt * moved.shape[1],
+                windows.count,
+                np.sqrt(squares.mean(axis=(0, 1))),
+                100.0 * float(np.sqrt(squares.sum())) / size,
+            )
+        )
+    return errors

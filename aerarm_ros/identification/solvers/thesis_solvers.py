@@ -1,0 +1,287 @@
+"""The solvers of the thesis: SLSQP and simulated annealing (3.6 to 3.15)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerarm_ros.identification.regression.regression import TriangularSystem
+from aerarm_ros.identification.solvers.estimate import PhysicalLimits
+from aerarm_ros.model.inertia import barycentric_inertia, from_pseudo_inertia, pseudo_inertia
+from aerarm_ros.motion.signals import Array
+
+# Least eigenvalue that "> 0" asks for, roughly, of an inertia in units of mass and size.
+_MARGIN = 1e-4
+_STRETCH = 0.3  # of the bodies to start from, in each direction
+_SHIFT = 0.2  # of their centres of mass, in sizes of the link
+_STEP = 1e-6  # of numerical derivatives, relative
+
+
+@dataclass(frozen=True, eq=False)
+class ThesisProblem:
+    """Cost and constraints as functions of theta, for solvers that know no cones.
+
+    The barycentric inertia has the factor 1/m that the printed (3.9) lacks. Its positive
+    definiteness alone doesn't make a body: a solution may violate the triangle inequality of
+    the principal moments, which only the semidefinite program excludes.
+
+    Attributes
+    ----------
+    system : TriangularSystem
+        Not weighted: (3.11) minimises the plain torque error.
+    start : (p,) ndarray
+        CAD, which obeys all constraints.
+    scale : (p,) ndarray
+        Natural size of each parameter, such as a standard deviation of the prior.
+    limits : PhysicalLimits
+    """
+
+    system: TriangularSystem
+    start: Array
+    scale: Array
+    limits: PhysicalLimits
+
+    @property
+    def n(self) -> int:
+        """Number of links."""
+        return len(self.limits.mass)
+
+    def cost(self, theta: Array) -> float:
+        """Return the squared torque error over the squared torque, both reduced."""
+        residual = self.system.R @ theta - self.system.z
+        return float(residual @ residual / max(float(self.system.z @ self.system.z), 1e-300))
+
+    def gradient(self, theta: Array) -> Array:
+        """Return the (p,) derivatives of the cost."""
+        residual = self.system.R @ theta - self.system.z
+        size = max(float(self.system.z @ self.system.z), 1e-300)
+        return np.asarray(2.0 * (residual @ self.system.R) / size)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the (p,) least and largest values.
+
+        Those of the inertias only keep what the motion doesn't excite from running away.
+        """
+        lower, upper = np.full((2, len(self.start)), np.inf)
+        lower *= -1.0
+        limits, count = self.limits, 10 * self.n
+        lower[:count:10] = limits.mass / limits.mass_factor
+        upper[:count:10] = limits.mass * limits.mass_factor
+        reach = np.repeat(limits.mass_factor * limits.mass * limits.size**2, 6)
+        inertia = np.arange(count).reshape(-1, 10)[:, 4:].ravel()
+        lower[inertia], upper[inertia] = self.start[inertia] - reach, self.start[inertia] + reach
+        lower[count:][limits.nonnegative] = 0.0
+        return lower, upper
+
+    def inequalities(self, inertial: Array) -> Array:
+        """Return what must not be negative, in units of mass and size.
+
+        Parameters
+        ----------
+        inertial : (..., n, 10) ndarray
+            Of positive masses.
+
+        Returns
+        -------
+        (..., 9 n + 2) ndarray
+            For each link the leading minors of the barycentric inertia (3.9) and the distances
+            of the first moment from the sides of the box (3.12), then the total mass (3.13).
+        """
+        limits = self.limits
+        unit = limits.mass * limits.size
+        tensor = barycentric_inertia(inertial) / (unit * limits.size)[:, None, None]
+        low, high = limits.centre_box
+        mass, moment = inertial[..., :1], inertial[..., 1:4]
+        total = inertial[..., 0].sum(axis=-1, keepdims=True) / limits.mass.sum()
+        least, most = limits.total_mass / limits.mass.sum()
+        links = np.concatenate(
+            [
+                _leading_minors(tensor - _MARGIN * np.eye(3)),
+                (moment - mass * low) / unit[:, None],
+                (mass * high - moment) / unit[:, None],
+            ],
+            axis=-1,
+        )
+        flat = links.reshape(*links.shape[:-2], -1)
+        return np.concatenate([flat, total - least, most - total], axis=-1)
+
+    def inequality_slopes(self, inertial: Array) -> Array:
+        """Return the (9 n + 2, 10 n) derivatives of `inequalities` at (n, 10) parameters.
+
+        A link's constraints depend on its own parameters, the total mass on the sum: so one
+        parameter of every link is varied at a time.
+        """
+        n = self.n
+        slopes = np.zeros((9 * n + 2, n, 10))
+        rows = np.arange(9 * n).reshape(n, 9)
+        size = self.scale[: 10 * n].reshape(n, 10)
+        for parameter in range(10):
+            change = np.zeros((n, 10))
+            change[:, parameter] = _STEP * size[:, parameter]
+            ahead, behind = self.inequalities(np.stack([inertial + change, inertial - change]))
+            difference = (ahead - behind)[: 9 * n].reshape(n, 9)
+            slope = difference / (2.0 * change[:, parameter, None])
+            slopes[rows, np.arange(n)[:, None], parameter] = slope
+        total = self.limits.mass.sum()
+        slopes[9 * n, :, 0], slopes[9 * n + 1, :, 0] = 1.0 / total, -1.0 / total
+        return slopes.reshape(9 * n + 2, 10 * n)
+
+    def random_start(self, random: np.random.Generator) -> Array:
+        """Return a (p,) arm that could exist: CAD's matter stretched, shifted and made denser."""
+        n, limits = self.n, self.limits
+        change = np.tile(np.eye(4), (n, 1, 1))
+        change[:, :3, :3] += _STRETCH * random.uniform(-1.0, 1.0, (n, 3, 3))
+        shift = _SHIFT * limits.size[:, None] * random.uniform(-1.0, 1.0, (n, 3))
+        change[:, :3, 3] = shift
+        density = random.uniform(1.0 / limits.mass_factor, limits.mass_factor, (n, 1, 1))
+        matter = pseudo_inertia(self.start[: 10 * n].reshape(n, 10))
+        inertial = from_pseudo_inertia(density * change @ matter @ change.transpose(0, 2, 1))
+        joints = self.start[10 * n :] * random.uniform(0.0, 2.0, len(self.start) - 10 * n)
+        return np.concatenate([inertial.ravel(), joints])
+
+
+def _leading_minors(matrix: Array) -> Array:
+    """Return the (..., 3) leading principal minors, positive if the matrix is (Sylvester)."""
+    second = matrix[..., 0, 0] * matrix[..., 1, 1] - matrix[..., 0, 1] * matrix[..., 1, 0]
+    return np.stack([matrix[..., 0, 0], second, np.linalg.det(matrix)], axis=-1)
+
+
+_STARTS = 4  # CAD and random ones
+_ITERATIONS = 300
+_TOLERANCE = 1e-9  # of the cost, which is at most about one
+_FEASIBLE = 1e-6
+
+
+def solve_slsqp(problem: ThesisProblem, seed: int = 0) -> Array:
+    """Return the best of several local solutions of (3.11).
+
+    Parameters
+    ----------
+    problem : ThesisProblem
+    seed : int
+        Of the random starting points: same seed, same result.
+
+    Returns
+    -------
+    (p,) ndarray
+        Of the solutions that obey the constraints the one with the least cost; CAD if none do.
+    """
+    random = np.random.default_rng(seed)
+    best, least = problem.start, problem.cost(problem.start)
+    for start in range(_STARTS):
+        theta = _local(problem, problem.random_start(random) if start else problem.start)
+        inertial = theta[: 10 * problem.n].reshape(-1, 10)
+        feasible = problem.inequalities(inertial).min() >= -_FEASIBLE
+        if feasible and problem.cost(theta) < least:
+            best, least = theta, problem.cost(theta)
+    return best
+
+
+def _local(problem: ThesisProblem, start: Array) -> Array:
+    """Return a local solution, in units of the parameters' sizes."""
+    from scipy.optimize import minimize
+
+    scale, links = problem.scale, 10 * problem.n
+    lower, upper = problem.bounds()
+
+    def slopes(x: Array) -> Array:
+        inertial = problem.inequality_slopes((x * scale)[:links].reshape(-1, 10))
+        joints = np.zeros((len(inertial), len(scale) - links))
+        return np.hstack([inertial, joints]) * scale
+
+    found = minimize(
+        lambda x: problem.cost(x * scale),
+        np.clip(start, lower, upper) / scale,
+        jac=lambda x: problem.gradient(x * scale) * scale,
+        bounds=list(zip(lower / scale, upper / scale, strict=True)),
+        constraints={
+            'type': 'ineq',
+            'fun': lambda x: problem.inequalities((x * scale)[:links].reshape(-1, 10)),
+            'jac': slopes,
+        },
+        method='SLSQP',
+        options={'maxiter': _ITERATIONS, 'ftol': _TOLERANCE},
+    )
+    return np.asarray(np.clip(found.x * scale, lower, upper))
+
+
+_CHAINS = 24  # independent searches, moved at once
+_SWEEPS = 600  # over all parameters
+# Temperatures and weight of the penalties, first and last; the cost is at most about one.
+_HOT, _COLD = 1e-2, 1e-8
+_SOFT, _HARD = 1.0, 1e3
+# Metropolis moves of one parameter mix fastest if about this share is accepted.
+_ACCEPTED = 0.44
+_ADAPTATION = 0.1
+
+
+def solve_annealing(problem: ThesisProblem, seed: int = 0, sweeps: int = _SWEEPS) -> Array:
+    """Return the best arm of several random searches for the least of (3.11).
+
+    As in Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca (RA-L 2019): violated constraints are
+    added to the cost with a weight that grows from one cooling step to the next.
+
+    Parameters
+    ----------
+    problem : ThesisProblem
+    seed : int
+        Same seed, same result.
+    sweeps : int
+        How often every parameter is tried.
+
+    Returns
+    -------
+    (p,) ndarray
+        The least cost among the searches that end within the constraints, or CAD.
+    """
+    search = _Search(problem, np.random.default_rng(seed))
+    temperatures = np.geomspace(_HOT, _COLD, sweeps)
+    for temperature, weight in zip(temperatures, np.geomspace(_SOFT, _HARD, sweeps), strict=True):
+        search.sweep(float(temperature), float(weight))
+    return search.best()
+
+
+class _Search:
+    """Chains of Metropolis moves; residuals are kept up to date, one column a move."""
+
+    def __init__(self, problem: ThesisProblem, random: np.random.Generator) -> None:
+        self._problem = problem
+        self._random = random
+        self._lower, self._upper = problem.bounds()
+        starts = [problem.start] + [problem.random_start(random) for _ in range(_CHAINS - 1)]
+        self._theta = np.clip(np.array(starts), self._lower, self._upper)
+        size = np.linalg.norm(problem.system.z)
+        self._columns = problem.system.R / max(float(size), 1e-150)
+        self._target = problem.system.z / max(float(size), 1e-150)
+        self._step = 0.1 * problem.scale
+
+    def sweep(self, temperature: float, weight: float) -> None:
+        """Try to change every parameter once, in random order."""
+        theta, links = self._theta, 10 * self._problem.n
+        residual = theta @ self._columns.T - self._target  # anew, against rounding
+        cost = (residual**2).sum(axis=1)
+        violation = self._violation(theta)
+        for k in self._random.permutation(theta.shape[1]):
+            value = theta[:, k] + self._step[k] * self._random.standard_normal(len(theta))
+            value = np.clip(value, self._lower[k], self._upper[k])
+            moved = residual + (value - theta[:, k])[:, None] * self._columns[:, k]
+            new_cost, new_violation = (moved**2).sum(axis=1), violation
+            if k < links:
+                tried = theta.copy()
+                tried[:, k] = value
+                new_violation = self._violation(tried)
+            rise = new_cost - cost + weight * (new_violation - violation)
+            accepted = rise < temperature * self._random.exponential(size=len(theta))
+            theta[accepted, k] = value[accepted]
+            residual[accepted], cost[accepted] = moved[accepted], new_cost[accepted]
+            violation = np.where(accepted, new_violation, violation)
+            self._step[k] *= np.exp(_ADAPTATION * (accepted.mean() - _ACCEPTED))
+
+    def best(self) -> Array:
+        """Return the feasible end of least cost."""
+        feasible = self._theta[self._violation(self._theta) <= _FEASIBLE]
+        ends = [self._problem.start, *feasible]
+        return np.array(min(ends, key=self._problem.cost))
+
+    def _violation(self, theta: Array) -> Array:
+        inertial = theta[:, : 10 * self._problem.n].reshape(len(theta), -1, 10)
+        return np.asarray(np.maximum(-self._problem.inequalities(inertial), 0.0).sum(axis=1))

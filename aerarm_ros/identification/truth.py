@@ -1,0 +1,175 @@
+"""An estimate against the true parameters of a simulated arm."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.description.config_reader import read_plain
+from aerarm_ros.identification.assessment import torque_errors
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.joint_model import JointModel, TermKind
+from aerarm_ros.identification.regression.base_parameters import BaseParameters
+from aerarm_ros.identification.regression.model_fit import ModelFit
+from aerarm_ros.identification.regression.regression import ReducedRegression, SampleColumns
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
+from aerarm_ros.motion.signals import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a simulated arm is made of.
+
+    Attributes
+    ----------
+    parameters : mapping
+        Column name ('m_link1', 'fv_joint1', ...) to value.
+    load_friction : (n,) ndarray
+        Dry friction per torque on the links.
+    measured_per_true_torque : (n,) ndarray
+        Factor by which measured torques are too large, because they are computed from currents
+        with a torque constant that isn't quite the motor's. Identification finds parameters
+        of the measured torque; no data can tell the two apart.
+    """
+
+    parameters: Mapping[str, float]
+    load_friction: Array
+    measured_per_true_torque: Array
+
+    def value(self, column: str) -> float | None:
+        """Return the true value of a column, None if the truth doesn't have one."""
+        return self.parameters.get(column)
+
+    def vector(self, model: JointModel) -> Array:
+        """Return theta in the order of `model.columns`; unknown terms are 0."""
+        theta = np.array([self.parameters.get(name, 0.0) for name in model.columns])
+        for index, (joint, term) in enumerate(model.joint_columns, start=10 * model.n):
+            if term.kind is TermKind.LOAD:
+                theta[index] = self.load_friction[joint]
+        return theta
+
+    def names(self, model: JointModel) -> npt.NDArray[np.bool_]:
+        """Return the (p,) mask of `model.columns` that the truth has a value of."""
+        loads = [term.kind is TermKind.LOAD for _, term in model.joint_columns]
+        known = [name in self.parameters for name in model.columns]
+        named: npt.NDArray[np.bool_] = np.array(known) | ([False] * (10 * model.n) + loads)
+        return named
+
+    def base_values(self, fit: ModelFit, base: BaseParameters) -> Array:
+        """Return the (r,) true base parameters, NaN where the truth lacks one that matters."""
+        return self._where_named(base.values(self.vector(fit.model)), fit, base)
+
+    def measured_base_values(self, fit: ModelFit, base: BaseParameters) -> Array:
+        """Return the (r,) base parameters that noise-free measured torque would give.
+
+        A base parameter that several joints feel has no factor of its own: what each joint's
+        torque is off by is projected onto the model, weighted as in the fit.
+
+        Parameters
+        ----------
+        fit : ModelFit
+            Motion and weights of the joints.
+        base : BaseParameters
+            Of the fit's columns.
+        """
+        theta = self.vector(fit.model)
+        factors = [
+            np.column_stack([factor[:, :-1], gain * (factor[:, :-1] @ theta)])
+            for factor, gain in zip(
+                fit.regression.factors, self.measured_per_true_torque, strict=True
+            )
+        ]
+        shown = ReducedRegression(fit.regression.columns, factors, fit.regression.rows)
+        found = solve_least_squares(shown, theta, fit.noise.weights)
+        return self._where_named(base.values(found), fit, base)
+
+    def _where_named(self, values: Array, fit: ModelFit, base: BaseParameters) -> Array:
+        named = self.names(fit.model)
+        complete = ((base.combination == 0.0) | named[base.dependent]).all(axis=1)
+        return np.where(named[base.independent] & complete, values, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class InertialTorqueError:
+    """Error of the torque that links and rotors need along a motion, against the true one.
+
+    Attributes
+    ----------
+    solver, bag : str
+    total : float
+        Over all joints stacked [%], true torque as measured currents show it.
+    per_joint : (n,) ndarray
+        The same for each joint [%].
+    total_absolute : float
+        [%], against the true torque itself.
+    """
+
+    solver: str
+    bag: str
+    total: float
+    per_joint: Array
+    total_absolute: float
+
+
+def load_truth(path: Path, model: JointModel) -> Truth:
+    """Read a file of true parameters, as the simulated boards write it.
+
+    Raises
+    ------
+    IdentificationError
+        If it can't be read or lacks a parameter of the arm.
+    """
+    try:
+        return _truth(read_plain(path), model)
+    except OSError as error:
+        raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+        reason = ' '.join(str(error).split())
+        raise IdentificationError(
+            f'{path}: not a file of true parameters of this arm ({reason})'
+        ) from None
+
+
+def _truth(document: Any, model: JointModel) -> Truth:
+    parameters = {str(key): float(value) for key, value in document['parameters'].items()}
+    missing = [name for name in model.columns[: 10 * model.n] if name not in parameters]
+    if missing:
+        raise ValueError(f'no {missing[0]}')
+
+    def column(key: str, default: float) -> Array:
+        values = np.array(document.get(key, [default] * model.n), dtype=float)
+        if values.shape != (model.n,):
+            raise ValueError(f'{key} has {values.size} values for {model.n} joints')
+        return values
+
+    return Truth(parameters, column('load_friction', 0.0), column('measured_per_true_torque', 1.0))
+
+
+def inertial_torque_errors(
+    truth: Truth, estimates: Sequence[Estimate], bags: Sequence[SampleColumns]
+) -> list[InertialTorqueError]:
+    """Compare the torque of links and rotors along the motion of each bag."""
+    results = []
+    for bag in bags:
+        for estimate in estimates:
+            kept = bag.samples.kept
+            true = _inertial_torque(bag, truth.vector(estimate.model), estimate.model)[kept]
+            found = _inertial_torque(bag, estimate.theta, estimate.model)[kept]
+            total, per_joint = torque_errors(true * truth.measured_per_true_torque, found)
+            absolute, _ = torque_errors(true, found)
+            results.append(
+                InertialTorqueError(estimate.solver, bag.samples.name, total, per_joint, absolute)
+            )
+    return results
+
+
+def _inertial_torque(bag: SampleColumns, theta: Array, model: JointModel) -> Array:
+    torque = bag.links_torque(theta[: 10 * model.n])
+    for index, (joint, term) in enumerate(model.joint_columns, start=10 * model.n):
+        if term.kind is TermKind.ROTOR:
+            torque[:, joint] += theta[index] * bag.samples.ddq[:, joint]
+    return torque

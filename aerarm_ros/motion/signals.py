@@ -1,0 +1,107 @@
+"""References, states and commands of joints and tool, in the thesis's symbols."""
+
+from math import sqrt
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import ArrayLike
+
+Array = npt.NDArray[np.float64]
+
+
+def limited(vector: Array, length: float) -> Array:
+    """Return a vector (k,), shortened to `length` if it is longer, its direction as it was."""
+    norm = sqrt(vector @ vector)
+    return vector if norm <= length else (length / norm) * vector
+
+
+class ArmState(NamedTuple):
+    """Measured state of n joints.
+
+    Attributes
+    ----------
+    q, dq : (n,) ndarray
+        Position [rad] and velocity [rad/s].
+    tau : (n,) ndarray
+        Torque of the drives at the joints [Nm], from the motor currents.
+    """
+
+    q: Array
+    dq: Array
+    tau: Array
+
+
+class JointCommand(NamedTuple):
+    """Command for n joints; which fields are given chooses the boards' loop.
+
+    Effort alone is torque control, velocity alone the boards' velocity loop, both that loop with
+    the effort as feed-forward, and all three the boards' full law (4.4) with it.
+
+    Attributes
+    ----------
+    q, dq, tau : (n,) ndarray or None
+        Position [rad], velocity [rad/s] and effort [Nm].
+    """
+
+    q: Array | None = None
+    dq: Array | None = None
+    tau: Array | None = None
+
+
+# Here and in its neighbours a named tuple: one is made in every cycle of 1 ms, in 0.2 us.
+class JointReference(NamedTuple):
+    """Desired motion of n joints, at one instant (n,) or at many (M, n).
+
+    Attributes
+    ----------
+    q, dq, ddq : (n,) or (M, n) ndarray
+        q_d [rad], its velocity [rad/s] and acceleration [rad/s^2].
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+    @classmethod
+    def at_rest(cls, q: ArrayLike) -> 'JointReference':
+        """Return the reference that stays at `q` (n,) [rad]."""
+        position = np.array(q, dtype=float)
+        return cls(position, np.zeros_like(position), np.zeros_like(position))
+
+    def paced(self, rate: Array | float, rate_change: Array | float) -> 'JointReference':
+        """Return this point of a path where the path is passed at another rate.
+
+        Parameters
+        ----------
+        rate, rate_change : float or (M, 1) ndarray
+            Rate of the time along the path [-] and that rate's derivative [1/s].
+        """
+        return JointReference(self.q, rate * self.dq, rate**2 * self.ddq + rate_change * self.dq)
+
+
+class JointMotion(Protocol):
+    """A motion of all joints over [0, duration]."""
+
+    @property
+    def duration(self) -> float:
+        """Length of the motion [s]."""
+        ...
+
+    def evaluate(self, time: ArrayLike) -> JointReference:
+        """Return the reference at `time` [s], a scalar or (M,)."""
+        ...
+
+
+class TaskReference(NamedTuple):
+    """Desired motion of a frame's origin, in the base frame.
+
+    Attributes
+    ----------
+    p, dp, ddp : (3,) ndarray
+        p_d [m], its velocity [m/s] and acceleration [m/s^2].
+    """
+
+    p: Array
+    dp: Array
+    ddp: Array

@@ -1,0 +1,401 @@
+"""Topics of `base_reaction`: load, contact and energy of the arm."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import AccelStamped, PointStamped, WrenchStamped
+from numpy.typing import NDArray
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.live_topics import RawReader
+from aerarm_msgs_py.topics import Topic
+from aerarm_ros.control.base.rotor_wrench import RotorWrench
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.control.compensation import Fade
+from aerarm_ros.description.drone_urdf import BODY_LINK
+from aerarm_ros.energy.balance_meter import BalanceMeter
+from aerarm_ros.energy.energy_model import EnergyBalance, EnergyModel
+from aerarm_ros.flight.arm_load import ArmForecast, ArmLoad, ArmLoadModel, at_drone_centre
+from aerarm_ros.flight.contact_estimator import (
+    DURATION,
+    FADE_STEP,
+    ContactEstimator,
+    ContactObserver,
+)
+from aerarm_ros.flight.flight_state import SET_BACK
+from aerarm_ros.motion.signals import ArmState, JointReference
+from aerarm_ros.ros.controllers.controller_parameters import (
+    ControlledArm,
+    inertia_message,
+    load_share,
+)
+from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.states.flight_stream import RotorCommands, checked_odometry, newest_odometry
+from aerarm_ros.ros.states.state_stream import base_header
+
+MOUNT, CENTRE = 'mount', 'centre'
+LOAD_PARAMETERS = grouped(
+    'What the drone may feed forward',
+    Parameter('load_rate', 250.0, 'how often it is published', 'Hz', 1.0, 500.0),
+    Parameter('lead', 0.0, 'how far ahead of the newest state it is, by planned_motion where that '
+              "comes: the rotors' lag and the delay of the link", 's', 0.0, 0.09, live=True),
+    Parameter('acceleration_at', MOUNT, "whose acceleration: that of the arm's base_link, or of "
+              "the drone's centre of mass, in body axes", choices=(MOUNT, CENTRE)),
+)  # fmt: skip
+
+_FADE = 0.2  # [s] in which the motion of an arm that fell silent becomes none
+_FADE_STEP = 0.01  # [s]
+
+
+class LoadTopics:
+    """Publishes mass properties, weight, the motion's wrench and the acceleration against it.
+
+    Each message is stamped with the time that it is about: the state's, `lead` later.
+
+    Parameters
+    ----------
+    node
+        Owner of the publishers.
+    arm
+        The arm.
+    values
+        Of `LOAD_PARAMETERS`.
+    """
+
+    def __init__(self, node: Node, arm: ControlledArm, values: SimpleNamespace) -> None:
+        self._model = ArmLoadModel(arm.robot)
+        arm.load(self._model.dynamics, values)
+        self._names = arm.config.joint_names
+        self.forecast = ArmForecast(arm.config.n, values.lead)
+        self._drone = arm.drone
+        self._base, self._body = arm.robot.base_link, arm.robot.full_name(BODY_LINK)
+        self._at_centre = values.acceleration_at == CENTRE
+        if self._at_centre and self._drone is None:
+            raise ValueError("acceleration_at 'centre' needs the drone: give drone_file")
+        self._period = 1.0 / values.load_rate - 0.5e-3  # states come with jitter
+        self._due = -np.inf
+        self._sent: tuple[int, ArmLoad] | None = None
+        self._fade = Fade(_FADE, share=1.0)
+        self._silent_since = 0.0
+
+        def advertise(topic: Topic) -> Any:
+            return node.create_publisher(topic.type, topic.name, topic.offered)
+
+        self._com, self._inertia = advertise(topics.ARM_COM), advertise(topics.ARM_INERTIA)
+        self._weight = advertise(topics.WEIGHT_WRENCH)
+        self._motion = advertise(topics.MOTION_WRENCH)
+        self._acceleration = advertise(topics.FEEDFORWARD_ACCELERATION)
+
+    def add(self, stamp_ns: int, measured: JointReference) -> None:
+        """Take the motion measured at a stamp [ns], and publish if it is due."""
+        now = 1e-9 * stamp_ns
+        about_ns = stamp_ns + round(1e9 * self.forecast.lead)
+        if self._has_faded_after(about_ns):
+            return
+        self._fade.share = 1.0
+        if self._due - 2.0 * self._period < now < self._due:  # else the clock may be set back
+            return
+        self._due = now + self._period
+        motion = self.forecast.motion(now, measured)
+        self._send(about_ns, self._model.evaluate(motion))
+
+    def repeat(self) -> None:
+        """Publish the last once more, its motion as far as it has faded."""
+        if self._sent is not None:
+            self._send(*self._sent)
+
+    def fade(self) -> float | None:
+        """Let the last motion fade, as no states come; return until when [s], None if it has.
+
+        Mass and weight stay: the arm is still there.
+        """
+        now = time.monotonic()
+        if self._sent is None or self._fade.share == 0.0:
+            return None
+        step = 0.0 if self._fade.share == 1.0 else now - self._silent_since
+        self._silent_since = now
+        stamp_ns, load = self._sent
+        self._fade.update(max(step, 1e-6), is_on=False)
+        stamp_ns += round(1e9 * step)
+        self._sent = stamp_ns, load
+        self._send_motion(stamp_ns, load)
+        return _FADE_STEP
+
+    def take_plan(self, message: JointTrajectory, _: float) -> None:
+        """Take what a controller plans; raises RejectedInputError."""
+        points, names = message.points, list(message.joint_names)
+        if sorted(names) != sorted(self._names):
+            return  # of another arm's controller
+        order = [names.index(name) for name in self._names]
+        columns = [
+            np.array([[*getattr(point, what)] for point in points], dtype=float)
+            for what in ('positions', 'velocities', 'accelerations')
+        ]
+        if all(column.ndim == 2 and column.shape[1] == len(order) for column in columns):
+            columns = [column[:, order] for column in columns]
+        durations = [point.time_from_start for point in points]
+        times = np.array([duration.sec + 1e-9 * duration.nanosec for duration in durations])
+        begin = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        self.forecast.offer(begin, times, *columns)
+
+    def _has_faded_after(self, stamp_ns: int) -> bool:
+        """Return whether a state tells of a time for which the motion was told as fading.
+
+        A bridge that was held up between measuring and publishing sends such a state afterwards.
+        """
+        if self._sent is None or self._fade.share == 1.0:
+            return False
+        return 0 < self._sent[0] - stamp_ns < 1e9 * SET_BACK
+
+    def _send(self, stamp_ns: int, load: ArmLoad) -> None:
+        self._sent = stamp_ns, load
+        header = base_header(stamp_ns, self._base)
+        self._com.publish(_point_message(header, load.com))
+        self._inertia.publish(inertia_message(header, load.mass, load.com, load.inertia))
+        self._weight.publish(wrench_message(header, load.weight))
+        self._send_motion(stamp_ns, load)
+
+    def _send_motion(self, stamp_ns: int, load: ArmLoad) -> None:
+        load = load._replace(motion=self._fade.share * load.motion)
+        header = base_header(stamp_ns, self._base)
+        self._motion.publish(wrench_message(header, load.motion))
+        if self._drone is None:
+            return
+        acceleration = load.acceleration(self._drone)
+        if self._at_centre:
+            acceleration = at_drone_centre(acceleration, self._drone)
+            header = base_header(stamp_ns, self._body)
+        message = AccelStamped(header=header)
+        _fill(message.accel.linear, acceleration[:3])
+        _fill(message.accel.angular, acceleration[3:])
+        self._acceleration.publish(message)
+
+
+def wrench_message(header: Header, wrench: NDArray[np.float64]) -> WrenchStamped:
+    """Return the message of a force [N] and moment [Nm], (6,)."""
+    message = WrenchStamped(header=header)
+    _fill(message.wrench.force, wrench[:3])
+    _fill(message.wrench.torque, wrench[3:])
+    return message
+
+
+def _point_message(header: Header, point: NDArray[np.float64]) -> PointStamped:
+    message = PointStamped(header=header)
+    _fill(message.point, point)
+    return message
+
+
+def _fill(message: Any, vector: NDArray[np.float64]) -> None:
+    message.x, message.y, message.z = vector.tolist()
+
+
+TOLD = 'told'
+BANDWIDTH = 'contact_bandwidth'
+CONTACT_PARAMETERS = grouped(
+    'What touches the drone',
+    Parameter(BANDWIDTH, 1.0, 'of contact_wrench, first order', 'Hz', 0.05, 20.0, live=True),
+)
+_PERIOD_NS = 2_000_000  # between two looks at what came
+
+
+class ContactTopic:
+    """Hears odometry and rotor commands, and publishes the wrench of the contact.
+
+    Of a drone that is not known nothing is heard and nothing published.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and subscriptions.
+    arm
+        The arm, and the drone that carries it.
+    values
+        Of `CONTACT_PARAMETERS` and `ARM_PARAMETERS`.
+    reject
+        Called with the reason why an input is not used.
+    act
+        Runs an action in the loop's thread, with the time there.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        arm: ControlledArm,
+        values: SimpleNamespace,
+        reject: Callable[[str], None],
+        act: Callable[[Callable[[float], None]], None],
+    ) -> None:
+        self._reject, self._act = reject, act
+        node.create_service(Trigger, '~/zero_contact', self._on_zero)
+        self._frame = arm.robot.base_link
+        self._looked_ns = 0
+        self._count = 0
+        self._estimator: ContactEstimator | None = None
+        drone = arm.drone
+        if drone is None:
+            return
+        whole = arm.whole_body(values, drone)
+        rotors = RotorWrench(drone, values.imu_hold_time, values.rotor_latency)
+        observer = ContactObserver(drone, whole, getattr(values, BANDWIDTH))
+        self._estimator = ContactEstimator(drone, observer, rotors, values.imu_hold_time)
+        self._names = drone.rotor_names
+        self._odometry = RawReader(node, topics.ODOMETRY)
+        self._commands = RotorCommands(node, self._names, reject)
+        topic = topics.CONTACT_WRENCH
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+
+    def add(self, stamp_ns: int, state: ArmState) -> None:
+        """Take the joints' state at a stamp [ns], and publish what is new by then."""
+        estimator = self._estimator
+        if estimator is None:
+            return
+        estimator.offer_joints(1e-9 * stamp_ns, state.q, state.dq)
+        if 0 <= stamp_ns - self._looked_ns < _PERIOD_NS:
+            return
+        self._looked_ns = stamp_ns
+        # Odometry first: the commands that made it were sent before.
+        odometry = newest_odometry(self._odometry, self._reject)
+        if (command := self._commands.newest()) is not None:
+            self._try(partial(estimator.offer_rotors, self._names, command[1], 1e-9 * command[0]))
+        if odometry is not None:
+            sample = checked_odometry(odometry, self._reject)[1]
+            if sample is not None:
+                self._try(partial(estimator.offer_odometry, sample))
+        self._publish(estimator.update())
+
+    def fade(self) -> float | None:
+        """Let the last estimate fade, as no states come; return until when [s], None if it has."""
+        if self._estimator is None or (told := self._estimator.fade(FADE_STEP)) is None:
+            return None
+        self._publish(told)
+        return FADE_STEP
+
+    def set_bandwidth(self, bandwidth: float) -> None:
+        """Change the bandwidth [Hz]."""
+        if self._estimator is not None:
+            self._estimator.observer.bandwidth = bandwidth
+
+    def problem(self) -> str:
+        """Return what has gone missing since contact was told of last, '' if nothing has."""
+        if self._estimator is None or not self._count:
+            return ''
+        problem = self._estimator.problem()
+        return problem and f'contact_wrench: {problem}'
+
+    def describe(self) -> dict[str, object]:
+        """Tell whether contact is told of, and why not."""
+        if self._estimator is None:
+            text = "the drone's mass and rotors are not known: give drone_file"
+        else:
+            text = self._estimator.problem() or TOLD
+        return {'contact': text}
+
+    def _publish(self, told: tuple[float, NDArray[np.float64]] | None) -> None:
+        if told is None:
+            return
+        stamp, wrench = told
+        self._count += 1
+        header = base_header(round(1e9 * stamp), self._frame)
+        self._publisher.publish(wrench_message(header, wrench))
+
+    def _on_zero(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        estimator, problem = self._estimator, str(self.describe()['contact'])
+        response.success = estimator is not None and problem == TOLD
+        response.message = f'contact_wrench is not told: {problem}'
+        if estimator is not None and response.success:
+            zero = estimator.zero
+            self._act(lambda _: zero.begin())
+            response.message = (
+                f'what contact_wrench tells is averaged for {DURATION:g} s and subtracted from '
+                'then on: hover, and let nothing touch the drone meanwhile'
+            )
+        return response
+
+    def _try(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except RejectedInputError as error:
+            self._reject(str(error))
+
+
+ROWS = (*EnergyBalance.PARTS, 'recovered')
+_PERIOD = 0.1  # [s]
+
+
+class EnergyTopic:
+    """Adds up states, and publishes the total ten times a second of the arm's time.
+
+    A row a cause: together what the supply gave, and last what it took back. A column a joint.
+
+    Parameters
+    ----------
+    node
+        Owner of the publisher.
+    arm
+        The arm.
+    values
+        Of `ENERGY_PARAMETERS`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter cannot be used.
+    """
+
+    def __init__(self, node: Node, arm: ControlledArm, values: SimpleNamespace) -> None:
+        model = EnergyModel(
+            arm.config, arm.robot, values.rotor_inertia or None, load_share(values, arm.robot)
+        )
+        arm.load(model.dynamics, values)
+        self._meter = BalanceMeter(model)
+        self._resistances = {
+            f'{joint.name} resistance [ohm]': joint.motor.resistance_text
+            for joint in arm.config.joints
+        }
+        self._due = -np.inf
+        topic, joints = topics.ENERGY, arm.config.joint_names
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        rows, columns, n = 'cause: ' + ' '.join(ROWS), 'joint: ' + ' '.join(joints), len(joints)
+        self._layout = MultiArrayLayout(
+            dim=[
+                MultiArrayDimension(label=rows, size=len(ROWS), stride=len(ROWS) * n),
+                MultiArrayDimension(label=columns, size=n, stride=n),
+            ]
+        )
+
+    def add(self, now: float, state: ArmState) -> None:
+        """Take the state at `now` [s], and publish if it is due."""
+        self._meter.add(now, state)
+        if self._due - 2.0 * _PERIOD < now < self._due:  # else the clock may have been set back
+            return
+        self._due = now + _PERIOD - 0.5e-3  # states come with jitter
+        total = self._meter.total
+        joules = np.vstack([total.parts, total.recovered])
+        self._publisher.publish(
+            Float64MultiArray(layout=self._layout, data=joules.ravel().tolist())
+        )
+
+    def describe(self) -> dict[str, object]:
+        """Tell the sums over the joints, and by which resistances."""
+        total = self._meter.total
+        told: dict[str, object] = {
+            f'{name} [J]': round(float(value), 2)
+            for name, value in zip(total.PARTS, total.parts.sum(axis=1), strict=True)
+        }
+        return {
+            'energy metered for [s]': round(total.seconds, 2),
+            'energy supplied [J]': round(float(total.supplied.sum()), 2),
+            **told,
+            'gaps left out': self._meter.gaps,
+            **self._resistances,
+        }

@@ -1,0 +1,416 @@
+"""Executors: a lean one for a background thread, timers and spinning."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from functools import partial
+from typing import Any
+
+import rclpy
+from rclpy.client import Client
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.service import Service
+from rclpy.signals import SignalHandlerGuardCondition
+from rclpy.subscription import Subscription
+from rclpy.task import Task
+from rclpy.timer import Timer
+from rclpy.waitable import NumberOfEntities, Waitable
+
+
+class WaitedEntity:
+    """A timer, subscription, guard condition, client or service.
+
+    Parameters
+    ----------
+    kind
+        Name of its kind in rclpy's wait sets.
+    handle
+        Its handle, a context that keeps it from being destroyed.
+    run
+        Takes what has come and calls the callback.
+
+    Attributes
+    ----------
+    count
+        Room that it takes in a wait set.
+    """
+
+    def __init__(self, kind: str, handle: Any, run: Callable[[], None]) -> None:
+        self.handle = handle
+        self.run = run
+        self.count = NumberOfEntities()
+        setattr(self.count, f'num_{kind}s', 1)
+        self._kind = kind
+        self._add = f'add_{kind}'
+        self._index = 0
+
+    def add_to(self, wait_set: Any) -> None:
+        """Enter it into a wait set that was cleared."""
+        self._index = getattr(wait_set, self._add)(self.handle)
+
+    def is_ready(self, wait_set: Any) -> bool:
+        """Whether the wait that has ended found it ready."""
+        return bool(wait_set.is_ready(self._kind, self._index))
+
+
+class WaitedWaitable:
+    """A waitable of rclpy, such as the events of a publisher; used like a `WaitedEntity`."""
+
+    def __init__(self, waitable: Waitable) -> None:
+        self.handle = waitable
+        self.count = waitable.get_num_entities()
+        self.add_to = waitable.add_to_wait_set
+        self.is_ready = waitable.is_ready
+
+    def run(self) -> None:
+        """Take what has come and call the callback, which may not wait."""
+        coroutine = self.handle.execute(self.handle.take_data())
+        try:
+            coroutine.send(None)
+        except StopIteration:
+            return
+        coroutine.close()
+        raise RuntimeError(f'a callback of {self.handle} waits: this executor does not go on')
+
+
+def waited_entities(node: Node) -> Iterator[WaitedEntity | WaitedWaitable]:
+    """Yield what a node waits for, without what its callback group lets nobody run."""
+    for kind, entities, run in (
+        ('timer', node.timers, _run_timer),
+        ('subscription', node.subscriptions, _run_subscription),
+        ('guard_condition', node.guards, _run_guard),
+        ('client', node.clients, _run_client),
+        ('service', node.services, _run_service),
+    ):
+        for entity in entities:
+            if entity.callback_group.can_execute(entity):
+                yield WaitedEntity(kind, entity.handle, partial(run, entity))
+    for waitable in node.waitables:
+        if waitable.callback_group.can_execute(waitable):
+            yield WaitedWaitable(waitable)
+
+
+def _run_timer(timer: Timer) -> None:
+    if timer.handle.is_timer_ready():
+        timer.handle.call_timer()
+        timer.callback()
+
+
+def _run_subscription(subscription: Subscription) -> None:
+    message = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+    if message is not None:
+        with_info = subscription._callback_type is Subscription.CallbackType.WithMessageInfo
+        subscription.callback(*message[: 2 if with_info else 1])
+
+
+def _run_guard(guard: GuardCondition) -> None:
+    guard.callback()
+
+
+def _run_client(client: Client) -> None:
+    header, response = client.handle.take_response(client.srv_type.Response)
+    if header is None:
+        return
+    try:
+        future = client.get_pending_request(header.request_id.sequence_number)
+    except KeyError:
+        return  # nobody waits for it any more
+    future.set_result(response)
+
+
+def _run_service(service: Service) -> None:
+    request, header = service.handle.service_take_request(service.srv_type.Request)
+    if header is not None:
+        service.send_response(service.callback(request, service.srv_type.Response()), header)
+
+
+# What is used of rclpy's implementation module, which is not public.
+_CALLS = {
+    'WaitSet': ('clear_entities', 'wait', 'is_ready', 'add_guard_condition'),
+    'Subscription': ('take_message',),
+    'Timer': ('is_timer_ready', 'call_timer'),
+    'Client': ('take_response',),
+    'Service': ('service_take_request',),
+}
+
+
+class LeanExecutor:
+    """Waits for one node's entities with a wait set that lasts until they change.
+
+    rclpy's executors build several wait sets for each callback, which they hand over as a
+    task: a request for a parameter costs 0.5 to 1 ms of the interpreter's time, here a third
+    of it. Callbacks run one after the other, whatever their group; entities of a group that
+    lets nothing run, as those of a RawReader, are left alone. Callbacks must not be
+    coroutines; what an action server executes may be one.
+
+    Parameters
+    ----------
+    node
+        Its callbacks run.
+    before_work
+        Called before each callback, if given; may block until it is a good time.
+    """
+
+    def __init__(self, node: Node, before_work: Callable[[], None] | None = None) -> None:
+        self._node = node
+        self._context = node.context
+        self._before_work = before_work
+        self._guards = (
+            GuardCondition(None, None, context=node.context),
+            SignalHandlerGuardCondition(context=node.context),
+        )
+        self._entities: list[WaitedEntity | WaitedWaitable] = []
+        self._ready: deque[WaitedEntity | WaitedWaitable] = deque()
+        self._tasks: list[Task] = []
+        self._held = ExitStack()
+        self._changed = True
+        self._context.on_shutdown(self.wake)
+        node.executor = self
+
+    @staticmethod
+    def available() -> bool:
+        """Tell whether this rclpy has the calls used here."""
+        return all(
+            hasattr(getattr(rclpy_implementation, name, None), call)
+            for name, calls in _CALLS.items()
+            for call in calls
+        )
+
+    # What a node asks of its executor.
+
+    def add_node(self, node: Node) -> None:
+        """Take note of a node; there is only the one of the constructor."""
+
+    def remove_node(self, node: Node) -> None:
+        """Take note that the node has left."""
+
+    def create_task(self, callback: Callable[..., Any], *args: Any) -> Task:
+        """Begin a function or coroutine after the present callback; to be called from one.
+
+        A coroutine goes on after each wait, so that what it waits for should come from a callback.
+        """
+        task = Task(callback, args, executor=None)
+        self._tasks.append(task)
+        return task
+
+    def wake(self) -> None:
+        """End a wait, because entities have changed or something else has."""
+        self._changed = True
+        with suppress(InvalidHandle):  # after `shutdown`
+            self._guards[0].trigger()
+
+    # What its owner does.
+
+    def spin_once(self, timeout_sec: float) -> None:
+        """Wait up to a time [s] for something to do, and do it.
+
+        Raises ExternalShutdownException if the context has gone, and what callbacks raise; what
+        else was ready then is done by the next call.
+        """
+        # A guard condition is ready only once, so it must not be forgotten.
+        if not self._ready:
+            self._wait(timeout_sec)
+        while self._ready:
+            entity = self._ready.popleft()
+            if not _exists(entity):
+                continue  # a callback before has destroyed it
+            if self._before_work is not None:
+                self._before_work()
+            entity.run()
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Let tasks do what they can, in the order in which they came."""
+        for task in self._tasks:
+            task()
+        if self._tasks:
+            self._tasks = [task for task in self._tasks if not task.done()]
+
+    def shutdown(self) -> None:
+        """Leave the node; call it once, from no callback."""
+        self._node.executor = None
+        self._held.close()
+        for guard in self._guards:
+            guard.destroy()
+
+    def _wait(self, timeout_sec: float) -> None:
+        """Wait up to a time [s] and note what is ready."""
+        if self._changed:
+            self._changed = False
+            self._gather()
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        for guard in self._guards:
+            wait_set.add_guard_condition(guard.handle)
+        try:
+            for entity in self._entities:
+                entity.add_to(wait_set)
+        except InvalidHandle:
+            self._changed = True  # another thread has just destroyed it
+            return
+        wait_set.wait(int(timeout_sec * 1e9))
+        if not self._context.ok():
+            raise ExternalShutdownException
+        self._ready.extend(entity for entity in self._entities if entity.is_ready(wait_set))
+
+    def _gather(self) -> None:
+        """Build a wait set of what the node has now."""
+        self._held.close()  # what was destroyed meanwhile may go
+        self._entities = [entity for entity in waited_entities(self._node) if self._hold(entity)]
+        count = NumberOfEntities(num_gcs=len(self._guards))
+        for entity in self._entities:
+            count += entity.count
+        with self._context.handle:
+            self._wait_set = rclpy_implementation.WaitSet(
+                count.num_subscriptions,
+                count.num_guard_conditions,
+                count.num_timers,
+                count.num_clients,
+                count.num_services,
+                count.num_events,
+                self._context.handle,
+            )
+
+    def _hold(self, entity: WaitedEntity | WaitedWaitable) -> bool:
+        """Keep an entity from being destroyed while it is waited for; False if it has been."""
+        try:
+            self._held.enter_context(entity.handle)
+        except InvalidHandle:
+            return False
+        return True
+
+
+def _exists(entity: WaitedEntity | WaitedWaitable) -> bool:
+    """Whether an entity has not been destroyed."""
+    try:
+        with entity.handle:
+            return True
+    except InvalidHandle:
+        return False
+
+
+# A thread that wakes for its cycle gets the interpreter back after this long at most,
+# instead of Python's 5 ms; shorter makes the two threads trade it for nothing.
+SWITCH_INTERVAL = 50e-6
+# Work that begins in the slack of a cycle may end there, and the cycle is not disturbed by a
+# thread that wakes only to wait for the slack.
+SWITCH_INTERVAL_IN_SLACK = 500e-6
+WAIT = 5.0  # [s] each time it ends costs the loop beside it half a millisecond
+
+
+class BackgroundExecutor:
+    """Context that spins a node in a second thread.
+
+    Enter it before `set_fifo`, which then puts the thread one priority below the loop.
+
+    Parameters
+    ----------
+    node
+        Subscriptions of a RawReader are not touched: they belong to their loop.
+    before_work
+        Called before each callback; blocks until a cycle of the loop is over, so that the
+        callback has the interpreter for itself. If not given, callbacks run at any time.
+    """
+
+    def __init__(self, node: Node, before_work: Callable[[], None] | None = None) -> None:
+        self._node = node
+        self._context = node.context
+        # Executor.wake() of rclpy only makes spin_once wait again; this ends it.
+        self._end = node.create_guard_condition(lambda: None)
+        self._executor = _executor(node, before_work)
+        self._switch_interval = SWITCH_INTERVAL_IN_SLACK if before_work else SWITCH_INTERVAL
+        self._stopped = False
+        self._thread = threading.Thread(target=self._spin, name='ros', daemon=True)
+
+    def __enter__(self) -> BackgroundExecutor:
+        sys.setswitchinterval(self._switch_interval)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stopped = True
+        self._end.trigger()
+        self._thread.join()
+        self._executor.shutdown()
+        self._node.destroy_guard_condition(self._end)
+
+    def _spin(self) -> None:
+        # Executor.spin() can miss a shutdown that comes while it prepares to wait, and then
+        # waits for ever; this one looks again.
+        with contextlib.suppress(KeyboardInterrupt):
+            while not self._stopped:
+                try:
+                    self._executor.spin_once(timeout_sec=WAIT)
+                except ExternalShutdownException:
+                    return
+                except Exception:
+                    # A shutdown can take the context away in the middle of a call.
+                    if not self._context.ok():
+                        return
+                    # A defect in one callback must not take the e-stop service with it.
+                    traceback.print_exc()
+
+
+def _executor(
+    node: Node, before_work: Callable[[], None] | None
+) -> LeanExecutor | SingleThreadedExecutor:
+    if LeanExecutor.available():
+        return LeanExecutor(node, before_work)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    return executor
+
+
+_SPIN = 0.05  # [s]
+
+
+def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> bool:
+    """Spin a node that no executor holds until a condition is true; False after `timeout` [s]."""
+    deadline = time.monotonic() + timeout
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        rclpy.spin_once(node, timeout_sec=_SPIN)
+    return True
+
+
+def this_domain() -> str:
+    """Return where a node looks for others, for messages about one that it did not find."""
+    return f'this ROS domain (ROS_DOMAIN_ID={os.environ.get("ROS_DOMAIN_ID", "0")})'
+
+
+def create_steady_timer(
+    node: Node, period: float, act: Callable[[], None], autostart: bool = True
+) -> Timer:
+    """Return a timer of a node on the monotonic clock.
+
+    rclpy's default is the node's clock, which is the system clock: set back by 2 s, a timer of
+    20 ms is silent for 2 s.
+
+    Parameters
+    ----------
+    node
+        Owner of the timer.
+    period
+        Between two calls [s].
+    act
+        Called by the node's executor.
+    autostart
+        Whether it runs now, and not from its first `reset` on.
+    """
+    clock = Clock(clock_type=ClockType.STEADY_TIME)
+    return node.create_timer(period, act, clock=clock, autostart=autostart)

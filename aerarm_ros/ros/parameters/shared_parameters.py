@@ -1,0 +1,123 @@
+"""Parameters that several nodes share: files of arm and drone, real time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.realtime.scheduling import (
+    freeze_garbage_collector,
+    keep_cpus_awake,
+    lock_memory,
+    set_affinity,
+    set_fifo,
+)
+from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+
+ARM_FILES = grouped(
+    'Which arm',
+    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+    Parameter('urdf', '', 'URDF of the arm, for example an identified one; the packaged if empty'),
+    Parameter('tf_prefix', '', 'before the names of all links and joints on topics, as left_: for '
+              'several arms in one tf tree. Files and parameters name them without it'),
+)  # fmt: skip
+
+
+def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
+    """Return the arm that the values of `ARM_FILES` name, under its configuration's gravity.
+
+    This is where it gets its prefix: all names are those of the topics from here on.
+
+    With a `DRONE_FILE` among the values gravity is that under the level drone, as its mount says.
+
+    Raises
+    ------
+    ValueError
+        If a file cannot be read or used, the two do not fit each other, or the prefix cannot
+        stand before names; the message says what to check.
+    """
+    config = load_arm_config(values.config or None)
+    if getattr(values, 'drone_file', ''):
+        gravity = load_drone_config(values.drone_file).gravity_in_base
+        config = replace(config, gravity_in_base=tuple(gravity.tolist()))
+    robot = load_robot(
+        values.urdf or None,
+        gravity_in_base=config.gravity_in_base,
+        joint_names=config.joint_names,
+        prefix=values.tf_prefix,
+    )
+    return config.with_prefix(values.tf_prefix), robot
+
+
+DRONE_FILE = Parameter(
+    'drone_file', '', 'YAML file of the drone that carries the arm, or a packaged one by its name '
+    'from any folder, as config/drone.yaml; none if empty', group='Which arm'
+)  # fmt: skip
+
+
+def load_drone(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> DroneConfig | None:
+    """Return the drone that the value of `DRONE_FILE` names, None if that is empty.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read or used, or the drone cannot lift this arm; the message says
+        what to check.
+    """
+    if not values.drone_file:
+        return None
+    drone = load_drone_config(values.drone_file)
+    mass, centre, _ = MovingBaseDynamics(robot).composite_inertia(np.array(config.rest_position))
+    drone.check_carries(mass, centre)
+    return drone
+
+
+REAL_TIME_PARAMETERS = grouped(
+    'Real time',
+    Parameter(
+        'realtime_priority',
+        0,
+        'SCHED_FIFO priority of the loop; 0 leaves it to the ordinary scheduler',
+        minimum=0,
+        maximum=98,
+    ),
+    Parameter('lock_memory', False, 'keep all memory of the process in RAM'),
+    Parameter(
+        'keep_cpus_awake',
+        False,
+        'let no idle CPU of this computer sleep while the node runs: quicker wake-ups for power '
+        'and heat',
+    ),
+)
+
+
+def prepare_thread(values: SimpleNamespace, logger: RcutilsLogger) -> None:
+    """Ask for what real time needs, for the calling thread and its process.
+
+    What the system refuses is a warning with advice: the node works without.
+
+    Parameters
+    ----------
+    values
+        Of `REAL_TIME_PARAMETERS`; beside them `cpus` (list of CPUs) and `freeze_gc` (bool,
+        otherwise true) if the node has these.
+    logger
+        Of the node.
+    """
+    cpus = getattr(values, 'cpus', ())
+    warnings = [
+        set_affinity(cpus) if cpus else None,
+        set_fifo(values.realtime_priority) if values.realtime_priority else None,
+        lock_memory() if values.lock_memory else None,
+        keep_cpus_awake() if values.keep_cpus_awake else None,
+        freeze_garbage_collector() if getattr(values, 'freeze_gc', True) else None,
+    ]
+    for warning in filter(None, warnings):
+        logger.warning(warning)

@@ -1,0 +1,293 @@
+"""Recording of topics: which ones, their losses, and the feed of the bag."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib import import_module
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
+from aerarm_msgs_py.bags.bag_writer import BagWriter
+from aerarm_msgs_py.codecs.cdr import ENCAPSULATION_SIZE
+from aerarm_msgs_py.live_topics import UNNUMBERED, RawReader
+from aerarm_msgs_py.topics import (
+    CLOCK,
+    JOINT_STATES,
+    RECORDED_UNTIL,
+    RECORDER_STATUS,
+    TOPICS,
+    Topic,
+)
+from aerarm_ros.ros.parameters.parameter_table import ParameterError
+
+
+class RepeatedStates:
+    """Finds messages that say once more, to the byte, what the one before has said.
+
+    An emulated arm in lockstep tells its last state again until it is answered. Its stamp is the
+    same, so for a bag nothing has happened.
+
+    Attributes
+    ----------
+    count
+        Repetitions so far.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._last = b''
+
+    def has(self, payload: bytes) -> bool:
+        """Take a serialized message; return whether it is a repetition."""
+        if payload != self._last:
+            self._last = payload
+            return False
+        self.count += 1
+        return True
+
+    @property
+    def last(self) -> bytes:
+        """The last message, b'' before the first."""
+        return self._last
+
+
+class LossWatch:
+    """Says what was lost since the last look, and what to do against it.
+
+    Parameters
+    ----------
+    depth
+        Messages of a topic that may wait, as the recorder was told.
+    """
+
+    def __init__(self, depth: int) -> None:
+        self._depth = depth
+        self._known: dict[str, int] = {}
+
+    def news(self, heard: Mapping[str, tuple[int, int | None]]) -> str:
+        """Return a sentence about new losses, '' if there are none.
+
+        Parameters
+        ----------
+        heard
+            Messages that came, and lost ones (None: not known), of each topic so far.
+        """
+        known = self._known
+        self._known = {name: lost or 0 for name, (_, lost) in heard.items()}
+        news = {name: lost - known.get(name, 0) for name, lost in self._known.items()}
+        losing = {name: count for name, count in news.items() if count > 0}
+        if not losing:
+            return ''
+        counts = ', '.join(f'{count} of {name}' for name, count in losing.items())
+        return (
+            f'losing messages: {counts} just now. This machine is too busy or its disk too slow: '
+            'end other programs, record fewer topics (parameter topics), or let more messages '
+            f'wait (parameter depth, {self._depth} now)'
+        )
+
+
+_UNRECORDED = {topic.name for topic in (RECORDER_STATUS, RECORDED_UNTIL, CLOCK)}
+SUITE_TOPICS = tuple(name for name in TOPICS if name not in _UNRECORDED)
+
+
+def find_topics(entries: Sequence[str]) -> list[Topic]:
+    """Return the topics of a list of names.
+
+    Parameters
+    ----------
+    entries
+        Names of the suite's topics, or 'NAME=TYPE', as 'scan=sensor_msgs/msg/LaserScan'.
+
+    Raises
+    ------
+    ParameterError
+        If the list is empty, repeats a topic, or a name or type isn't known.
+    """
+    topics = [_find_topic(entry.strip()) for entry in entries]
+    if not topics or len({topic.name for topic in topics}) != len(topics):
+        raise ParameterError(f'parameter topics = {list(entries)}: give each topic once')
+    return topics
+
+
+def for_recording(topic: Topic, depth: int) -> Topic:
+    """Return a topic with a history of `depth` messages, so that a pause loses nothing."""
+    qos = topic.qos
+    deep = QoSProfile(depth=depth, reliability=qos.reliability, durability=qos.durability)
+    return replace(topic, qos=deep)
+
+
+def as_recorded(topic: Topic, full_name: str) -> RecordedTopic:
+    """Return how the bag describes a topic: as it is offered, and as a player should offer it."""
+    return RecordedTopic(
+        full_name,
+        topic.type_name,
+        topic.offered.depth,
+        reliable=topic.offered.reliability == ReliabilityPolicy.RELIABLE,
+        latched=topic.offered.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def _find_topic(entry: str) -> Topic:
+    name, equals, kind = entry.partition('=')
+    if equals:
+        # Best effort matches publishers of either reliability.
+        qos = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+        return Topic(name, _message_class(kind), qos)
+    if name not in TOPICS:
+        raise ParameterError(
+            f'parameter topics: {name!r} is none of {", ".join(SUITE_TOPICS)}; for another topic '
+            'give NAME=TYPE, as scan=sensor_msgs/msg/LaserScan'
+        )
+    return TOPICS[name]
+
+
+def _message_class(kind: str) -> Any:
+    package, _, name = kind.partition('/msg/')
+    try:
+        return getattr(import_module(f'{package}.msg'), name)
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
+        raise ParameterError(
+            f'parameter topics: message type {kind!r} is not installed: check its spelling, '
+            'as sensor_msgs/msg/Imu, and its package'
+        ) from error
+
+
+_STAMP_END = ENCAPSULATION_SIZE + 8
+_DISORDER = 1_000_000_000  # [ns] at most
+
+
+class BagFeed:
+    """Subscriptions and a bag: moves messages from one to the other, and counts them.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscriptions.
+    topics
+        To be recorded, as the bag describes them.
+    subscribed
+        The same with the history that a subscription shall have.
+    directory, compression
+        Of the bag.
+
+    Attributes
+    ----------
+    names
+        Full names of the topics.
+
+    Raises
+    ------
+    ValueError
+        If the bag can't be made.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topics: Sequence[Topic],
+        subscribed: Sequence[Topic],
+        directory: str,
+        compression: str,
+    ) -> None:
+        self.names = [node.resolve_topic_name(topic.name) for topic in topics]
+        recorded = map(as_recorded, topics, self.names)
+        self._writer = BagWriter(directory, list(recorded), compression)
+        self._reader = RawReader(node, *subscribed, identify=True)
+        self._received = [0] * len(topics)  # [ns] of the last message of each topic
+        self._states = RepeatedStates()
+        self._states_index = next(
+            (index for index, topic in enumerate(topics) if topic.name == JOINT_STATES.name), -1
+        )
+
+    def wait(self, timeout: float) -> bool:
+        """Wait up to `timeout` [s]; return whether a message came."""
+        return self._reader.wait(timeout)
+
+    def take(self, limit: int) -> None:
+        """Move waiting messages into the bag, up to a limit of each topic; raises BagError.
+
+        Without a limit a recorder that is too slow would never do anything else.
+        """
+        take, write = self._reader.take, self._writer.write
+        for index in range(len(self.names)):
+            for _ in range(limit):
+                message = take(index)
+                if message is None:
+                    break
+                payload, info = message
+                repeats = 0
+                if index == self._states_index:
+                    if self._states.has(payload):
+                        continue
+                    repeats = self._states.count
+                received = self._in_order(index, info['received_timestamp'] or time.time_ns())
+                write(
+                    RecordedMessage(
+                        index,
+                        payload,
+                        received,
+                        info['source_timestamp'] or received,
+                        # What was told again leaves no gap.
+                        self._number(index, info) - repeats,
+                    )
+                )
+
+    def _in_order(self, index: int, received: int) -> int:
+        """Return the time of reception [ns] of a message, not before that of the last of its topic.
+
+        Bags are read by this time, and numbered as taken: of several publishers a message may be
+        taken after one that came later. A clock that was set back is another matter.
+        """
+        if self._received[index] - received < _DISORDER:
+            received = max(received, self._received[index])
+        self._received[index] = received
+        return received
+
+    def _number(self, index: int, info: dict[str, Any]) -> int:
+        """Return a message's number in the bag, whose gaps are lost messages.
+
+        Each publisher numbers its own. A bag knows nothing of publishers: where they are told
+        apart, their messages are numbered as those of one.
+        """
+        number: int = info['publication_sequence_number']
+        if number in UNNUMBERED or 'publisher' not in info:
+            return number
+        return self._reader.count(index) + (self._reader.lost(index) or 0)
+
+    def until(self) -> bytes:
+        """Return the stamp of the newest joint state, a serialized Time; b'' before the first."""
+        # A Time is serialized as the stamp with which a JointState begins.
+        return self._states.last[:_STAMP_END]
+
+    def publishers(self) -> list[int]:
+        """Return how many publishers each topic has."""
+        return [self._reader.publishers(k) for k in range(len(self.names))]
+
+    def heard(self) -> dict[str, tuple[int, int | None]]:
+        """Return messages, and lost ones (None: not known), of each topic that is heard."""
+        read, counts = self._reader, self._writer.counts
+        heard = {name: (counts[k], read.lost(k)) for k, name in enumerate(self.names)}
+        return {name: numbers for name, numbers in heard.items() if numbers[0]}
+
+    def total_lost(self) -> object:
+        """Return how many messages are lost, 'unknown' if any topic's can't be counted."""
+        lost = [lost for _, lost in self.heard().values()]
+        return 'unknown' if None in lost else sum(filter(None, lost))
+
+    def written(self) -> tuple[int, int]:
+        """Return how many messages are in the bag, and how many bytes."""
+        return sum(self._writer.counts), os.fstat(self._writer.fileno()).st_size
+
+    def complete(self) -> None:
+        """Store what is on its way and complete the bag; raises BagError. Twice is no harm."""
+        self._writer.close()
+
+    def destroy(self) -> None:
+        """Destroy the subscriptions."""
+        self._reader.destroy()

@@ -1,0 +1,280 @@
+"""Requests for a motion of joints or tool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.topics import Topic
+from aerarm_ros.hardware.bridge_modes import HELD, to_switch_on
+from aerarm_ros.ros.executors import spin_until, this_domain
+from aerarm_ros.ros.graph import endpoint_name
+from aerarm_ros.ros.requests.arm_client import ArmClientError
+
+_REPORT = 3.0  # [s] within which every controller has reported on /diagnostics
+_COUNT, _REASON = 'rejected inputs', 'last rejection'  # of a controller's status
+_MODE = 'arm mode'
+
+
+class RejectionWatch:
+    """Follows the counts of rejected inputs on /diagnostics.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscription; no executor may hold it.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._counts: dict[str, tuple[int, str]] = {}
+        self._before: dict[str, tuple[int, str]] = {}
+        self._modes: dict[str, str] = {}  # of the arm, as each controller has heard it
+        topic = topics.DIAGNOSTICS
+        node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
+
+    def begin(self, timeout: float) -> None:
+        """Learn what was rejected before; spins the node until controllers have reported.
+
+        Parameters
+        ----------
+        timeout
+            Longest time for a controller that has just started to hear the arm's mode, before
+            which it rejects everything [s].
+        """
+        if spin_until(self._node, lambda: self._modes, _REPORT):
+            spin_until(self._node, lambda: any(self._modes.values()), timeout)
+        self._before = dict(self._counts)
+
+    def reason(self) -> str:
+        """Return why something was rejected since `begin`, '' if nothing was."""
+        before = self._before
+        later = self._counts.items()
+        return next((why for name, (n, why) in later if n > before.get(name, (n, ''))[0]), '')
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            if _COUNT in values:
+                self._counts[status.name] = int(values[_COUNT]), values[_REASON]
+            if _MODE in values:
+                self._modes[status.name] = values[_MODE]
+
+
+_LISTENER = 'recorder'  # hears everything, and moves nothing
+_SEARCH = 10.0  # [s] that a busy machine may take to bring processes together
+
+
+class SetPointRequest:
+    """Publishes a set point, and listens to what becomes of it.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and subscriptions; no executor may hold it.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._state: JointState | None = None
+        self._mode = ''
+        self._rejections = RejectionWatch(node)
+        topic = topics.SET_POINT
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._listen(topics.JOINT_STATES, self._on_state)
+        self._listen(topics.ARM_MODE, self._on_mode)
+
+    def go(
+        self,
+        posture: Sequence[float],
+        tolerance: float,
+        timeout: float,
+        on_wait: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """Send the arm to a posture and wait until it is there.
+
+        Parameters
+        ----------
+        posture
+            Joint angles in the order of `joint_states` [rad].
+        tolerance
+            How near every joint must come [rad].
+        timeout
+            Longest time for a controller to be found once the arm is there, and again for the
+            way [s].
+        on_wait
+            Told what is waited for.
+
+        Raises
+        ------
+        ArmClientError
+            If no arm or controller is there, the posture is of another arm or rejected, or it is
+            not reached.
+        """
+        names = self._find_arm(timeout, on_wait)
+        if len(posture) != len(names):
+            raise ArmClientError(f'give {len(names)} angles [rad], of {", ".join(names)}')
+        self._rejections.begin(timeout)
+        self._publisher.publish(JointState(name=names, position=list(posture)))
+
+        def distance() -> NDArray[np.float64]:
+            assert self._state is not None
+            error: NDArray[np.float64] = np.abs(np.array(self._state.position) - posture)
+            return error
+
+        def ended() -> bool:
+            return bool(np.all(distance() <= tolerance) or self._rejections.reason())
+
+        in_time = spin_until(self._node, ended, timeout)
+        if self._rejections.reason():
+            raise ArmClientError(f'rejected: {self._rejections.reason()}')
+        if not in_time:
+            far = np.argmax(distance())
+            raise ArmClientError(
+                f'{names[far]} is still {distance()[far]:.3f} rad away after {timeout:g} s; '
+                f'arm_mode is {self._mode}'
+            )
+
+    def _find_arm(self, timeout: float, on_wait: Callable[[str], None]) -> list[str]:
+        """Return the joints' names once arm and controller are there."""
+
+        def is_there() -> bool:
+            return self._state is not None and bool(self._mode)
+
+        what = ''
+        if not spin_until(self._node, is_there, 1.0):
+            on_wait(f'joint_states and arm_mode in {this_domain()}')
+        if not spin_until(self._node, is_there, max(timeout, _SEARCH)):
+            what = 'there are no joint_states'
+        elif not spin_until(self._node, self._is_heard, timeout):
+            what = 'no controller takes a set_point'
+        if what:
+            raise ArmClientError(
+                f'{what}: do a bridge and computed_torque or gravity_compensation run in '
+                f'{this_domain()}?'
+            )
+        if self._mode not in HELD:
+            raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
+        assert self._state is not None
+        return list(self._state.name)
+
+    def _is_heard(self) -> bool:
+        """Tell whether a controller listens, and everybody who does is connected."""
+        listeners = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        names = [endpoint_name(listener) for listener in listeners]
+        if not all(names) or all(name.rpartition('/')[2] == _LISTENER for name in names):
+            return False
+        return bool(self._publisher.get_subscription_count() >= len(listeners))
+
+    def _listen(self, topic: Topic, callback: Callable[..., None]) -> None:
+        self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
+
+    def _on_state(self, message: JointState) -> None:
+        self._state = message
+
+    def _on_mode(self, message: String) -> None:
+        self._mode = message.data
+
+
+class ToolRequest:
+    """Publishes a tool target, and listens to where the tool goes.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and subscriptions; no executor may hold it.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._pose: PoseStamped | None = None
+        self._mode = ''
+        self._rejections = RejectionWatch(node)
+        topic = topics.TOOL_TRAJECTORY
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        for heard, callback in (
+            (topics.TOOL_POSE, self._on_pose),
+            (topics.ARM_MODE, self._on_mode),
+        ):
+            node.create_subscription(heard.type, heard.name, callback, heard.qos)
+
+    def go(
+        self,
+        place: Sequence[float],
+        tolerance: float,
+        timeout: float,
+        on_wait: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """Send the tool to a place and wait until it is there.
+
+        Parameters
+        ----------
+        place
+            (3,) [m] in the arm's base.
+        tolerance
+            How near it must come [m].
+        timeout
+            Longest time for a controller to be found, and again for the way [s].
+        on_wait
+            Told what is waited for.
+
+        Raises
+        ------
+        ArmClientError
+            If no Cartesian controller runs, the arm is not held, or the place is rejected or not
+            reached.
+        """
+        self._find(timeout, on_wait)
+        assert self._pose is not None
+        self._rejections.begin(timeout)
+        message = PoseStamped(header=self._pose.header)
+        p = message.pose.position
+        p.x, p.y, p.z = (float(x) for x in place)
+        message.pose.orientation.w = 1.0
+        self._publisher.publish(message)
+
+        def distance() -> float:
+            assert self._pose is not None
+            p = self._pose.pose.position
+            return float(np.linalg.norm(np.array([p.x, p.y, p.z]) - np.asarray(place)))
+
+        def ended() -> bool:
+            return distance() <= tolerance or bool(self._rejections.reason())
+
+        in_time = spin_until(self._node, ended, timeout)
+        if self._rejections.reason():
+            raise ArmClientError(f'rejected: {self._rejections.reason()}')
+        if not in_time:
+            raise ArmClientError(
+                f'the tool is still {distance():.3f} m away after {timeout:g} s; arm_mode is '
+                f'{self._mode}'
+            )
+
+    def _find(self, timeout: float, on_wait: Callable[[str], None]) -> None:
+        """Wait until a controller tells where the tool is, and takes a target."""
+
+        def is_there() -> bool:
+            told = self._pose is not None and bool(self._mode)
+            return told and self._publisher.get_subscription_count() > 0
+
+        what = f'kinematic_control or impedance_control in {this_domain()}'
+        if not spin_until(self._node, is_there, min(timeout, 1.0)):
+            on_wait(what)
+            if not spin_until(self._node, is_there, timeout):
+                raise ArmClientError(f'no controller tells of the tool: run a bridge, and {what}')
+        if self._mode not in HELD:
+            raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        self._pose = message
+
+    def _on_mode(self, message: String) -> None:
+        self._mode = message.data

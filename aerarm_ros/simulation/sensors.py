@@ -1,0 +1,222 @@
+"""Emulated sensors: delay, drift, noise."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import exp, sqrt
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from aerarm_ros.motion.signals import Array
+
+
+def turned(quaternion: Array, angle: Array) -> Array:
+    """Return a unit quaternion (x, y, z, w) after a small turn (3,) [rad] in body axes."""
+    x, y, z, w = quaternion.tolist()
+    a, b, c = (0.5 * angle).tolist()
+    result: Array = np.array(
+        [
+            x + w * a + y * c - z * b,
+            y + w * b + z * a - x * c,
+            z + w * c + x * b - y * a,
+            w - x * a - y * b - z * c,
+        ]
+    )
+    result /= np.linalg.norm(result)
+    return result
+
+
+Reading = TypeVar('Reading')
+
+
+class DelayedSensor(Generic[Reading]):
+    """Reads at equal intervals, and gives each reading out a delay later.
+
+    Parameters
+    ----------
+    read : callable
+        Returns what the sensor sees now, its errors included.
+    rate : float
+        Readings a second [Hz].
+    cycle : float
+        Time between two calls of `update` [s]; the interval is a whole number of them.
+    delay : float
+        Age of a reading when it is given out [s], rounded to whole cycles.
+
+    Attributes
+    ----------
+    period_ns : int
+        From reading to reading [ns].
+    """
+
+    def __init__(
+        self, read: Callable[[], Reading], rate: float, cycle: float, delay: float = 0.0
+    ) -> None:
+        self._read = read
+        self._cycles = max(1, round(1.0 / (rate * cycle)))
+        self._delay = round(delay / cycle)
+        self.period_ns = self._cycles * round(cycle * 1e9)
+        self._count = 0
+        self._under_way: deque[tuple[int, int, Reading]] = deque()
+
+    def restart(self) -> None:
+        """Read in the next cycle, and forget what is under way."""
+        self._count = 0
+        self._under_way.clear()
+
+    def update(self, stamp_ns: int) -> tuple[int, Reading] | None:
+        """Advance by a cycle that begins at `stamp_ns` [ns].
+
+        Returns
+        -------
+        tuple or None
+            Stamp [ns] and content of a reading, if one arrives in this cycle.
+        """
+        if self._count % self._cycles == 0:
+            self._under_way.append((self._count + self._delay, stamp_ns, self._read()))
+        arrives = bool(self._under_way) and self._under_way[0][0] <= self._count
+        self._count += 1
+        return self._under_way.popleft()[1:] if arrives else None
+
+
+_BLOCK = 4096  # random numbers are drawn this many at a time
+
+
+class RandomDrift:
+    """A first-order Gauss-Markov process of three independent axes (white noise, filtered).
+
+    Its autocorrelation is `deviation^2 exp(-|t| / correlation_time)`: the longitudinal gust of
+    Dryden's spectrum, with the scale length over the airspeed as correlation time.
+
+    Parameters
+    ----------
+    deviation : float
+        Standard deviation of each axis, in any unit.
+    correlation_time, period : float
+        [s]; the period is that of `update`.
+    random : numpy.random.Generator
+    """
+
+    def __init__(
+        self,
+        deviation: float,
+        correlation_time: float,
+        period: float,
+        random: np.random.Generator,
+    ) -> None:
+        self._decay = exp(-period / correlation_time)
+        self._drive = deviation * sqrt(1.0 - self._decay**2)
+        self._random = random
+        self._noise = np.empty((0, 3))
+        self._next = 0
+        self.value = deviation * random.standard_normal(3)
+
+    def update(self) -> Array:
+        """Return the value (3,) a period later."""
+        if self._next == len(self._noise):
+            self._noise = self._drive * self._random.standard_normal((_BLOCK, 3))
+            self._next = 0
+        self.value = self._decay * self.value + self._noise[self._next]
+        self._next += 1
+        return self.value
+
+
+ImuReading = tuple[Array, Array, Array]
+
+_ATTITUDE_TIME = 10.0  # [s] correlation time of an attitude filter's error
+
+
+@dataclass(frozen=True)
+class ImuErrors:
+    """Deviations of an IMU, each the standard deviation of an axis.
+
+    Attributes
+    ----------
+    force_noise, rate_noise : float
+        White noise of a sample [m/s^2], [rad/s].
+    force_bias, rate_bias : float
+        What stays constant [m/s^2], [rad/s].
+    attitude : float
+        Slowly changing error of the attitude [rad].
+    """
+
+    force_noise: float = 0.0
+    rate_noise: float = 0.0
+    force_bias: float = 0.0
+    rate_bias: float = 0.0
+    attitude: float = 0.0
+
+
+class FaultyImu:
+    """Adds `ImuErrors` to ideal readings.
+
+    Parameters
+    ----------
+    errors : ImuErrors
+    period : float
+        Between readings [s].
+    seed : int
+    """
+
+    def __init__(self, errors: ImuErrors, period: float, seed: int) -> None:
+        random = np.random.default_rng(seed)
+        self._errors = errors
+        self._random = random
+        self._force_bias = errors.force_bias * random.standard_normal(3)
+        self._rate_bias = errors.rate_bias * random.standard_normal(3)
+        self._attitude = RandomDrift(errors.attitude, _ATTITUDE_TIME, period, random)
+
+    def apply(self, reading: ImuReading) -> ImuReading:
+        """Return attitude (x, y, z, w), angular velocity and specific force with errors."""
+        attitude, rate, force = reading
+        errors, noise = self._errors, self._random.standard_normal((2, 3))
+        return (
+            turned(attitude, self._attitude.update()),
+            rate + self._rate_bias + errors.rate_noise * noise[0],
+            force + self._force_bias + errors.force_noise * noise[1],
+        )
+
+
+OdometryReading = tuple[Array, Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class OdometryErrors:
+    """White noise of an odometry's readings, each the standard deviation of an axis.
+
+    Attributes
+    ----------
+    position, velocity, attitude, rate : float
+        [m], [m/s], [rad], [rad/s]
+    """
+
+    position: float = 0.0
+    velocity: float = 0.0
+    attitude: float = 0.0
+    rate: float = 0.0
+
+
+class NoisyOdometry:
+    """Adds `OdometryErrors` to true readings.
+
+    Parameters
+    ----------
+    errors : OdometryErrors
+    seed : int
+    """
+
+    def __init__(self, errors: OdometryErrors, seed: int) -> None:
+        self._errors = errors
+        self._random = np.random.default_rng(seed)
+
+    def apply(self, reading: OdometryReading) -> OdometryReading:
+        """Return position, attitude (x, y, z, w), velocity and angular velocity with noise."""
+        position, attitude, velocity, rate = reading
+        errors, noise = self._errors, self._random.standard_normal((4, 3))
+        return (
+            position + errors.position * noise[0],
+            turned(attitude, errors.attitude * noise[1]),
+            velocity + errors.velocity * noise[2],
+            rate + errors.rate * noise[3],
+        )
