@@ -9,32 +9,25 @@ ROOT = Path(__file__).resolve().parents[2]
 SUITE = ('aerarm_ros', 'aerarm_msgs_py')
 
 
-def python_files(folder: str) -> list[Path]:
-    """Return the Python files of a folder and of all below it; there must be some."""
-    files = sorted((ROOT / folder).rglob('*.py'))
-    assert files, f'{folder} is empty'
+def python_files(*folders: str) -> list[Path]:
+    """Return the Python files of folders and of all below them; each must have some."""
+    files = []
+    for folder in folders:
+        found = sorted((ROOT / folder).rglob('*.py'))
+        assert found, f'{folder} is empty'
+        files += found
     return files
 
 
-def package_folders() -> list[str]:
-    """Return the folders of the suite's packages, inner ones too, as 'aerarm_ros/model'."""
-    files = [path for package in SUITE for path in python_files(package)]
-    return [str(path.parent.relative_to(ROOT)) for path in files if path.name == '__init__.py']
+def module_name(path: Path) -> str:
+    """Return the dotted name of a module or package."""
+    parts = path.relative_to(ROOT).with_suffix('').parts
+    return '.'.join(parts[:-1] if parts[-1] == '__init__' else parts)
 
 
 def modules_in(folder: str) -> list[str]:
     """Return the names of the modules in a package's own folder."""
     return sorted(path.stem for path in (ROOT / folder).glob('*.py') if path.stem != '__init__')
-
-
-def rooms_offered_by(folder: str) -> tuple[str, ...]:
-    """Return the rooms inside a room, in the order of `submodules` in its `__init__.py`."""
-    tree = ast.parse((ROOT / folder / '__init__.py').read_text())
-    for node in ast.walk(tree):
-        if isinstance(node, ast.keyword) and node.arg == 'submodules':
-            names: list[str] = ast.literal_eval(node.value)
-            return tuple(name for name in names if (ROOT / folder / name).is_dir())
-    raise ValueError(f'{folder} offers no rooms')
 
 
 def executables() -> list[str]:
@@ -53,16 +46,17 @@ def listed_in_setup(name: str) -> list[str]:
 
 
 @cache
-def imported_modules(path: Path) -> frozenset[str]:
-    """Return the full names of the modules that a file imports.
+def imported_modules(path: Path, at_import: bool = False) -> frozenset[str]:
+    """Return the full names of the modules that a file imports, or imports when it is imported.
 
     `from a.b import c` imports `a.b.c` if that is a module or package of the suite, else `a.b`.
     """
-    return frozenset(_imported(ast.parse(path.read_text()), path))
+    tree = ast.parse(path.read_text())
+    return frozenset(_imported(tree.body if at_import else ast.walk(tree), path))
 
 
-def _imported(tree: ast.AST, path: Path) -> Iterator[str]:
-    for node in ast.walk(tree):
+def _imported(nodes: 'Iterator[ast.AST] | list[ast.stmt]', path: Path) -> Iterator[str]:
+    for node in nodes:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -74,7 +68,7 @@ def _imported(tree: ast.AST, path: Path) -> Iterator[str]:
 
 @cache
 def is_package(name: str) -> bool:
-    """Tell whether a dotted name is that of one of the suite's packages."""
+    """Return whether a dotted name is that of one of the suite's packages."""
     return (ROOT / name.replace('.', '/') / '__init__.py').is_file()
 
 

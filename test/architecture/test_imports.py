@@ -1,97 +1,96 @@
-"""The rooms' import rules, read from the syntax trees."""
+"""Rules of imports and of modules, read from the syntax trees."""
 
+import ast
 import xml.etree.ElementTree as ElementTree
+from graphlib import TopologicalSorter
 
-import pytest
-from source_files import ROOT, SUITE, executables, imported_modules, modules_in, python_files
+from source_files import (
+    ROOT,
+    SUITE,
+    executables,
+    imported_modules,
+    is_package,
+    module_name,
+    modules_in,
+    python_files,
+)
 
-MESSAGE_MODULES = {
+ROS_MODULES = {
+    *('ament_index_python', 'launch', 'launch_ros', 'rclpy'),
     *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'lifecycle_msgs', 'nav_msgs'),
-    *(
-        'mavros_msgs',
-        'px4_msgs',
-        'rcl_interfaces',
-        'rosgraph_msgs',
-        'sensor_msgs',
-        'std_msgs',
-        'std_srvs',
-    ),
-    *('tf2_msgs', 'trajectory_msgs', 'visualization_msgs'),
+    *('mavros_msgs', 'px4_msgs', 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs'),
+    *('std_srvs', 'tf2_msgs', 'trajectory_msgs', 'visualization_msgs'),
 }
-ROS_MODULES = MESSAGE_MODULES | {'ament_index_python', 'launch', 'launch_ros', 'rclpy'}
-# What each room may import from the suite besides itself; imports point one way.
+# What each pure package may import from the suite, besides itself and the vocabulary of `motion`:
+# imports point one way.
 ALLOWED = {
     'description': set(),
-    'model': {'description'},
     'motion': set(),
     'pages': set(),
-    'control': {'motion', 'model', 'description'},
-    'flight': {'control', 'motion', 'model', 'description'},
-    'autopilot': {'flight', 'control', 'motion', 'model', 'description'},
-    'contact': {'flight', 'control', 'motion', 'model', 'description'},
-    'energy': {'control', 'motion', 'model', 'description'},
-    'excitation': {'pages', 'motion', 'model', 'description'},
+    'realtime': set(),
+    'model': {'description'},
+    'control': {'model', 'description'},
+    'flight': {'control', 'model', 'description'},
+    'autopilot': {'flight', 'control', 'model', 'description'},
+    'energy': {'control', 'model', 'description'},
+    'excitation': {'pages', 'model', 'description', 'realtime'},
     'identification': {'energy', 'pages', 'model', 'description'},
-    'online': {'identification', 'control', 'motion', 'model', 'description'},
-    'simulation': {'motion', 'model', 'description'},
-    'hardware': {'motion', 'simulation', 'model', 'description'},
+    'online': {'identification', 'control', 'model', 'description'},
+    'simulation': {'model', 'description'},
+    'hardware': {'simulation', 'model', 'description'},
     'commissioning': {'hardware', 'simulation', 'model', 'description'},
-    'draft': {'excitation', 'hardware', 'motion', 'model', 'description'},
+    'draft': {'excitation', 'hardware', 'model', 'description'},
     'experiment': {
         *('control', 'excitation', 'identification', 'hardware', 'simulation'),
-        *('pages', 'motion', 'model', 'description'),
+        *('pages', 'model', 'description'),
     },
-    'planner': {'energy', 'excitation', 'control', 'motion', 'model', 'description'},
-    'realtime': set(),
+    'planner': {'energy', 'excitation', 'control', 'model', 'description'},
 }
-# What every room may import: it must be said before NumPy is imported.
-COMMON = {'algebra_threads'}
-# Where ROS is: executables, and what they are made of. They may import every pure room.
-ROS_ROOMS = ('nodes', 'ros')
+# Where ROS is: executables, and what they are made of. They may import every pure package.
+ROS_PACKAGES = ('nodes', 'ros')
+LONGEST, SHORTEST = 600, 21  # lines of a module
 
 
-@pytest.mark.parametrize('room', sorted(ALLOWED))
-def test_pure_rooms_do_not_import_ros(room: str) -> None:
-    for path in python_files(f'aerarm_ros/{room}'):
-        roots = {name.split('.')[0] for name in imported_modules(path)}
-        assert not roots & ROS_MODULES, path
-        assert 'aerarm_msgs_py' not in roots, path
+def test_pure_packages_import_no_ros_and_point_one_way() -> None:
+    for package, allowed in ALLOWED.items():
+        for path in python_files(f'aerarm_ros/{package}'):
+            names = imported_modules(path)
+            roots = {name.split('.')[0] for name in names}
+            assert not roots & {*ROS_MODULES, 'aerarm_msgs_py'}, path
+            others = {name.split('.')[1] for name in names if name.startswith('aerarm_ros.')}
+            assert others <= {package, 'motion', *allowed}, path
 
 
-@pytest.mark.parametrize('room', sorted(ALLOWED))
-def test_imports_point_one_way(room: str) -> None:
-    for path in python_files(f'aerarm_ros/{room}'):
-        for name in imported_modules(path):
-            if name.startswith('aerarm_ros.'):
-                other = name.split('.')[1]
-                assert other in {room, *ALLOWED[room], *COMMON}, f'{path} imports {name}'
+def test_no_modules_import_each_other() -> None:
+    files = python_files(*SUITE)
+    graph = {module_name(path): imported_modules(path, at_import=True) for path in files}
+    TopologicalSorter(graph).prepare()
 
 
-def test_rclpy_is_imported_by_the_ros_rooms_and_messages_only() -> None:
+def test_rclpy_is_imported_by_the_ros_packages_and_messages_only() -> None:
     importers = [
         path.relative_to(ROOT).parts[:2]
-        for path in [*python_files('aerarm_ros'), *python_files('aerarm_msgs_py')]
+        for path in python_files(*SUITE)
         if 'rclpy' in {name.split('.')[0] for name in imported_modules(path)}
     ]
-    rooms = {parts for parts in importers if parts[0] == 'aerarm_ros'}
-    assert rooms == {('aerarm_ros', room) for room in ROS_ROOMS}
+    packages = {parts for parts in importers if parts[0] == 'aerarm_ros'}
+    assert packages == {('aerarm_ros', name) for name in ROS_PACKAGES}
 
 
 def test_no_timer_goes_by_the_system_clock() -> None:
-    makers = {
-        path.stem for path in python_files('aerarm_ros') if '.create_timer(' in path.read_text()
-    }
-    assert makers == {'steady_timer'}
+    files = python_files('aerarm_ros')
+    makers = {path.stem for path in files if '.create_timer(' in path.read_text()}
+    assert makers == {'executors'}
 
 
-def test_every_room_has_a_rule() -> None:
-    rooms = {path.parent.name for path in (ROOT / 'aerarm_ros').glob('*/__init__.py')}
-    assert rooms == {*ALLOWED, *ROS_ROOMS}
+def test_every_package_has_a_rule() -> None:
+    packages = {path.parent.name for path in (ROOT / 'aerarm_ros').glob('*/__init__.py')}
+    assert packages == {*ALLOWED, *ROS_PACKAGES}
 
 
 def test_nothing_imports_an_executable() -> None:
     # Not one executable from another either; executables.py finds them by name, when one is run.
-    for path in [file for folder in SUITE for file in python_files(folder)]:
+    for path in python_files(*SUITE):
         for name in imported_modules(path):
             assert not name.startswith('aerarm_ros.nodes'), f'{path} imports {name}'
 
@@ -107,7 +106,7 @@ def test_every_ros_module_is_a_dependency() -> None:
         for element in ElementTree.parse(ROOT / 'package.xml').getroot()
         if element.tag.endswith('depend')
     }
-    files = [*python_files('aerarm_ros'), *python_files('aerarm_msgs_py'), *python_files('launch')]
+    files = python_files(*SUITE, 'launch')
     used = {name.split('.')[0] for path in files for name in imported_modules(path)} & ROS_MODULES
     # Messages of autopilots are used where they are installed.
     assert used - {'mavros_msgs', 'px4_msgs'} <= packages
@@ -118,7 +117,25 @@ def test_the_message_package_stands_alone() -> None:
         assert not any(name.startswith('aerarm_ros') for name in imported_modules(path)), path
 
 
-def test_no_file_is_too_long_to_read() -> None:
-    folders = ('aerarm_ros', 'aerarm_msgs_py', 'test', 'benchmarks')
-    for path in [file for folder in folders for file in python_files(folder)]:
-        assert len(path.read_text().splitlines()) <= 400, path
+def test_a_module_is_a_concept_neither_a_scrap_nor_a_book() -> None:
+    for path in python_files(*SUITE, 'test', 'benchmarks'):
+        assert len(path.read_text().splitlines()) <= LONGEST, path
+    for path in python_files(*SUITE):
+        entry = path.stem == '__init__' or path.parent.name == 'nodes'
+        assert entry or len(path.read_text().splitlines()) >= SHORTEST, path
+
+
+def test_packages_hold_a_docstring_and_export_nothing() -> None:
+    # At the top stand the names for Python users; executables limit NumPy's threads at once.
+    for path in python_files(*SUITE):
+        if path.stem == '__init__' and path.parent.name not in ('aerarm_ros', 'nodes'):
+            (docstring,) = ast.parse(path.read_text()).body
+            assert isinstance(docstring, ast.Expr), path
+
+
+def test_the_suite_imports_from_modules() -> None:
+    for path in python_files(*SUITE, 'launch', 'benchmarks', 'test'):
+        packages = {name for name in imported_modules(path) if is_package(name)}
+        if path.is_relative_to(ROOT / 'test'):  # some do what users do
+            packages.discard('aerarm_ros')
+        assert not packages, f'{path} imports from {packages}: name the module'
