@@ -6,7 +6,7 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
+from aerarm_ros.hardware.boards.board_link import ArmMeasurements
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.inertia import point_mass

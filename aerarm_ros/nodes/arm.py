@@ -21,7 +21,6 @@ from rclpy.utilities import remove_ros_args
 from aerarm_ros.hardware.bridge_modes import MODES, OFF
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
-from aerarm_ros.ros.process.completion import lazy_script, parser_script
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import (
     USER_ERROR,
@@ -30,8 +29,6 @@ from aerarm_ros.ros.process.process_end import (
     print_notice,
 )
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
-from aerarm_ros.ros.requests.motion_request import SetPointRequest, ToolRequest
-from aerarm_ros.ros.requests.parameter_request import set_parameter
 
 NAME = 'arm'
 MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]
@@ -124,6 +121,8 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 def _go(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    from aerarm_ros.ros.requests.motion_request import SetPointRequest
+
     request = SetPointRequest(node)
 
     def ask() -> None:
@@ -134,6 +133,8 @@ def _go(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    from aerarm_ros.ros.requests.motion_request import ToolRequest
+
     request = ToolRequest(node)
 
     def ask() -> None:
@@ -145,6 +146,8 @@ def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 def _set(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    from aerarm_ros.ros.requests.parameter_request import set_parameter
+
     def ask() -> None:
         value = set_parameter(node, options.node, options.name, options.value, options.timeout)
         print(f'{options.node}: {options.name} = {value}', flush=True)
@@ -313,6 +316,8 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
 
 def _completion(parser: argparse.ArgumentParser) -> str:
     """Return what makes a shell complete this and, when they are first asked, all the others."""
+    from aerarm_ros.ros.process.completion import lazy_script, parser_script
+
     others = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))
     others.remove(NAME)
     return f'# eval "$({NAME} completion)"\n{parser_script(parser)}\n{lazy_script(others)}'

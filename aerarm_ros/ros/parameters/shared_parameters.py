@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.realtime.scheduling import (
     freeze_garbage_collector,
@@ -20,6 +19,9 @@ from aerarm_ros.realtime.scheduling import (
     set_fifo,
 )
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+
+if TYPE_CHECKING:  # who has no drone loads nothing of it
+    from aerarm_ros.description.drone_config import DroneConfig
 
 ARM_FILES = grouped(
     'Which arm',
@@ -45,6 +47,8 @@ def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
     """
     config = load_arm_config(values.config or None)
     if getattr(values, 'drone_file', ''):
+        from aerarm_ros.description.drone_config import load_drone_config
+
         gravity = load_drone_config(values.drone_file).gravity_in_base
         config = replace(config, gravity_in_base=tuple(gravity.tolist()))
     robot = load_robot(
@@ -73,6 +77,9 @@ def load_drone(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> Dron
     """
     if not values.drone_file:
         return None
+    from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+    from aerarm_ros.description.drone_config import load_drone_config
+
     drone = load_drone_config(values.drone_file)
     mass, centre, _ = MovingBaseDynamics(robot).composite_inertia(np.array(config.rest_position))
     drone.check_carries(mass, centre)

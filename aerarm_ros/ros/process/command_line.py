@@ -18,19 +18,21 @@ import yaml
 
 from aerarm_ros.description.config_reader import LOADER, ConfigError, plain_data, read_plain
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.process import completion
 from aerarm_ros.ros.process.process_end import USER_ERROR
+
+COMPLETION = '--completion'
+"""Option that prints what makes a shell complete a command line."""
 
 
 class OneLineParser(argparse.ArgumentParser):
     """Names a wrong argument and the way to the help, in place of the whole usage.
 
-    Asked for with `completion.OPTION`, it prints what makes a shell complete all this.
+    Asked for with `COMPLETION`, it prints what makes a shell complete all this.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.add_argument(completion.OPTION, action=_Completion, help=argparse.SUPPRESS)
+        self.add_argument(COMPLETION, action=_Completion, help=argparse.SUPPRESS)
 
     def error(self, message: str) -> NoReturn:
         """End the process."""
@@ -42,7 +44,9 @@ class _Completion(argparse.Action):
         super().__init__(*args, **{**kwargs, 'nargs': 0, 'default': argparse.SUPPRESS})
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        print(completion.parser_script(parser))
+        from aerarm_ros.ros.process.completion import parser_script
+
+        print(parser_script(parser))
         parser.exit()
 
 
@@ -289,7 +293,9 @@ class CommandLine:
 
     def completion(self) -> str:
         """Return what makes a shell complete the parameters' names."""
-        return completion.node_script(self.name, list(self._parameters.values()))
+        from aerarm_ros.ros.process.completion import node_script
+
+        return node_script(self.name, list(self._parameters.values()))
 
     def check(self, arguments: RosArguments) -> list[str]:
         """Return warnings of what is probably a mistake.

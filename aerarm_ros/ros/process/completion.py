@@ -6,10 +6,11 @@ import argparse
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from aerarm_ros.ros.process.command_line import COMPLETION
+
 if TYPE_CHECKING:  # tools without ROS complete their options, too
     from aerarm_ros.ros.parameters.parameter_table import Parameter
 
-OPTION = '--completion'
 # Said once in a script, also where zsh reads it.
 _ZSH = '[ -n "$ZSH_VERSION" ] && autoload -U +X bashcompinit && bashcompinit'
 
@@ -77,7 +78,7 @@ def lazy_script(names: Sequence[str]) -> str:
     """Return a script that asks an executable for its own when it is first completed."""
     return f"""_aerarm_lazy() {{
   local name="${{1##*/}}"
-  eval "$("$1" {OPTION} 2>/dev/null)"
+  eval "$("$1" {COMPLETION} 2>/dev/null)"
   if declare -F "_$name" >/dev/null; then "_$name" "$@"; fi
 }}
 {_ZSH}

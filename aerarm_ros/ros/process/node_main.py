@@ -16,8 +16,12 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.process import completion
-from aerarm_ros.ros.process.command_line import CommandLine, RosArguments, UsageError
+from aerarm_ros.ros.process.command_line import (
+    COMPLETION,
+    CommandLine,
+    RosArguments,
+    UsageError,
+)
 from aerarm_ros.ros.process.discovery import stay_on_this_host, use_packaged_profile
 from aerarm_ros.ros.process.process_end import (
     INTERRUPTED,
@@ -201,7 +205,7 @@ def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) ->
         if command_line.asks_help(arguments):
             _print_help(command_line.help())
             return 0
-        if completion.OPTION in arguments.plain:
+        if COMPLETION in arguments.plain:
             print(command_line.completion())
             return 0
         for warning in command_line.check(arguments):

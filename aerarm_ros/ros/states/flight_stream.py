@@ -17,6 +17,7 @@ from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_state import OdometrySample
 from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.states.answers import Answers
 from aerarm_ros.ros.states.state_stream import to_imu_sample
 
 
@@ -89,6 +90,8 @@ class FlightStream:
     def __init__(self, node: Node, reject: Callable[[str], None]) -> None:
         self._reader = RawReader(node, topics.ODOMETRY, topics.IMU)
         self._reject = reject
+        self.answers = Answers()
+        """What is published in answer to the odometry."""
         self.frame = ''
         """Frame of the odometry's poses, '' before the first."""
 
@@ -106,7 +109,11 @@ class FlightStream:
 
         The content is None if it cannot be used, which is reported.
         """
-        message = newest_odometry(self._reader, self._reject, _ODOMETRY)
+        raw = self._reader.take_newest(_ODOMETRY)
+        if raw is None:
+            return None
+        self.answers.begin(raw[0])
+        message = decoded_odometry(raw[0], self._reject)
         if message is None:
             return None
         self.frame = message.header.frame_id
@@ -129,13 +136,10 @@ class FlightStream:
         self._reader.destroy()
 
 
-def newest_odometry(
-    reader: RawReader, reject: Callable[[str], None], index: int = 0
-) -> Odometry | None:
-    """Return the newest odometry that waits at a reader, None if there is none."""
-    raw = reader.take_newest(index)
+def decoded_odometry(payload: bytes, reject: Callable[[str], None]) -> Odometry | None:
+    """Return the odometry of a serialized message, None if it is none, which is reported."""
     try:
-        return None if raw is None else deserialize_message(raw[0], Odometry)
+        return deserialize_message(payload, Odometry)
     except RuntimeError as error:  # RMWError: no message at all
         reject(f'odometry: {error}')
         return None

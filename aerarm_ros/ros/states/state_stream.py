@@ -29,6 +29,7 @@ from aerarm_msgs_py.topics import Topic
 from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.ros.states.answers import Answers
 
 
 def base_header(stamp_ns: int, base_link: str) -> Header:
@@ -147,6 +148,8 @@ class StateStream:
     ----------
     stamp_ns
         Stamp of the newest state [ns], None before the first.
+    answers
+        What is published in answer to the states.
 
     Parameters
     ----------
@@ -163,6 +166,8 @@ class StateStream:
         oldest first, and each IMU sample with the first state that came after it.
     imu
         Whether IMU samples are wanted. They end a wait, and must be taken then.
+    answered
+        Whether each state wants an answer, see `Answers`.
     """
 
     def __init__(
@@ -173,7 +178,9 @@ class StateStream:
         rotors: Sequence[str] = (),
         depth: int = 1,
         imu: bool = True,
+        answered: bool = True,
     ) -> None:
+        self.answers = Answers(needed=answered)
         self._names = tuple(names)
         self._cdr = JointStateCdr(self._names)
         self._reject = reject
@@ -221,7 +228,8 @@ class StateStream:
             return None
         payload, info = message
         self._published_ns = info['source_timestamp']
-        self._received_ns = info['received_timestamp']
+        if not self.answers.begin(payload):
+            self._received_ns = info['received_timestamp']
         sample = self._cdr.unpack(payload) or self._decode(payload)
         if sample is None:
             return None

@@ -5,8 +5,8 @@ import subprocess
 import pytest
 
 from aerarm_ros.ros.parameters.parameter_table import Parameter
-from aerarm_ros.ros.process.command_line import OneLineParser
-from aerarm_ros.ros.process.completion import OPTION, lazy_script, node_script
+from aerarm_ros.ros.process.command_line import COMPLETION, OneLineParser
+from aerarm_ros.ros.process.completion import lazy_script, node_script
 
 
 def completed(script: str, words: str, name: str = 'tool') -> list[str]:
@@ -22,7 +22,7 @@ def test_options_and_their_choices(capsys: pytest.CaptureFixture[str]) -> None:
     parser.add_argument('--solver', choices=('wls', 'sdp'))
     parser.add_argument('--some', action='store_true')
     with pytest.raises(SystemExit) as ended:
-        parser.parse_args([OPTION])
+        parser.parse_args([COMPLETION])
     assert ended.value.code == 0
     script = capsys.readouterr().out
     assert completed(script, 'tool --s') == ['--solver', '--some']

@@ -9,7 +9,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.nodes.arm import main
-from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
+from aerarm_ros.ros.bridge.hardware_bridge import World
 
 URDF = str(resource('config', 'examples', 'three_joints.urdf'))
 
@@ -59,4 +59,4 @@ def test_no_real_motor_is_driven_by_guesses(tmp_path: Path) -> None:
     config: Any = load_arm_config(tmp_path / 'three_joints.yaml')
     nothing: Any = None
     with pytest.raises(ValueError, match='three_joints is for emulated boards'):
-        HardwareBridge.make_transport(nothing, config, nothing, nothing)
+        World().make_transport(config, nothing, nothing)
