@@ -87,10 +87,15 @@ def read(path: Path) -> object:
 def numbers(value: object) -> object:
     """Return a JSON value without sentences, and without what differs from run to run."""
     if isinstance(value, dict):
-        kept = {str(key): item for key, item in value.items() if key not in _OF_THE_RUN}
+        kept = {_place(str(key)): item for key, item in value.items() if key not in _OF_THE_RUN}
         return {key: numbers(item) for key, item in kept.items()}
     if isinstance(value, list):
         return [numbers(item) for item in value]
     if isinstance(value, str):
         return '' if ' ' in value or '/' in value else value
     return value
+
+
+def _place(key: str) -> str:
+    """Return a key, or the end of the path that it is: the rest is the folder of this run."""
+    return '/'.join(key.split('/')[-2:])
