@@ -51,7 +51,7 @@ PARTS = {
     'designer': ('same_figures.py', 'designer'),
     'datasets': ('same_figures.py', 'datasets'),
 }
-PATIENCE = 900.0  # [s] for one part
+PATIENCE = 1800.0  # [s] for one part
 Items = dict[str, object]
 
 
