@@ -89,6 +89,9 @@ class EstimatorSettings:
         Standard deviation of friction from what the model says, relative.
     torque_noise : float
         RMS torque [Nm] that the model leaves unexplained at first; it is measured from then on.
+    model_error : float
+        Standard deviation of gravity and inertia from what the model says, relative. What it may
+        explain is no change of the payload.
     memory, friction_memory : float
         Time constants of forgetting [s], of payload and tare, and of friction.
     """
@@ -100,6 +103,7 @@ class EstimatorSettings:
     tare_mass: float = 0.01
     friction_spread: float = 0.3
     torque_noise: float = 0.02
+    model_error: float = 0.01
     memory: float = 30.0
     friction_memory: float = 120.0
 
@@ -372,7 +376,8 @@ class PayloadEstimator:
         belief = self._filter.belief
         error = row.torque - rows @ belief.mean
         spread = np.einsum('ij,jk,ik->i', rows, belief.covariance, rows)
-        variance = self._noise + row.doubt**2 + spread
+        model = (self.settings.model_error * row.modelled) ** 2
+        variance = self._noise + row.doubt**2 + spread + model
         return error, float(np.max(error**2 / variance))
 
     def _take(self, rows: Array, row: MotionRow, error: Array, now: float) -> None:
