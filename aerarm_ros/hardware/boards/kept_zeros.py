@@ -41,7 +41,7 @@ _PULSE = 0.05
 _SAME_PULSE = 1e-6  # [rad]
 _TURN = 2.0 * pi
 _SUSPENDED = 0.05  # [s] by which the reading of two clocks differs from one time to the next
-_LONGEST = 65536  # characters of a file that is read
+LONGEST = 65536  # characters of a file that is read
 
 
 class KeptZerosError(ValueError):
@@ -111,7 +111,7 @@ class KeptZeros:
     def parse(text: str) -> KeptZeros:
         """Return what a file holds; raises KeptZerosError if it is not whole."""
         try:
-            if len(text) > _LONGEST:
+            if len(text) > LONGEST:
                 raise ValueError
             document = json.loads(text)
             boards = tuple(
@@ -363,6 +363,14 @@ def host_clock() -> HostClock:
     return HostClock(boot, suspended)
 
 
+def _text(path: Path) -> str:
+    """Return what a file holds; one that is no file is not opened: it might never end."""
+    if path.exists() and not path.is_file():
+        raise KeptZerosError('is no regular file')
+    with path.open(encoding='utf-8') as file:
+        return file.read(LONGEST + 1)
+
+
 class ZeroFile:
     """Writes the known zeros once per second, and at once when one is found or lost.
 
@@ -407,8 +415,7 @@ class ZeroFile:
             return None
         try:
             self._host = host_clock()
-            text = self._path.read_text(encoding='utf-8')
-            return KeptZeros.parse(text).check(self._arm, self._host, now)
+            return KeptZeros.parse(_text(self._path)).check(self._arm, self._host, now)
         except FileNotFoundError:
             return None
         except (OSError, UnicodeDecodeError, KeptZerosError) as error:

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from aerarm_ros.ros.process.command_line import COMPLETION
+from aerarm_ros.ros.process.ros_arguments import COMPLETION
 
 if TYPE_CHECKING:  # tools without ROS complete their options, too
     from aerarm_ros.ros.parameters.parameter_table import Parameter

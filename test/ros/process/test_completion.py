@@ -5,8 +5,8 @@ import subprocess
 import pytest
 
 from aerarm_ros.ros.parameters.parameter_table import Parameter
-from aerarm_ros.ros.process.command_line import COMPLETION, OneLineParser
 from aerarm_ros.ros.process.completion import lazy_script, node_script
+from aerarm_ros.ros.process.ros_arguments import COMPLETION, OneLineParser
 
 
 def completed(script: str, words: str, name: str = 'tool') -> list[str]:
