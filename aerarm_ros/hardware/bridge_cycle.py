@@ -18,7 +18,7 @@ from aerarm_ros.hardware.boards.homing import EncoderZeros, ZeroSearch
 from aerarm_ros.hardware.boards.kept_zeros import KeptZeros, ZeroRecall
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.bridge_modes import Answer
-from aerarm_ros.hardware.fault_watch import FaultWatch, way_out
+from aerarm_ros.hardware.fault_watch import FaultWatch, LoadWatch, way_out
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import (
@@ -31,7 +31,6 @@ from aerarm_ros.hardware.gate.command_intake import (
 from aerarm_ros.hardware.gate.joint_barrier import JointLoads
 from aerarm_ros.hardware.gate.safety_gate import LIMITED, SafetyGate
 from aerarm_ros.hardware.heat_watch import HeatWatch
-from aerarm_ros.hardware.load_watch import LoadWatch
 from aerarm_ros.model.dynamics import largest_gravity_load
 from aerarm_ros.motion.signals import Array
 

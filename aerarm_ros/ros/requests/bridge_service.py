@@ -375,15 +375,13 @@ class StopRequest:
         return asked
 
 
-_POLL = 0.02  # [s]
-
-
 class StopService:
     """Stops the arm of every bridge, known beforehand or not.
 
     Parameters
     ----------
     node
+        Owner of the clients; an executor must spin it in another thread.
     action
         A key of `bridge_services.STOPS`.
     bridges
