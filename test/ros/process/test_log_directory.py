@@ -26,7 +26,7 @@ def test_a_user_without_a_home_logs_among_temporary_files(monkeypatch: pytest.Mo
     def unknown(_: int) -> None:
         raise KeyError
 
-    monkeypatch.setattr('aerarm_ros.ros.process.node_main.getpwuid', unknown)
+    monkeypatch.setattr('aerarm_ros.ros.process.node_process.getpwuid', unknown)
     environment: dict[str, str] = {}
     find_log_directory(environment)
     directory = Path(environment.pop('ROS_LOG_DIR'))
