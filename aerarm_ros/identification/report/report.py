@@ -347,6 +347,7 @@ _THESIS = (
 )
 _SOLVERS = {
     'cad': 'as drawn',
+    'cad_friction': 'links and rotors as drawn, with identified friction',
     'ols': 'ordinary least squares on the base parameters',
     'wls': "the same weighted by each joint's noise",
     'huber': 'as sdp, with outliers weighted down',
@@ -439,19 +440,24 @@ def _headline(result: IdentificationResult) -> str:
     role = 'validation' if recommended.validation else 'identification'
     worst = max(range(len(bags)), key=lambda index: bags[index].filtered)
     found = bags[worst]
-    cad = bags_of(result.solutions['cad'])
-    cad_error = [bag.filtered for part, bag in cad if part == role][worst]
+    cad_error, drawn_error = (
+        [bag.filtered for part, bag in bags_of(result.solutions[name]) if part == role][worst]
+        for name in ('cad', 'cad_friction')
+    )
     which = f'{found.bag} ({role})'
     if len(bags) > 1:
         which += f', the worst of {len(bags)} {role} bags'
     better = (
-        f', {cad_error / found.filtered:.1f} times less' if 0 < found.filtered < cad_error else ''
+        f' ({drawn_error / found.filtered:.1f} times as much)'
+        if 0 < found.filtered < drawn_error
+        else ''
     )
     consistent = recommended.estimate.physically_consistent
     return (
         f'Torque error on {which}: {found.filtered:.2f} % filtered '
         f'({found.filtered_measured:.2f} % with only the measured one filtered, {found.raw:.2f} % '
-        f'raw) with the identified model, {cad_error:.2f} % filtered with the CAD model{better}. '
+        f'raw) with the identified model; {cad_error:.2f} % filtered with the CAD model, '
+        f'{drawn_error:.2f} % with the CAD model and identified friction{better}. '
         f'The identified model is {"" if consistent else "not "}physically consistent.'
     )
 

@@ -182,14 +182,14 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         {
             'nargs': '+',
             'choices': (
-                *('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', 'sdp'),
-                'output_error',
+                *('cad', 'cad_friction', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic'),
+                *('sdp', 'output_error'),
             ),
             'default': [],
             'metavar': 'NAME',
         },
-        'besides cad, ols and sdp: wls (default), huber, entropic, output_error, slsqp, annealing '
-        '(the last two take seconds)',
+        'besides cad, cad_friction, ols and sdp: wls (default), huber, entropic, output_error, '
+        'slsqp, annealing (the last two take seconds)',
     ),
 )
 

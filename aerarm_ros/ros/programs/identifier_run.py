@@ -92,6 +92,7 @@ def write_result(
     return told
 
 
+_NAME_WIDTH = 13
 _ROLES = ('identification', 'validation')
 
 
@@ -109,14 +110,14 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
     width = max(22, *(len(text) for heading in bags for text in heading)) + 2
     lines = ['Torque error [%], filtered / only the measured one filtered (raw)']
     for row in zip(*bags, strict=True):
-        lines.append(' ' * 10 + ''.join(text.rjust(width) for text in row))
+        lines.append(' ' * _NAME_WIDTH + ''.join(text.rjust(width) for text in row))
     for name, solution in result.solutions.items():
         cells = [
             f'{bag.filtered:.2f} / {bag.filtered_measured:.2f} ({bag.raw:.2f})'.rjust(width)
             for bag in (*solution.identification, *solution.validation)
         ]
         consistent = '' if solution.estimate.physically_consistent else '  not a physical arm'
-        lines.append(name.ljust(10) + ''.join(cells) + consistent)
+        lines.append(name.ljust(_NAME_WIDTH) + ''.join(cells) + consistent)
     if result.gravity is not None and result.gravity.tilt > 0.0:
         degrees = math.degrees(result.gravity.tilt)
         lines.append(f'gravity: {degrees:.2f} degrees off the stated direction, taken as found')
