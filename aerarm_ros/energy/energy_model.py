@@ -145,7 +145,8 @@ class EnergyModel:
     config : ArmConfig
         Drive train, resistances and power stage.
     robot : Robot
-        Links, and friction f_v, f_s.
+        Links, and friction f_v, f_s; that of the configuration for joints of which the URDF
+        states none.
     rotor_inertia : (n,) array_like, optional
         At the joints [kg m^2]; from the configuration if not given.
     load_friction : float or (n,) array_like, optional
@@ -180,7 +181,11 @@ class EnergyModel:
         inertia = config.column('reflected_inertia') if rotor_inertia is None else rotor_inertia
         self.dynamics = Dynamics(robot, inertia)
         self.load_friction = robot.load_friction if load_friction is None else load_friction
-        self._dry_and_viscous = robot.viscous, robot.coulomb
+        unstated = (robot.viscous == 0.0) & (robot.coulomb == 0.0)
+        self._dry_and_viscous = tuple(
+            np.where(unstated, config.column(kind), stated)
+            for kind, stated in (('viscous', robot.viscous), ('coulomb', robot.coulomb))
+        )
         self.friction = self.friction_of_width(friction_width)
 
     def carry(self, payload: npt.ArrayLike) -> None:

@@ -255,6 +255,8 @@ def _add_init(command: argparse.ArgumentParser) -> None:
     )
     add('--package-directory', type=Path, action='append', default=[], metavar='FOLDER',
         help='for package:// meshes')  # fmt: skip
+    add('--estimate', type=Path, metavar='FILE', help="estimate.yaml of the identifier: friction "
+        'and rotor inertias that were found, instead of guesses')  # fmt: skip
     add('--overwrite', action='store_true', help='replace files that exist')
 
 
