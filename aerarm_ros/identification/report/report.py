@@ -10,6 +10,7 @@ import numpy as np
 from aerarm_ros.energy.energy_model import EnergyBalance
 from aerarm_ros.identification.arm_parameters import inertia_boxes
 from aerarm_ros.identification.files.estimate_comparison import EstimateChange, EstimateComparison
+from aerarm_ros.identification.files.export_errors import ExportError
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.recording.recording import BagFacts, DesiredVelocity
@@ -28,6 +29,7 @@ from aerarm_ros.identification.report.report_tables import (
     energy_table,
     error_table,
     excitation_table,
+    export_table,
     friction_tables,
     joint_error_table,
     parameter_table,
@@ -258,6 +260,8 @@ class ReportExtras:
         Name of a bag to where its energy went.
     resistances : mapping
         Name of a joint to the resistance that this was computed with [ohm], as text.
+    exports : sequence of ExportError
+        How well each written file predicts torque.
     """
 
     desired: Mapping[str, DesiredVelocity] = field(default_factory=dict)
@@ -267,6 +271,7 @@ class ReportExtras:
     facts: Mapping[str, BagFacts] = field(default_factory=dict)
     energy: Mapping[str, EnergyBalance] = field(default_factory=dict)
     resistances: Mapping[str, str] = field(default_factory=dict)
+    exports: Sequence[ExportError] = ()
 
 
 def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
@@ -287,6 +292,14 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
         section('Torque errors', paragraph(_metric(result), 'note'), error_table(result)),
         section('Torque errors joint by joint', joint_error_table(result)),
     ]
+    if extras.exports:
+        body.append(
+            section(
+                'Torque errors of the written files',
+                paragraph(_EXPORTS, 'note'),
+                export_table(result, extras.exports),
+            )
+        )
     if extras.truth_errors:
         body.append(
             section(
@@ -363,6 +376,11 @@ _ENERGY = (
     'resistances; friction, lifting and motion by the identified model; work that it does not '
     'explain; braking energy that the power stage burns; what the boards take. They add up to what '
     'the supply gave. From filtered torque, so that ripple above the cut-off is left out.'
+)
+_EXPORTS = (
+    'What a usual reader of each file gets, predicting the same bags, filtered. Formats differ in '
+    'what they have a place for: no format but estimate.yaml knows offsets and friction of other '
+    'forms than (2.6), URDF knows no rotors, URDF and SDF no gravity.'
 )
 _TRUTH = (
     'Torque that links and rotors need along each motion, against that of the true parameters '

@@ -24,7 +24,9 @@ from aerarm_ros.identification.files.estimate_file import (
     read_estimate,
     read_gravity,
 )
+from aerarm_ros.identification.files.export_errors import ExportError, export_errors
 from aerarm_ros.identification.files.identified_robot import (
+    LoadFriction,
     equivalent_friction,
     identified_mjcf,
     identified_sdf,
@@ -78,7 +80,8 @@ def write_result(
     directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
     load = estimate.joint_values(TermKind.LOAD.value)
     beside = equivalent_friction(estimate, result.identification, beside_load=True)
-    urdf = identified_urdf(result.robot, estimate.inertial, *beside, load)
+    friction = (viscous, coulomb, LoadFriction(load, *beside))
+    urdf = identified_urdf(result.robot, estimate.inertial, *friction)
     told = (*urdf.warnings, *unwritten(estimate))
     result.warnings.extend(text for text in told if text not in result.warnings)
     directory.write('identified.urdf', urdf.text)
@@ -94,6 +97,22 @@ def write_result(
 
 _NAME_WIDTH = 13
 _ROLES = ('identification', 'validation')
+
+
+def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) -> str:
+    """Return the torque error of each written file, the worst of the judged (last) bags."""
+    lines = [f'Torque error of the written files [%], filtered, on {_names(judged)}']
+    width = max((len(error.file) for error in exports), default=0)
+    for error in exports:
+        worst = max(error.filtered[-len(judged) :])
+        lines.append(f'{error.file.ljust(width)}  {worst:6.2f}  {error.contents}')
+    return '\n'.join(lines)
+
+
+def _names(judged: Sequence[Recording]) -> str:
+    if len(judged) == 1:
+        return judged[0].name
+    return f'the worst of {len(judged)} bags'
 
 
 def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) -> str:
@@ -260,6 +279,7 @@ class IdentifierRun:
         self._arm = RecordedArm(options, paths)
         self._limits = read_limits(options.verify) if options.verify else {}
         self._verdict: Verdict | None = None
+        self._exports: Sequence[ExportError] = ()
 
     @property
     def passed(self) -> bool:
@@ -283,6 +303,7 @@ class IdentifierRun:
             self._write(result, payload, directory)
         tell_replaced(directory)
         lines = [terminal_table(result, self._arm.facts())]
+        lines.append(exports_text(self._exports, validation or identification))
         if payload is not None:
             lines.append(f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg')
         if self._verdict is not None:
@@ -355,8 +376,10 @@ class IdentifierRun:
         with self._stopwatch.stage('writing'):
             extras = replace(self._extras(result), payload=payload)
             tell(write_result(result, directory, extras))
+        self._exports = extras.exports
+        seconds = self._stopwatch.seconds
         summary = summarise(
-            result, self._stopwatch.seconds, extras.truth_errors, payload, extras.facts
+            result, seconds, extras.truth_errors, payload, extras.facts, extras.exports
         )
         if self._limits:
             self._verdict = judge(result, self._limits)
@@ -371,7 +394,13 @@ class IdentifierRun:
         energy = bag_energies(config, result) if config else {}
         joints = config.joints if config else ()
         used = {joint.name: joint.motor.resistance_text for joint in joints}
-        extras = ReportExtras(desired, facts=self._arm.facts(), energy=energy, resistances=used)
+        extras = ReportExtras(
+            desired,
+            facts=self._arm.facts(),
+            energy=energy,
+            resistances=used,
+            exports=export_errors(result),
+        )
         if self._options.truth is None:
             return extras
         truth = load_truth(self._options.truth, result.fit.model)
