@@ -166,6 +166,9 @@ setup(
     extras_require={
         'ros': ROS_WHEELS,
         'spi': ['spidev>=3.5,<4'],
+        # Tables of many bags, and many computers for them.
+        'fleet': ['pyarrow>=14,<27'],
+        'ray': ['ray>=2.9,<3'],
         'view': VIEW,
         'mutants': ['mutmut>=3.8,<4'],
         'test': ['hypothesis', 'pytest'],

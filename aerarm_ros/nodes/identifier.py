@@ -27,9 +27,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the identifier; return 0, 1 if limits were not kept, 2 if there is something to check."""
     parser = identifier_parser(_NAME, __doc__)
     options = parser.parse_args(_without_ros_arguments(arguments))
-    if not options.bag and not options.model and not options.compare:
+    if not (options.bag or options.model or options.compare or options.each):
         parser.error(
-            'the following arguments are required: --bag, or --model and --payload, or --compare'
+            'the following arguments are required: --bag, or --each, or --model and '
+            '--payload, or --compare'
         )
     interrupt = _Interrupt()
     # SIGINT too: a shell that starts this in the background, or in a script, makes it ignored.
@@ -50,13 +51,16 @@ def _run(options: argparse.Namespace) -> int:
     from aerarm_msgs_py.storage.read_limits import BagError
     from aerarm_ros.description.config_reader import ConfigError, DescriptionError
     from aerarm_ros.identification.errors import IdentificationError
+    from aerarm_ros.ros.programs.fleet_run import FleetRun
     from aerarm_ros.ros.programs.identifier_compare import CompareRun
     from aerarm_ros.ros.programs.identifier_run import IdentifierRun, PayloadRun
 
     try:
-        run: IdentifierRun | CompareRun
+        run: IdentifierRun | CompareRun | FleetRun
         if options.compare:
             run = CompareRun(options)
+        elif options.each:
+            run = FleetRun(options)
         else:
             run = (PayloadRun if options.model else IdentifierRun)(options)
         print(run.execute())

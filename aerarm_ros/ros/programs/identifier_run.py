@@ -299,6 +299,7 @@ class IdentifierRun:
         with ResultDirectory(options.out or default, files=RESULT_FILES) as directory:
             identification, validation = self._read()
             result = self._identify(identification, validation)
+            tell(result.warnings)
             payload = self._payload(result)
             self._write(result, payload, directory)
         tell_replaced(directory)
@@ -309,6 +310,26 @@ class IdentifierRun:
         if self._verdict is not None:
             lines.append(self._verdict.text)
         return '\n'.join(lines) + f'\nReport: {directory.target / "report.html"}'
+
+    def identified(self) -> tuple[IdentificationResult, float, float]:
+        """Identify without writing anything.
+
+        Returns
+        -------
+        result : IdentificationResult
+        start : float
+            When the first bag began [s since 1970].
+        seconds : float
+            Time that reading and identification took.
+
+        Raises
+        ------
+        IdentificationError, BagError
+            If a bag can't be identified from.
+        """
+        identification, validation = self._read()
+        result = self._identify(identification, validation)
+        return result, identification[0].start, sum(self._stopwatch.seconds.values())
 
     def _read(self) -> tuple[list[Recording], list[Recording]]:
         with self._stopwatch.stage('reading'):
@@ -354,7 +375,6 @@ class IdentifierRun:
             self._arm.robot, self._arm.config, identification, validation, chosen, self._stopwatch
         )
         result.warnings[:0] = self._arm.messages
-        tell(result.warnings)
         return result
 
     def _payload(self, result: IdentificationResult) -> Payload | None:

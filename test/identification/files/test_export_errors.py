@@ -9,15 +9,14 @@ import pinocchio as pin
 import pytest
 import yaml
 
-import aerarm_ros
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.assessment import torque_errors
 from aerarm_ros.identification.files.export_errors import ExportError, export_errors
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.stopwatch import Stopwatch
-from aerarm_ros.ros.library.identification import IdentifiedArm
+from aerarm_ros.ros.library.identification import IdentifiedArm, load_identified
 
 _STEPS = 0.3  # [%] by which errors differ, since steps of friction are filtered at another rate
 
@@ -54,7 +53,7 @@ def error_of(result: IdentificationResult, torque: Callable[..., np.ndarray]) ->
 def test_the_whole_model_comes_back_in_one_line(
     result: IdentificationResult, folder: Path, stated: dict[str, ExportError]
 ) -> None:
-    model = aerarm_ros.load_identified(folder)
+    model = load_identified(folder)
     samples = result.validation[0].samples
     motion = samples.q, samples.dq, samples.ddq
     expected = IdentifiedArm(result, {}).torque(*motion)
@@ -113,7 +112,7 @@ def test_files_that_carry_less_are_worse(stated: dict[str, ExportError]) -> None
 def test_own_programs_read_friction_beside_the_load(
     result: IdentificationResult, folder: Path
 ) -> None:
-    robot = aerarm_ros.load_robot(folder / 'identified.urdf')
+    robot = load_robot(folder / 'identified.urdf')
     estimate = result.recommended.estimate
     assert robot.load_friction == pytest.approx(estimate.joint_values('fl'))
     assert robot.coulomb == pytest.approx(estimate.joint_values('fs'), abs=1e-9)
