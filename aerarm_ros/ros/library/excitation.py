@@ -236,6 +236,6 @@ def _designed(specification: DesignSpecification, seconds: float) -> DesignResul
             start += 1
             continue
         start += 1
-        if found.quality.objective < best.quality.objective:
+        if specification.betters(found.quality, best.quality):
             best = found
     return best

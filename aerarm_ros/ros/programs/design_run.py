@@ -179,7 +179,7 @@ class DesignRun:
             if isinstance(outcome, InfeasibleError):
                 self._print(f'{NAME}: a start was given up: {outcome}')
                 continue
-            if outcome.quality.objective < best.quality.objective:
+            if self._specification.betters(outcome.quality, best.quality):
                 best = outcome
                 self._save(best, options.out, self._specification)
             self._report(outcome, best, random)

@@ -88,7 +88,8 @@ class FleetRun:
                         entry = {'mark': marks[str(row['bag'])], 'row': row}
                         journal.write(json.dumps(entry, allow_nan=False) + '\n')
                         journal.flush()
-                    if progress.due(time.monotonic_ns(), str(len(self._rows))):
+                    tenth = str(10 * len(self._rows) // len(self._bags))
+                    if progress.due(time.monotonic_ns(), tenth):
                         progress.show(_bar(len(self._rows), len(self._bags)))
         finally:
             progress.close()
