@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import resource
 import signal
+import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -120,13 +121,18 @@ def run_each_on_ray(
         ray.init(
             address=None if address == LOCAL else address,
             include_dashboard=False if address == LOCAL else None,
+            runtime_env=_here() if address == LOCAL else None,
             log_to_driver=False,
             logging_level='warning',
         )
     except (ConnectionError, ValueError, RuntimeError) as error:
         raise RuntimeError(f'Ray at {address}: {error}: check that the cluster runs') from None
     try:
-        remote = ray.remote(max_retries=1)(function)
+
+        def run(item: Item) -> Result:
+            return function(item)
+
+        remote = ray.remote(max_retries=1)(run)
         pending: dict[Any, int] = {remote.remote(item): k for k, item in enumerate(items)}
         while pending:
             (done,), _ = ray.wait(list(pending), num_returns=1)
@@ -139,6 +145,11 @@ def run_each_on_ray(
                 yield index, Failure(str(error).splitlines()[0], is_final=False)
     finally:
         ray.shutdown()
+
+
+def _here() -> dict[str, Any]:
+    """Return where Ray's processes on this computer find modules: where this one does."""
+    return {'env_vars': {'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}}
 
 
 def _outcome(future: Future[Result]) -> Result | Failure:
