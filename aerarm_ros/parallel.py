@@ -6,6 +6,7 @@ A run that raises, or whose process is killed, costs nothing but itself: it come
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import resource
@@ -123,7 +124,7 @@ def run_each_on_ray(
             include_dashboard=False if address == LOCAL else None,
             runtime_env=_here() if address == LOCAL else None,
             log_to_driver=False,
-            logging_level='warning',
+            logging_level=logging.WARNING,
         )
     except (ConnectionError, ValueError, RuntimeError) as error:
         raise RuntimeError(f'Ray at {address}: {error}: check that the cluster runs') from None

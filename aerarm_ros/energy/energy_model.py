@@ -182,10 +182,8 @@ class EnergyModel:
         self.dynamics = Dynamics(robot, inertia)
         self.load_friction = robot.load_friction if load_friction is None else load_friction
         unstated = (robot.viscous == 0.0) & (robot.coulomb == 0.0)
-        self._dry_and_viscous = tuple(
-            np.where(unstated, config.column(kind), stated)
-            for kind, stated in (('viscous', robot.viscous), ('coulomb', robot.coulomb))
-        )
+        self._viscous = np.where(unstated, config.column('viscous'), robot.viscous)
+        self._coulomb = np.where(unstated, config.column('coulomb'), robot.coulomb)
         self.friction = self.friction_of_width(friction_width)
 
     def carry(self, payload: npt.ArrayLike) -> None:
@@ -194,7 +192,8 @@ class EnergyModel:
 
     def friction_of_width(self, width: float) -> FrictionCompensation:
         """Return the same friction, spread over other velocities about rest [rad/s]."""
-        return FrictionCompensation(*self._dry_and_viscous, width, load_share=self.load_friction)
+        share = self.load_friction
+        return FrictionCompensation(self._viscous, self._coulomb, width, load_share=share)
 
     def friction_torque(self, dq: Array, ddq: Array, rigid: Array) -> Array:
         """Return the friction (..., n) [Nm] of a motion.

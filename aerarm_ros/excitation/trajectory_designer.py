@@ -322,8 +322,10 @@ class TrajectoryDesigner:
         if optimum is None and iterates.last is not None:
             yield from self._shrunk(iterates.last.reshape(self._basis.shape), 'stopped early')
         # The start keeps every limit, and so does what is near enough to it.
-        end = optimum if optimum is not None or iterates.last is None else iterates.last
-        for share in self._TOWARD_START if end is not None else ():
+        end = iterates.last if optimum is None else optimum
+        if end is None:
+            return
+        for share in self._TOWARD_START:
             coefficients = begin + share * (end.reshape(self._basis.shape) - begin)
             yield coefficients, f'{100.0 * share:.0f} % of the way to the optimum'
 

@@ -119,7 +119,8 @@ def find_input_errors(
     plain = model.fit(motion, rigid)
     if plain.cost < _SUSPICIOUS * motion.q.size / _CORRELATION:
         return []
-    tried = [(model.fit(*trial), text) for *trial, text in _trials(model, motion, rigid)]
+    trials = _trials(model, motion, rigid)
+    tried = [(model.fit(changed, columns), text) for changed, columns, text in trials]
     best, text = min(tried, key=lambda pair: pair[0].cost, default=(plain, ''))
     if best.cost > _CLEARLY * plain.cost or best.error > max(_GOOD, 0.5 * plain.error):
         return []

@@ -143,8 +143,9 @@ def find_odd_arms(rows: Sequence[Row]) -> list[OddArm]:
         middle = float(np.nanmedian(medians))
         spread = _NORMAL * float(np.nanmedian(np.abs(medians - middle)))
         off = (medians - middle) / np.maximum(np.hypot(deviations, spread), 1e-300)
-        for index in np.flatnonzero(np.abs(np.nan_to_num(off)) > _CLEAR):
-            found.append(OddArm(arms[index], name, medians[index], middle, float(off[index])))
+        for index in np.flatnonzero(np.abs(np.nan_to_num(off)) > _CLEAR).tolist():
+            value = float(medians[index])
+            found.append(OddArm(arms[index], name, value, middle, float(off[index])))
     return sorted(found, key=lambda odd: -abs(odd.deviations))
 
 
