@@ -247,7 +247,10 @@ def _floor(rigid: Array, motion: _Motion, joint: int) -> float:
     """Return the norm of torque that no links and no friction explain, whatever their sign."""
     torque = motion.tau[:, joint]
     columns = np.column_stack([rigid, _joint_columns(motion, joint)])
-    left = torque - columns @ np.linalg.lstsq(columns, torque, rcond=1e-6)[0]
+    columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
+    # Normal equations: several times quicker than lstsq, and a noise level needs no more digits.
+    gram = columns.T @ columns + 1e-9 * np.eye(columns.shape[1])
+    left = torque - columns @ np.linalg.solve(gram, columns.T @ torque)
     return max(float(np.linalg.norm(left)), _NOISE * float(np.linalg.norm(torque)), 1e-9)
 
 
