@@ -44,6 +44,7 @@ ROS_WHEELS = [
 EXECUTABLES = [
     'arm',
     'base_reaction',
+    'calibrator',
     'computed_torque',
     'demo',
     'excitation',

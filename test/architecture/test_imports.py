@@ -35,6 +35,7 @@ ALLOWED = {
     'energy': {'control', 'model', 'description'},
     'excitation': {'pages', 'model', 'description', 'realtime'},
     'identification': {'energy', 'pages', 'model', 'description'},
+    'calibration': {'excitation', 'identification', 'pages', 'model', 'description'},
     'online': {'identification', 'control', 'model', 'description'},
     'simulation': {'model', 'description'},
     'hardware': {'simulation', 'model', 'description'},

@@ -278,10 +278,10 @@ def identified_urdf(
             _set_load_friction(joint, load, index)
     # The serializer's blank before '/>' would show up in every line of a comparison.
     written = ET.tostring(root, encoding='unicode').replace(' />', '/>')
-    return IdentifiedUrdf(_before_root(text) + written + '\n', tuple(warnings))
+    return IdentifiedUrdf(before_root(text) + written + '\n', tuple(warnings))
 
 
-def _before_root(text: str) -> str:
+def before_root(text: str) -> str:
     """Return declaration and comments in front of the root, which the tree doesn't have."""
     starts: list[int] = []
     parser = expat.ParserCreate()
