@@ -139,6 +139,13 @@ def check_rigid(observations: Observations) -> None:
 def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
     pairs = list(combinations(range(len(source.names)), 2))
     distance = np.array([_distances(source.position, pair) for pair in pairs])
+    together = np.isfinite(distance).any(axis=1)  # some are never seen at once
+    pairs, distance = (
+        [p for p, is_seen in zip(pairs, together, strict=True) if is_seen],
+        (distance[together]),
+    )
+    if not pairs:
+        return
     usual = np.nanmedian(distance, axis=1)
     spread = 1.4826 * np.nanmedian(np.abs(distance - usual[:, None]), axis=1)
     limit = np.maximum(_JUMP, _SPREADS * spread)

@@ -18,6 +18,7 @@ _POSTURES = 80  # random ones that show what any postures could tell
 _FOLDS = 10
 _SIGNIFICANT = 2.0  # standard deviations
 _UNCERTAIN = 3.0  # typical sizes from which on a standard deviation says nothing
+_STILL = 0.3  # [rad] between all postures, below which a joint hardly moves
 _GAIN = 1.0  # standard errors by which a larger model must predict better
 
 LEVELS = {
@@ -121,26 +122,32 @@ def check_offsets(start: Fit, found: Identifiable) -> None:
     geometry = start.geometry
     for column in found.hidden:
         name = geometry.names[column]
-        joint, _, kind = name.rpartition('.')
-        if kind == 'offset':
-            raise CalibrationError(_too_similar(start, name, joint))
+        if name.endswith('.offset'):
+            raise CalibrationError(_too_similar(start, name))
     fit = fitted(start, [k for k in found.columns if k in geometry.columns('offset')])
     for column, deviation in zip(fit.free, fit.deviations, strict=False):
         name = geometry.names[column]
         if deviation > _UNCERTAIN * geometry.typical[column]:
-            joint = name.rpartition('.')[0]
             uncertain = f' (standard deviation {deviation:.2g} {geometry.unit(column)})'
-            raise CalibrationError(_too_similar(start, name, joint, uncertain))
+            raise CalibrationError(_too_similar(start, name, uncertain))
 
 
-def _too_similar(start: Fit, name: str, joint: str, uncertain: str = '') -> str:
-    index = start.geometry.joint_names.index(joint)
-    moved = float(np.ptp(start.observations.q[:, index]))
-    unit = 'm' if start.geometry.is_prismatic(index) else 'rad'
+def _too_similar(start: Fit, name: str, uncertain: str = '') -> str:
+    geometry = start.geometry
+    moved = np.ptp(start.observations.q[:, : geometry.n], axis=0)
+    still = [
+        joint
+        for k, joint in enumerate(geometry.joint_names)
+        if moved[k] < (_STILL if not geometry.is_prismatic(k) else 0.1 * _STILL)
+    ]
+    advice = (
+        f'{", ".join(still)} hardly move: let every joint move'
+        if still
+        else 'record more, in which all joints move further'
+    )
     return (
-        f'{name} cannot be estimated{uncertain} from {len(start.observations)} postures, between '
-        f'which {joint} moves by {moved:.2g} {unit}: the postures are too few or too similar; '
-        'record more, in which the joints on both sides move as well'
+        f'{name} cannot be estimated{uncertain}: {len(start.observations)} postures are too few or '
+        f'too similar; {advice}'
     )
 
 

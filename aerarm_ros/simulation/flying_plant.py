@@ -169,6 +169,9 @@ class FreeBasePlant(ArmPlant):
     def _engine_model(self, robot: Robot) -> Any:
         return _with_free_base(robot, super()._engine_model(robot), self._body)
 
+    def _body_name(self, link: str) -> str:
+        return f'arm_{link}'
+
     def _set_gravity(self) -> None:
         # Whoever carries the arm's weight carries it in the world.
         self._model.opt.gravity = (1.0 - self._support) * GRAVITY
