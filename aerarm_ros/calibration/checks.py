@@ -21,6 +21,7 @@ _SPREADS = 6.0  # median absolute deviations of a distance that are no jump
 _ALIKE = 1e-6  # [m] markers that differ by less are one
 _MILLIMETRES = (300.0, 3000.0)  # ratio of measured and predicted motion
 _MISFIT = 0.05  # share of the arm's motion that an arm as drawn may leave unexplained
+_LEAST_MISFIT = 3e-3  # [m]
 _LARGEST_TURN = 12.0  # [rad] of a joint, beyond which a position is in degrees
 _FAR, _FAR_SIGMAS = 0.02, 15.0  # [m], standard deviations of a single marker's jump
 _EXPLAINED = 0.2  # of the misfit that is left when markers are exchanged, or a joint's sign
@@ -198,7 +199,7 @@ def check_misfit(fit: Fit) -> None:
         lengths = [k for k, (_, unit) in enumerate(source.channels) if unit == 'm']
         values = residual[:, lengths]
         typical = float(np.sqrt(3.0) * np.nanmedian(np.abs(values)) * 1.4826)
-        if typical > _MISFIT * reach:
+        if typical > max(_MISFIT * reach, _LEAST_MISFIT):
             raise CalibrationError(_wrong_urdf(fit, typical, reach))
         if isinstance(source, MarkerSource):
             _check_single(source, fit, values)

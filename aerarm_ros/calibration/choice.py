@@ -17,7 +17,7 @@ _DEPENDENT = 1e-5  # share of a column that others leave, below which it is thei
 _POSTURES = 80  # random ones that show what any postures could tell
 _FOLDS = 10
 _SIGNIFICANT = 2.0  # standard deviations
-_UNCERTAIN = 3.0  # typical sizes from which on a standard deviation says nothing
+_UNCERTAIN = 1.5  # typical sizes from which on a standard deviation says nothing
 _STILL = 0.3  # [rad] between all postures, below which a joint hardly moves
 _GAIN = 1.0  # standard errors by which a larger model must predict better
 

@@ -57,6 +57,7 @@ _PROGRAMS = {
     'record': ('recorder', 'bag', 'NAME', 'record a bag of that name, until Ctrl-C'),
 }
 _HOME = 'home the arm instead if a zero is unknown: it must be in its home configuration'
+_CALIBRATE = 'drive through postures of a calibration, rest in each and record: THE ARM MOVES'
 _INIT = 'write a first configuration of an arm from its URDF'
 _COMMISSION = 'lead through the first power-on, joint by joint: THE ARM MOVES, after a question'
 _TIMEOUT = 20.0  # [s]
@@ -164,6 +165,12 @@ def _commission(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     return CommissioningRun(node, options).run
 
 
+def _calibrate(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    from aerarm_ros.ros.programs.calibrate_arm import CalibrateArm
+
+    return CalibrateArm(node, options).run
+
+
 def make_parser() -> argparse.ArgumentParser:
     """Return what reads the command line."""
     parser = argparse.ArgumentParser(
@@ -217,6 +224,7 @@ def make_parser() -> argparse.ArgumentParser:
     command.add_argument('fault', metavar=FORM, help=f'NAME is one of {", ".join(FAULTS)}')
     command.add_argument('--bridge', metavar='NODE', default=_FAKE, help='its node name')
     _add_commission(add('commission', _COMMISSION, _commission))
+    _add_calibrate(add('calibrate', _CALIBRATE, _calibrate))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
     commands.add_parser(
         'completion', help='print what makes bash or zsh complete this and all other executables'
@@ -237,6 +245,25 @@ def _add_commission(command: argparse.ArgumentParser) -> None:
         'confirms everything')  # fmt: skip
     add('--bridge', metavar='NODE', default=_FAKE, help='node name of the emulated bridge, for '
         f'--yes (default: {_FAKE})')  # fmt: skip
+
+
+def _add_calibrate(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add('--postures', type=int, default=40, metavar='N', help='number of postures (default: 40)')
+    add('--rest', type=positive_number, default=1.0, help='at rest in each posture [s] (default: '
+        '1)')  # fmt: skip
+    add('--span', type=positive_number, default=0.8, help="share of the joints' ranges to use "
+        '(default: 0.8)')  # fmt: skip
+    add('--sensors', nargs='+', default=[], metavar='TOPIC', help='topics of markers and poses to '
+        'record (default: all that are no output of this suite)')  # fmt: skip
+    add('--link', default='', metavar='NAME', help='that carries the markers (default: the last)')
+    add('--config', default='', metavar='FILE', help="the bridge's (default: packaged)")
+    add('--urdf', default='', metavar='FILE', help='of the arm (default: packaged)')
+    add('--excitation-config', default='', metavar='FILE', help='clearances and ground (default: '
+        'packaged)')  # fmt: skip
+    add('--out', default='', metavar='BAG', help='bag to record (default: calibration_DATE_TIME)')
+    add('--seed', type=int, default=0, help='of the choice of postures (default: 0)')
+    add('--dry-run', action='store_true', help='print the postures, and do not move')
 
 
 def _add_init(command: argparse.ArgumentParser) -> None:

@@ -19,7 +19,7 @@ MARKERS = (
 )
 _CAMERAS = 8  # of the motion capture, on a ring
 _RING = (3.0, 1.6)  # [m] radius and height
-_STEEP = 0.5  # cosine of view below which a marker is not seen
+_STEEP = 0.35  # cosine of the view below which a marker is not seen
 _TWO = 2  # cameras that must see it
 _CORNERS = ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))
 _ITERATIONS = 15

@@ -93,7 +93,7 @@ def test_postures_in_which_a_joint_rests_name_the_offset_that_they_hide() -> Non
 
 def test_similar_postures_name_what_stays_uncertain() -> None:
     arm = MeasuredArm(2)
-    q = 0.02 * arm.postures(30) + (0.2, 1.0, 0.3, 0.4)
+    q = 0.004 * arm.postures(30) + (0.2, 1.0, 0.3, 0.4)
     text = refused(arm.observe(q))
     assert 'cannot be estimated' in text and 'too similar' in text
 
