@@ -14,12 +14,14 @@ from aerarm_ros.calibration.observations import Observations, Source
 from aerarm_ros.motion.signals import Array
 
 _DEPENDENT = 1e-5  # share of a column that others leave, below which it is theirs
+_WEAK = 0.3  # standard deviations of all data by an error of typical size that shows nothing
 _POSTURES = 80  # random ones that show what any postures could tell
 _FOLDS = 10
 _SIGNIFICANT = 2.0  # standard deviations
 _UNCERTAIN = 1.5  # typical sizes from which on a standard deviation says nothing
 _STILL = 0.3  # [rad] between all postures, below which a joint hardly moves
 _GAIN = 1.0  # standard errors by which a larger model must predict better
+_WORTH = 0.03  # share by which its squared errors must be smaller
 
 LEVELS = {
     'frames': (),
@@ -272,7 +274,7 @@ def _candidate(
 def _predicts_better(one: Candidate, other: Candidate) -> bool:
     gain = other.predicted - one.predicted
     error = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
-    return float(np.mean(gain)) > _GAIN * error
+    return float(np.mean(gain)) > max(_GAIN * error, _WORTH * float(np.mean(other.predicted)))
 
 
 def _without_insignificant(
@@ -308,7 +310,7 @@ def _independent(start: Fit, wanted: Sequence[int]) -> list[int]:
         rest = own - basis @ (basis.T @ own)
         rest -= basis @ (basis.T @ rest)
         left = float(np.linalg.norm(rest))
-        if size > 0.0 and left > _DEPENDENT * size:
+        if left > max(_DEPENDENT * size, _WEAK):
             found.append(column)
             basis = np.column_stack([basis, rest / left])
     return found

@@ -12,7 +12,6 @@ from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.observations import (
     MarkerSource,
     Observations,
-    PlaneSource,
     PoseSource,
     Source,
 )
@@ -180,11 +179,6 @@ def rest_observations(
             'time as those of the joint states'
         )
     return Observations(rests.q, tuple(sources), labels)
-
-
-def contact_source(name: str, touches: Array) -> PlaneSource:
-    """Return contacts (M,) of a point with a plane as a source."""
-    return PlaneSource(name, touches)
 
 
 def _means(

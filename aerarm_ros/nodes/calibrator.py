@@ -34,10 +34,11 @@ def _run(options: argparse.Namespace) -> int:
     from aerarm_ros.calibration.errors import CalibrationError
     from aerarm_ros.description.config_reader import ConfigError, DescriptionError
     from aerarm_ros.identification.errors import IdentificationError
+    from aerarm_ros.ros.programs.calibrator_mount import MountRun
     from aerarm_ros.ros.programs.calibrator_run import CalibratorRun
 
     try:
-        print(CalibratorRun(options).execute())
+        print((MountRun if options.mount else CalibratorRun)(options).execute())
     except (
         BagError,
         CalibrationError,

@@ -188,6 +188,58 @@ def _read_bag(path: Path, options: argparse.Namespace) -> CalibratorInput:
     return CalibratorInput(path, names, None, recording, tracks, mapping, messages)
 
 
+@dataclass(eq=False)
+class FlightRecording:
+    """What `--mount` needs of a bag.
+
+    Attributes
+    ----------
+    joints : JointRecording
+    drone : Track
+        Pose of the body.
+    imu : PoseSeries or None
+    markers : list of Track
+    """
+
+    joints: JointRecording
+    drone: Track
+    imu: PoseSeries | None
+    markers: list[Track]
+
+
+def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
+    """Read a bag in which arm and drone move.
+
+    Raises
+    ------
+    BagError, CalibrationError
+        If it cannot be read, or lacks the drone's pose.
+    """
+    contents = read_contents(path, options.topic, most=_MOST_STATES)
+    states = contents.joint_states['/' + options.topic.lstrip('/')]
+    sensors = [options.drone_pose, options.imu, *options.sensors] if options.sensors else []
+    series = read_poses(path, sensors, options.frames)
+    name, imu_name = ('/' + text.lstrip('/') for text in (options.drone_pose, options.imu))
+    pose = series.pop(name, None) or series.pop(options.drone_pose, None)
+    if pose is None or pose.kind == IMU or not np.isfinite(pose.quaternion).all():
+        listed = ', '.join(f'{key} ({one.kind})' for key, one in series.items()) or 'none'
+        raise CalibrationError(
+            f'{path}: no poses of the drone on {name}: name their topic with --drone-pose; the '
+            f'topics with positions are {listed}'
+        )
+    imu = series.pop(imu_name, None)
+    used = {key: one for key, one in series.items() if _is_sensor(key, one, options)}
+    clock = float(states.stamp[0]), float(states.log_time[0])
+    markers = [_track(key, one, *clock) for key, one in used.items()]
+    joints = JointRecording(states.names, states.stamp, states.position)
+    return FlightRecording(
+        joints,
+        _track(name, pose, *clock),
+        imu if imu is not None and imu.kind == IMU else None,
+        [track for track in markers if track.rotation is None],
+    )
+
+
 def _is_sensor(name: str, series: PoseSeries, options: argparse.Namespace) -> bool:
     if series.kind in (ODOMETRY, IMU) or name in options.ignore:
         return False
