@@ -17,7 +17,7 @@ from aerarm_ros.calibration.fit import Fit
 from aerarm_ros.calibration.geometry import KINDS, LINK_GEOMETRY, error_transform
 from aerarm_ros.calibration.observations import MarkerSource, PlaneSource, base_pose
 from aerarm_ros.description.config_reader import read_yaml
-from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.urdf_document import CALIBRATED
 from aerarm_ros.identification.files.identified_robot import before_root
 from aerarm_ros.motion.signals import Array
 
@@ -56,7 +56,12 @@ def calibrated_urdf(calibration: Calibration, with_offsets: bool) -> str:
             continue
         _displace(joints[name], value, offset)
     written = ET.tostring(root, encoding='unicode').replace(' />', '/>')
-    return before_root(text) + written + '\n'
+    after = calibration.errors(fit)[0]
+    note = (
+        f'<!-- {CALIBRATED}: {calibration.best.name}, {1e3 * after:.3g} mm RMS at the markers -->'
+    )
+    before = ''.join(line for line in before_root(text).splitlines(True) if CALIBRATED not in line)
+    return f'{before}{note}\n{written}\n'
 
 
 def _displace(joint: ET.Element, value: Array, offset: float) -> None:
@@ -238,10 +243,3 @@ def _rounded(value: Any) -> Any:
 
 def _text(values: Array) -> str:
     return ' '.join(repr(float(value)) for value in values)
-
-
-def same_robot(robot: Robot, urdf: str) -> bool:
-    """Return whether a URDF has the joints of a robot, so that both can be compared."""
-    root = ET.fromstring(urdf)
-    names = {joint.get('name') for joint in root.findall('joint')}
-    return set(robot.joint_names) <= names

@@ -17,6 +17,8 @@ DAMPING_BESIDE_LOAD, FRICTION_BESIDE_LOAD = 'damping_beside_load', 'friction_bes
 
 Other programs read `damping` and `friction`, which include what grows with the usual load.
 """
+CALIBRATED = 'calibrated geometry'
+"""What the comment in front of a calibrated URDF says."""
 LARGEST = 2**24
 """Most characters of a URDF."""
 

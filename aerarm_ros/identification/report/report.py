@@ -11,6 +11,7 @@ from aerarm_ros.energy.energy_model import EnergyBalance
 from aerarm_ros.identification.arm_parameters import inertia_boxes
 from aerarm_ros.identification.files.estimate_comparison import EstimateChange, EstimateComparison
 from aerarm_ros.identification.files.export_errors import ExportError
+from aerarm_ros.identification.geometry_error import geometry_text
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.recording.recording import BagFacts, DesiredVelocity
@@ -289,7 +290,12 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
         names += [bag.samples.name for bag in (*result.identification, *result.validation)]
         body.append(grouped_warnings(result.warnings, names))
     body += [
-        section('Torque errors', paragraph(_metric(result), 'note'), error_table(result)),
+        section(
+            'Torque errors',
+            paragraph(_metric(result), 'note'),
+            error_table(result),
+            paragraph(geometry_text(result), 'note'),
+        ),
         section('Torque errors joint by joint', joint_error_table(result)),
     ]
     if extras.exports:
