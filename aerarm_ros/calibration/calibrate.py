@@ -32,6 +32,8 @@ from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.observations import MarkerSource, Observations
 from aerarm_ros.motion.signals import Array
 
+_BESIDE = 0.05  # [rad], [m] that a posture may lie beside the range of others
+
 
 @dataclass(frozen=True)
 class CalibrationOptions:
@@ -114,6 +116,28 @@ class Calibration:
         """Return root mean squares of position [m] and angle [rad] of a fit."""
         observations = observations or self.observations
         return errors_of(observations.sources, fit.residuals(observations))
+
+    def within(self, observations: Observations) -> Array:
+        """Return which postures (M,) lie within the joint ranges of those that were fitted."""
+        n = self.fit.geometry.n
+        fitted_to = self.observations.q[:, :n]
+        low, high = fitted_to.min(axis=0) - _BESIDE, fitted_to.max(axis=0) + _BESIDE
+        q = observations.q[:, :n]
+        return np.asarray(((q >= low) & (q <= high)).all(axis=1))
+
+    def marker_errors(self, observations: Observations) -> dict[str, float]:
+        """Return the root mean square position error of each marker or pose [m]."""
+        found = {}
+        for source, residual in zip(
+            observations.sources, self.fit.residuals(observations), strict=True
+        ):
+            lengths = [k for k, (_, unit) in enumerate(source.channels) if unit == 'm']
+            for start in range(0, len(lengths), 3):
+                columns = lengths[start : start + 3]
+                norm = np.sum(residual[:, columns] ** 2, axis=1)
+                name = source.channels[columns[0]][0].rpartition(' ')[0]
+                found[name] = float(np.sqrt(np.nanmean(norm)))
+        return found
 
     def joint_values(self, kind: str) -> dict[str, tuple[float, float]]:
         """Return value and standard deviation by joint of the estimated errors of a kind."""

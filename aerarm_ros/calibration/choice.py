@@ -20,7 +20,7 @@ _FOLDS = 10
 _SIGNIFICANT = 2.0  # standard deviations
 _UNCERTAIN = 1.5  # typical sizes from which on a standard deviation says nothing
 _STILL = 0.3  # [rad] between all postures, below which a joint hardly moves
-_GAIN = 1.0  # standard errors by which a larger model must predict better
+_GAIN = 0.5  # standard errors by which a larger model must predict better
 _WORTH = 0.03  # share by which its squared errors must be smaller
 
 LEVELS = {
@@ -158,9 +158,9 @@ def chosen(
 ) -> tuple[Candidate, list[Candidate]]:
     """Return the candidate that predicts best, and all that were tried.
 
-    A larger model must predict left-out postures better by more than a standard error of the
-    difference. Of the chosen one, errors within two standard deviations of the drawing go back to
-    the drawing, as long as the prediction stays as good.
+    Of each model, errors within two standard deviations of the drawing go back to the drawing, as
+    long as the prediction of left-out postures stays as good. A larger model must predict these
+    better by more than half a standard error of the difference, and by 3 % of the squares.
 
     Parameters
     ----------
@@ -175,29 +175,36 @@ def chosen(
     scale = fitted(start, identifiable(start, LEVELS[names[0]]).columns)
     noise = scale.length, scale.angle
     tried = [_candidate('frames', start, (), noise)]
-    extras = [()]
-    if compliance:
-        extras.append(('compliance',))
-    if eccentricity:
-        extras += [(*extra, *ECCENTRICITY) for extra in extras]
-    for name in names:
-        for extra in extras:
-            kinds = (*LEVELS[name], *extra)
-            label = ' + '.join([name, *(('eccentricity' if k == 'sin' else k) for k in extra
-                                        if k != 'cos')])  # fmt: skip
-            columns = identifiable(start, kinds).columns
-            if len(columns) >= sum(np.isfinite(r).sum() for r in start.residuals()) // 2:
-                continue
-            tried.append(_candidate(label, start, columns, noise))
-    best = tried[1] if len(tried) > 1 else tried[0]
-    for other in tried[2:]:
-        if _predicts_better(other, best):
+    measured = sum(int(np.isfinite(residual).sum()) for residual in start.residuals())
+    best: Candidate | None = None
+    for name, kinds in _models(names, compliance, eccentricity):
+        columns = identifiable(start, kinds).columns
+        if not columns or len(columns) >= measured // 2:
+            continue
+        whole = _candidate(name, start, columns, noise)
+        smaller = _without_insignificant(whole, start, noise)
+        tried += [whole] if smaller is None else [whole, smaller]
+        other = whole if smaller is None or _predicts_better(whole, smaller) else smaller
+        if best is None or _predicts_better(other, best):
             best = other
-    smaller = _without_insignificant(best, start, noise)
-    if smaller is not None and not _predicts_better(best, smaller):
-        tried.append(smaller)
-        best = smaller
-    return best, tried
+    return best or tried[0], tried
+
+
+def _models(
+    names: Sequence[str], compliance: bool, eccentricity: bool
+) -> list[tuple[str, tuple[str, ...]]]:
+    """Return names and kinds of errors of the models to try, the smaller first."""
+    extras: list[tuple[str, tuple[str, ...]]] = [('', ())]
+    if compliance:
+        extras.append((' + compliance', ('compliance',)))
+    if eccentricity:
+        extras += [(f'{label} + eccentricity', (*kinds, *ECCENTRICITY)) for label, kinds in extras]
+    return [
+        (f'{name}{label}', (*LEVELS[name], *kinds))
+        for name in names
+        if name != 'frames'
+        for label, kinds in extras
+    ]
 
 
 def insignificant(fit: Fit) -> list[int]:

@@ -168,6 +168,9 @@ def errors_summary(calibration: Calibration) -> dict[str, Any]:
             'after_mm': _mm(after[0]),
             'before_mrad': _mm(before[1]),
             'after_mrad': _mm(after[1]),
+            'markers_mm': {
+                key: _mm(value) for key, value in calibration.marker_errors(observations).items()
+            },
         }
     return found
 

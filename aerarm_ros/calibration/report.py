@@ -32,8 +32,8 @@ _METRIC = (
 )
 _CHOICE = (
     'Each model was fitted ten times, each time without a tenth of the postures, and predicted '
-    'those. A larger model is chosen if it predicts better by more than a standard error. Of the '
-    'chosen one, estimates within two standard deviations of the drawing go back to the drawing.'
+    'those. Of each model, estimates within two standard deviations of the drawing go back to the '
+    'drawing. A larger model is chosen if it predicts better by more than half a standard error.'
 )
 _PARAMETERS = (
     'Offsets are added to recorded positions. x, y, z and the rotation vector rx, ry, rz displace '
@@ -104,6 +104,11 @@ def calibration_text(calibration: Calibration) -> str:
         row[0] += ' *' if one is calibration.best else ''
         rows.append(row)
     lines += [*_columns(rows), '(RMS distance [mm]; * is the result)', '']
+    for name, observations in _groups(calibration).items():
+        markers = calibration.marker_errors(observations)
+        listed = ', '.join(f'{key} {1e3 * value:.2f}' for key, value in markers.items())
+        lines.append(f'{name}: {listed} mm{_extrapolation(calibration, observations)}')
+    lines.append('')
     fit = calibration.fit
     estimates = [
         [name, f'{_scaled(fit, column, value):+.3f}', f'± {_scaled(fit, column, deviation):.3f}',
@@ -111,6 +116,21 @@ def calibration_text(calibration: Calibration) -> str:
         for name, column, value, deviation in _estimates(fit)
     ]  # fmt: skip
     return '\n'.join([*lines, *_columns(estimates)])
+
+
+def _extrapolation(calibration: Calibration, observations: Observations) -> str:
+    """Return the errors within the joint ranges that were fitted and beyond, '' if none is."""
+    within = calibration.within(observations)
+    if within.all() or not within.any():
+        return ''
+    inside, outside = (
+        1e3 * calibration.errors(calibration.fit, observations.rows(which))[0]
+        for which in (within, ~within)
+    )
+    return (
+        f'; {inside:.2f} mm in the {int(within.sum())} postures within the joint ranges of the '
+        f'training postures, {outside:.2f} mm in the {int((~within).sum())} beyond'
+    )
 
 
 def _estimates(fit: Fit) -> list[tuple[str, int, float, float]]:
@@ -172,7 +192,10 @@ def _channel_tables(calibration: Calibration) -> Html:
                     [channel, _root(one[:, k]), _root(other[:, k]), _mean(other[:, k]), f'm{unit}']
                 )
         headings = ['channel', 'RMS before', 'RMS after', 'mean after', 'unit']
-        parts += [paragraph(name), table(headings, rows)]
+        markers = calibration.marker_errors(observations)
+        listed = ', '.join(f'{key} {1e3 * value:.2f}' for key, value in markers.items())
+        summed = f'{name}: {listed} mm{_extrapolation(calibration, observations)}'
+        parts += [paragraph(summed), table(headings, rows)]
     return Html(''.join(parts))
 
 

@@ -89,6 +89,7 @@ def read_postures(
     length_unit: str = '',
     degrees: bool = False,
     rename: Mapping[str, str] | None = None,
+    prismatic: Collection[str] = (),
 ) -> PostureTable:
     """Read joint positions, markers, poses and contacts.
 
@@ -109,6 +110,8 @@ def read_postures(
         Whether angles are in degrees where their column states no unit.
     rename : mapping, optional
         Names of the table's joints to the URDF's.
+    prismatic : collection of str
+        Those of the joints whose positions are lengths [m], degrees or not.
 
     Raises
     ------
@@ -127,7 +130,7 @@ def read_postures(
             raise
         reason = ' '.join(str(error).split())
         raise CalibrationError(f'{path}: is no table of numbers ({reason})') from None
-    reader = _Reader(path, known_joints, length_unit, degrees, rename or {})
+    reader = _Reader(path, known_joints, length_unit, degrees, rename or {}, prismatic)
     return reader.table(columns)
 
 
@@ -141,11 +144,13 @@ class _Reader:
         length_unit: str,
         degrees: bool,
         rename: Mapping[str, str],
+        prismatic: Collection[str],
     ) -> None:
         self._path, self._known, self._rename = path, known, rename
         self._length = LENGTH_UNITS[length_unit or 'm']
         self._length_unit = length_unit or 'm'
         self._degrees = degrees
+        self._prismatic = prismatic
         self._table = PostureTable()
         self._axes: dict[str, dict[str, tuple[str, Array, float]]] = {}
 
@@ -174,8 +179,10 @@ class _Reader:
         bare, unit = _split_unit(name)
         bare = self._rename.get(bare, bare)
         if bare in self._known:
-            factor = self._angle(name, unit, also_lengths=True)
-            self._add_joint(bare, name, factor * values, unit or self._angle_unit)
+            is_length = not unit and bare in self._prismatic
+            factor = 1.0 if is_length else self._angle(name, unit, also_lengths=True)
+            stated = unit or ('m' if is_length else self._angle_unit)
+            self._add_joint(bare, name, factor * values, stated)
             return True
         try:
             column = table_column(name)
@@ -219,6 +226,8 @@ class _Reader:
                 f'{self._path}: column {column} is a second one of joint {joint}: leave one out'
             )
         self._table.joints[joint] = values
+        if unit == 'rad' and joint in self._prismatic:
+            unit = 'm'
         self._table.mapping.append(f'joint {joint}: column {column} [{unit}]')
 
     @property

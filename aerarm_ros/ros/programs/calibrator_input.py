@@ -148,7 +148,8 @@ def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> Calibrato
     document = UrdfDocument(urdf)
     known = [name for name, joint in document.joints.items() if joint.is_driven]
     rename = dict(_pair(text) for text in options.rename)
-    table = read_postures(path, known, options.length_unit, options.degrees, rename)
+    prismatic = [name for name in known if document.joints[name].kind == 'prismatic']
+    table = read_postures(path, known, options.length_unit, options.degrees, rename, prismatic)
     for name in options.ignore:
         table.measured.pop(name, None)
         table.contacts.pop(name, None)
