@@ -26,10 +26,9 @@ from aerarm_ros.calibration.choice import (
     errors_of,
     identifiable,
 )
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry
-from aerarm_ros.calibration.observations import MarkerSource, Observations
+from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
 from aerarm_ros.motion.signals import Array
 
 _BESIDE = 0.05  # [rad], [m] that a posture may lie beside the range of others
@@ -188,7 +187,7 @@ def calibrate(
     offsets = identifiable(start, LEVELS['offsets'])
     check_misfit(fitted(start, offsets.columns))
     if options.level != 'frames':
-        check_offsets(start, offsets)
+        messages += check_offsets(start, offsets)
     compliance = options.compliance and chain.has_masses
     if options.compliance and not chain.has_masses:
         messages.append(

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from aerarm_ros.calibration.errors import CalibrationError
+from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.description.config_reader import DescriptionError
 from aerarm_ros.description.resources import find_file, resource
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot

@@ -7,10 +7,15 @@ from itertools import combinations
 
 import numpy as np
 
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.fit import Fit
 from aerarm_ros.calibration.geometry import ArmGeometry
-from aerarm_ros.calibration.observations import MarkerSource, Observations, PlaneSource, PoseSource
+from aerarm_ros.calibration.observations import (
+    CalibrationError,
+    MarkerSource,
+    Observations,
+    PlaneSource,
+    PoseSource,
+)
 from aerarm_ros.motion.signals import Array
 
 FEWEST = 6

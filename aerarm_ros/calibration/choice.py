@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.fit import Fit, fitted, free_columns, registered
 from aerarm_ros.calibration.geometry import ECCENTRICITY, KINDS, LINK_GEOMETRY, ArmGeometry
-from aerarm_ros.calibration.observations import Observations, Source
+from aerarm_ros.calibration.observations import CalibrationError, Observations, Source
 from aerarm_ros.motion.signals import Array
 
 _DEPENDENT = 1e-5  # share of a column that others leave, below which it is theirs
@@ -113,25 +112,30 @@ def check_unknowns(start: Fit) -> None:
             )
 
 
-def check_offsets(start: Fit, found: Identifiable) -> None:
-    """Require that the postures tell every offset that postures can tell.
+def check_offsets(start: Fit, found: Identifiable) -> list[str]:
+    """Require that the postures tell the offsets that postures can tell; return warnings.
 
     Raises
     ------
     CalibrationError
-        If they do not; it names the offset, and the joint to move.
+        If they do not show one, or half of them remain as uncertain as the drawing; it names the
+        offset, and the joints to move.
     """
     geometry = start.geometry
-    for column in found.hidden:
-        name = geometry.names[column]
-        if name.endswith('.offset'):
-            raise CalibrationError(_too_similar(start, name))
-    fit = fitted(start, [k for k in found.columns if k in geometry.columns('offset')])
+    offsets = geometry.columns('offset')
+    shown = _independent(start, offsets, weak=0.0)
+    for column in _independent(_in_random_postures(start), offsets, weak=0.0):
+        if column not in shown:
+            raise CalibrationError(_too_similar(start, geometry.names[column]))
+    fit = fitted(start, [k for k in found.columns if k in offsets])
+    messages = [_too_similar(start, geometry.names[k]) for k in found.hidden if k in offsets]
     for column, deviation in zip(fit.free, fit.deviations, strict=False):
-        name = geometry.names[column]
         if deviation > _UNCERTAIN * geometry.typical[column]:
             uncertain = f' (standard deviation {deviation:.2g} {geometry.unit(column)})'
-            raise CalibrationError(_too_similar(start, name, uncertain))
+            messages.append(_too_similar(start, geometry.names[column], uncertain))
+    if messages and 2 * len(messages) >= len(shown):
+        raise CalibrationError(messages[0])
+    return messages
 
 
 def _too_similar(start: Fit, name: str, uncertain: str = '') -> str:
@@ -305,7 +309,7 @@ def _has_effect(geometry: ArmGeometry, column: int) -> bool:
     return not (geometry.is_prismatic(joint) and KINDS[kind] in ECCENTRICITY)
 
 
-def _independent(start: Fit, wanted: Sequence[int]) -> list[int]:
+def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list[int]:
     """Return the columns that those before them, and the unknowns, do not make up."""
     rows = free_columns(start, wanted)
     count = len(wanted)
@@ -317,7 +321,7 @@ def _independent(start: Fit, wanted: Sequence[int]) -> list[int]:
         rest = own - basis @ (basis.T @ own)
         rest -= basis @ (basis.T @ rest)
         left = float(np.linalg.norm(rest))
-        if left > max(_DEPENDENT * size, _WEAK):
+        if left > max(_DEPENDENT * size, weak):
             found.append(column)
             basis = np.column_stack([basis, rest / left])
     return found

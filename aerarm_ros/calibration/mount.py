@@ -12,10 +12,14 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation, Slerp
 
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry
-from aerarm_ros.calibration.observations import MarkerSource, Observations, base_pose
+from aerarm_ros.calibration.observations import (
+    CalibrationError,
+    MarkerSource,
+    Observations,
+    base_pose,
+)
 from aerarm_ros.calibration.plateaus import Track, time_offset
 from aerarm_ros.description.config_reader import read_yaml
 from aerarm_ros.motion.signals import Array

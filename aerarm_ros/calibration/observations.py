@@ -18,6 +18,11 @@ from scipy.spatial.transform import Rotation
 from aerarm_ros.calibration.geometry import LinkPoses
 from aerarm_ros.motion.signals import Array
 
+
+class CalibrationError(ValueError):
+    """Data or an option that cannot be used; the message says where, and what to check."""
+
+
 _AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
 _STARTS = 400  # rotations from which a registration starts
 _SPREAD = 0.35  # [rad] typical distance of the nearest of so many to any rotation

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.observations import (
+    CalibrationError,
     MarkerSource,
     Observations,
     PoseSource,

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerarm_ros.calibration.choice import LEVELS, identifiable
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.fit import Fit, free_columns
 from aerarm_ros.calibration.geometry import ArmGeometry
-from aerarm_ros.calibration.observations import MarkerSource, Observations
+from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
 from aerarm_ros.motion.signals import Array
 
 _CANDIDATES = 400

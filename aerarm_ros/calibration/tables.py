@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from aerarm_ros.calibration.errors import CalibrationError
+from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.table_file import table_column
 from aerarm_ros.motion.signals import Array

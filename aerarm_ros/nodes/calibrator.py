@@ -31,7 +31,7 @@ def _run(options: argparse.Namespace) -> int:
     import numpy as np
 
     from aerarm_msgs_py.storage.read_limits import BagError
-    from aerarm_ros.calibration.errors import CalibrationError
+    from aerarm_ros.calibration.observations import CalibrationError
     from aerarm_ros.description.config_reader import ConfigError, DescriptionError
     from aerarm_ros.identification.errors import IdentificationError
     from aerarm_ros.ros.programs.calibrator_mount import MountRun

@@ -8,8 +8,7 @@ from measured_arm import CONFIG, ROBOT, MeasuredArm, own_chain
 
 from aerarm_ros.calibration.calibrate import calibrate
 from aerarm_ros.calibration.chain import chain_of
-from aerarm_ros.calibration.errors import CalibrationError
-from aerarm_ros.calibration.observations import MarkerSource, Observations
+from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
 from aerarm_ros.simulation.made_geometry import displaced_urdf
 
 

@@ -6,11 +6,16 @@ from measured_arm import CONFIG, LINK, ROBOT, MeasuredArm, own_chain
 
 from aerarm_ros.calibration.calibrate import calibrate
 from aerarm_ros.calibration.choice import LEVELS, identifiable
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.files import calibrated_urdf
 from aerarm_ros.calibration.fit import fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry
-from aerarm_ros.calibration.observations import MarkerSource, Observations, PlaneSource, PoseSource
+from aerarm_ros.calibration.observations import (
+    CalibrationError,
+    MarkerSource,
+    Observations,
+    PlaneSource,
+    PoseSource,
+)
 from aerarm_ros.calibration.plateaus import Track, rest_observations, resting_arm, time_offset
 from aerarm_ros.calibration.posture_choice import choose_postures
 from aerarm_ros.description.robot import load_robot

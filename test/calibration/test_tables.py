@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.calibration.errors import CalibrationError
+from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.calibration.tables import PostureTable, read_postures
 
 JOINTS = ('base_joint', 'elbow')

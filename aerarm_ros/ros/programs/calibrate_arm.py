@@ -11,8 +11,8 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.geometry import ArmGeometry
+from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.calibration.posture_choice import choose_postures
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot

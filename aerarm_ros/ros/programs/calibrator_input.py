@@ -14,8 +14,8 @@ from aerarm_msgs_py.bags.bag_reader import read_contents
 from aerarm_msgs_py.bags.pose_series import IMU, ODOMETRY, PoseSeries, read_poses
 from aerarm_msgs_py.storage.read_limits import BagWarning
 from aerarm_ros.calibration.chain import Chain, chain_of
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.observations import (
+    CalibrationError,
     MarkerSource,
     Observations,
     PlaneSource,

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from aerarm_ros.calibration.chain import chain_of, read_urdf
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.mount import (
     FramePose,
@@ -21,6 +20,7 @@ from aerarm_ros.calibration.mount import (
     calibrate_mount,
     drone_yaml,
 )
+from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.description.config_reader import config_path
 from aerarm_ros.description.drone_config import PoseConfig, load_drone_config
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory

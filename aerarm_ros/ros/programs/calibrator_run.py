@@ -17,14 +17,13 @@ from aerarm_ros.calibration.calibrate import (
     calibrate,
 )
 from aerarm_ros.calibration.chain import read_urdf
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.files import (
     calibrated_urdf,
     calibration_yaml,
     config_yaml,
     summary,
 )
-from aerarm_ros.calibration.observations import Observations
+from aerarm_ros.calibration.observations import CalibrationError, Observations
 from aerarm_ros.calibration.report import calibration_html, calibration_text
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.config_reader import config_path

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from measured_arm import CONFIG, LINK, ROBOT
 
-from aerarm_ros.calibration.errors import CalibrationError
 from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.mount import calibrate_imu, calibrate_mount, drone_yaml
+from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.calibration.plateaus import Track
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
