@@ -29,6 +29,7 @@ _FORMS = (
     re.compile(rf'^{_AXIS}(?P<name>)$', re.IGNORECASE),
 )
 _SAME = {'phix': 'roll', 'phiy': 'pitch', 'phiz': 'yaw'}
+_UNSEEN = ('', 'nan', 'none', 'null', 'na')  # cells of what was not seen
 _CONTACT = re.compile(r'^contact[_.]?(?P<name>\w*)$', re.IGNORECASE)
 
 
@@ -122,7 +123,8 @@ def read_postures(
         if path.stat().st_size > _LARGEST:
             raise CalibrationError(f'{path}: larger than {_LARGEST >> 20} MB: cut it')
         is_npz = path.suffix.lower() == '.npz'
-        columns = _npz_columns(path) if is_npz else _csv_columns(path)
+        wrong: dict[str, str] = {}
+        columns = _npz_columns(path) if is_npz else _csv_columns(path, wrong)
     except OSError as error:
         raise CalibrationError(f'{path}: {error.strerror or error}: check the path') from None
     except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
@@ -131,7 +133,11 @@ def read_postures(
         reason = ' '.join(str(error).split())
         raise CalibrationError(f'{path}: is no table of numbers ({reason})') from None
     reader = _Reader(path, known_joints, length_unit, degrees, rename or {}, prismatic)
-    return reader.table(columns)
+    table = reader.table(columns)
+    for name, problem in wrong.items():
+        if name not in table.unused:
+            raise CalibrationError(f'{path}: column {name}: {problem}')
+    return table
 
 
 class _Reader:
@@ -312,7 +318,8 @@ def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
     return None
 
 
-def _csv_columns(path: Path) -> dict[str, Array]:
+def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
+    """Return the columns, and note those that hold other things than numbers."""
     with path.open(encoding='utf-8-sig', errors='replace') as file:
         header = file.readline().lstrip('#').strip()
         found = [d for d in (';', '\t', ',') if d in header]
@@ -340,6 +347,10 @@ def _csv_columns(path: Path) -> dict[str, Array]:
         if not name and not any(texts):
             continue
         values = np.array([_number(text) for text in texts])
+        for line, (text, value) in enumerate(zip(texts, values, strict=True), start=2):
+            if np.isnan(value) and text.lower() not in _UNSEEN:
+                wrong[name] = f"'{text}' in line {line} is no number: leave the cell empty"
+                break
         columns[name or f'column {place + 1}'] = values
     return columns
 

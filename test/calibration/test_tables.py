@@ -79,6 +79,7 @@ def test_numbered_joints_are_those_of_the_urdf_in_turn(tmp_path: Path) -> None:
         ('x1,y1,z1,x1,elbow', '1,2,3,4,5', 'column x1 is given twice'),
         ('x1,y1,z1,elbow [turns]', '1,2,3,4', 'unit turns is not known'),
         ('x1,y1,z1,elbow', '1,2,3', 'line 2 has 3 values for 4 columns'),
+        ('x1,y1,z1,elbow', '1,2,o3,4', "column z1: 'o3' in line 2 is no number"),
         ('1,2,3,4', '1,2,3,4', 'the first line must name the columns'),
         ('x1,y1,z1,elbow,q_elbow', '1,2,3,4,5', 'a second one of joint elbow'),
     ],
