@@ -28,7 +28,12 @@ from aerarm_ros.calibration.choice import (
 )
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry
-from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
+from aerarm_ros.calibration.observations import (
+    CalibrationError,
+    MarkerSource,
+    Mask,
+    Observations,
+)
 from aerarm_ros.motion.signals import Array
 
 _BESIDE = 0.05  # [rad], [m] that a posture may lie beside the range of others
@@ -116,7 +121,7 @@ class Calibration:
         observations = observations or self.observations
         return errors_of(observations.sources, fit.residuals(observations))
 
-    def within(self, observations: Observations) -> Array:
+    def within(self, observations: Observations) -> Mask:
         """Return which postures (M,) lie within the joint ranges of those that were fitted."""
         n = self.fit.geometry.n
         fitted_to = self.observations.q[:, :n]
@@ -208,7 +213,7 @@ def predicted_deviation(fit: Fit, q: Array) -> Array:
     sources = fit.observations.rows(index).sources
     observations = Observations(q, sources)
     rows = np.concatenate(fit.jacobian(observations), axis=1)
-    return np.sqrt(np.einsum('mki,ij,mkj->mk', rows, fit.covariance, rows))
+    return np.asarray(np.sqrt(np.einsum('mki,ij,mkj->mk', rows, fit.covariance, rows)))
 
 
 def _hidden(found: Identifiable, geometry: ArmGeometry) -> list[str]:

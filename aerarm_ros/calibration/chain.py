@@ -11,7 +11,7 @@ from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.description.config_reader import DescriptionError
 from aerarm_ros.description.resources import find_file, resource
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
-from aerarm_ros.description.urdf_document import LARGEST, UrdfDocument
+from aerarm_ros.description.urdf_document import LARGEST, UrdfDocument, UrdfJoint
 
 _LIGHT = 1e-6  # [kg] of a link that the URDF gives no mass, so that it can be read
 
@@ -124,7 +124,7 @@ def chain_of(
     return Chain(robot, link, ignored, text, has_masses)
 
 
-def _last_link(document: UrdfDocument, above: dict[str, object], known: Sequence[str]) -> str:
+def _last_link(document: UrdfDocument, above: dict[str, UrdfJoint], known: Sequence[str]) -> str:
     """Return the link behind the last of the known joints of one chain."""
     ends = []
     for name in known:
@@ -132,8 +132,8 @@ def _last_link(document: UrdfDocument, above: dict[str, object], known: Sequence
         at, passed = document.joints[name].parent, set()
         while at in above:
             joint = above[at]
-            passed.add(joint.name)  # type: ignore[attr-defined]
-            at = joint.parent  # type: ignore[attr-defined]
+            passed.add(joint.name)
+            at = joint.parent
         ends.append((len(passed & inner), name))
     most = max(count for count, _ in ends)
     last = [name for count, name in ends if count == most]

@@ -268,7 +268,7 @@ def _turning_back(fit: Fit, typical: float) -> str:
 
 
 def _distances(position: Array, pair: tuple[int, int]) -> Array:
-    return np.linalg.norm(position[:, pair[0]] - position[:, pair[1]], axis=1)
+    return np.asarray(np.linalg.norm(position[:, pair[0]] - position[:, pair[1]], axis=1))
 
 
 def _spread(position: Array) -> float:

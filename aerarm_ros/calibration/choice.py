@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerarm_ros.calibration.fit import Fit, fitted, free_columns, registered
+from aerarm_ros.calibration.fit import Fit, fitted, free_columns
 from aerarm_ros.calibration.geometry import ECCENTRICITY, KINDS, LINK_GEOMETRY, ArmGeometry
-from aerarm_ros.calibration.observations import CalibrationError, Observations, Source
+from aerarm_ros.calibration.observations import CalibrationError, Mask, Observations, Source
 from aerarm_ros.motion.signals import Array
 
 _DEPENDENT = 1e-5  # share of a column that others leave, below which it is theirs
@@ -285,7 +285,8 @@ def _candidate(
 def _predicts_better(one: Candidate, other: Candidate) -> bool:
     gain = other.predicted - one.predicted
     error = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
-    return float(np.mean(gain)) > max(_GAIN * error, _WORTH * float(np.mean(other.predicted)))
+    least = max(_GAIN * error, _WORTH * float(np.mean(other.predicted)))
+    return bool(float(np.mean(gain)) > least)
 
 
 def _without_insignificant(
@@ -355,31 +356,11 @@ def _in_random_postures(start: Fit) -> Fit:
     index = np.resize(np.flatnonzero(_all_seen(start.observations)), _POSTURES)
     sources = start.observations.rows(index).sources
     observations = Observations(q, sources)
-    return registered_like(start, observations)
-
-
-def registered_like(start: Fit, observations: Observations) -> Fit:
-    """Return the start's states with other postures."""
     return Fit(start.geometry, observations, (), start.errors, start.states)
 
 
-def _all_seen(observations: Observations) -> Array:
-    seen = np.all([source.seen for source in observations.sources], axis=0)
+def _all_seen(observations: Observations) -> Mask:
+    seen: Mask = np.asarray(np.all([source.seen for source in observations.sources], axis=0))
     if seen.any():
-        return np.asarray(seen)
+        return seen
     return np.asarray(np.any([source.seen for source in observations.sources], axis=0))
-
-
-__all__ = [
-    'LEVELS',
-    'Candidate',
-    'Identifiable',
-    'check_offsets',
-    'check_unknowns',
-    'chosen',
-    'cross_validated',
-    'errors_of',
-    'identifiable',
-    'insignificant',
-    'registered',
-]

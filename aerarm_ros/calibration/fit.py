@@ -244,7 +244,7 @@ def _with_noise(fit: Fit) -> Fit:
             found.append(known)
             continue
         values = np.concatenate(noise[unit])
-        found.append(max(least, correction * _scale(values)))
+        found.append(max(least, float(correction) * _scale(values)))
     return Fit(fit.geometry, fit.observations, fit.free, fit.errors, fit.states, found[0], found[1])
 
 
@@ -275,4 +275,5 @@ def _inverse(matrix: Array) -> Array:
     """Return the inverse of a symmetric matrix whose rows differ in size by much."""
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(size, size)
-    return np.asarray(np.linalg.pinv(scaled, rcond=1e-13, hermitian=True)) / np.outer(size, size)
+    inverse = np.linalg.pinv(scaled, rcond=1e-13, hermitian=True)
+    return np.asarray(inverse / np.outer(size, size))

@@ -294,7 +294,7 @@ def _weighted_step(
     prior[6:9], prior[9:12] = 1.0 / _BIAS**2, 1.0 / _TILT**2
     info += np.diag(prior)
     gradient[3:] += prior[3:] * values
-    covariance = np.linalg.inv(info)
+    covariance: Array = np.asarray(np.linalg.inv(info), dtype=float)
     return -covariance @ gradient, covariance
 
 
@@ -320,7 +320,7 @@ def _body_rates(drone: Track) -> tuple[Array, Array]:
     turned = np.swapaxes(drone.rotation[:-1], 1, 2) @ drone.rotation[1:]
     step = np.diff(drone.time)
     rates = Rotation.from_matrix(turned).as_rotvec() / step[:, None]
-    return 0.5 * (drone.time[:-1] + drone.time[1:]), rates
+    return 0.5 * (drone.time[:-1] + drone.time[1:]), np.asarray(rates, dtype=float)
 
 
 def _rate_offset(time: Array, rate: Array, other_time: Array, other: Array) -> tuple[float, float]:

@@ -10,13 +10,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.calibration.geometry import LinkPoses
 from aerarm_ros.motion.signals import Array
+
+Mask = npt.NDArray[np.bool_]
+"""Which of some rows."""
 
 
 class CalibrationError(ValueError):
@@ -74,12 +78,12 @@ class Source(ABC):
         """Return the state after a step (U,) of the unknowns."""
 
     @abstractmethod
-    def rows(self, index: Array) -> Self:
+    def rows(self, index: npt.NDArray[Any]) -> Self:
         """Return the source in some of its postures."""
 
     @property
     @abstractmethod
-    def seen(self) -> Array:
+    def seen(self) -> Mask:
         """(M,) whether something was seen."""
 
     def sigma(self, length: float, angle: float) -> Array:
@@ -118,7 +122,7 @@ class MarkerSource(Source):
         rotation, translation, places = _split(state)
         in_base = poses.position[:, None] + np.einsum('mij,kj->mki', poses.rotation, places)
         predicted = in_base @ rotation.T + translation
-        return (predicted - self.position).reshape(len(self.position), -1)
+        return np.asarray((predicted - self.position).reshape(len(self.position), -1))
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
         """See `Source.jacobians`."""
@@ -148,7 +152,7 @@ class MarkerSource(Source):
 
     def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
         """Return the least residual for a base rotation, and the state: linear in the rest."""
-        seen = np.isfinite(self.position).all(axis=2)
+        seen: Mask = np.asarray(np.isfinite(self.position).all(axis=2))
         rows, values = [], []
         markers = len(self.names)
         turned = rotation @ poses.rotation
@@ -171,14 +175,14 @@ class MarkerSource(Source):
         moved[12:] += step[first:]
         return moved
 
-    def rows(self, index: Array) -> Self:
+    def rows(self, index: npt.NDArray[Any]) -> Self:
         """Return some postures."""
         return replace(self, position=self.position[index])
 
     @property
-    def seen(self) -> Array:
+    def seen(self) -> Mask:
         """(M,) whether any marker was seen."""
-        return np.isfinite(self.position).all(axis=2).any(axis=1)
+        return np.asarray(np.asarray(np.isfinite(self.position).all(axis=2)).any(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,9 +294,9 @@ class PoseSource(Source):
         matrix[:, :, :3] = 0.0 if self.base_known else np.eye(3)
         matrix[:, :, 3:] = turned[seen]
         value = (place - poses.position @ rotation.T)[seen].ravel()
-        matrix = matrix.reshape(-1, 6)
-        solution = np.linalg.lstsq(matrix, value, rcond=1e-9)[0]
-        cost = float(np.sum((matrix @ solution - value) ** 2) + misfit * np.var(place))
+        flat = matrix.reshape(-1, 6)
+        solution = np.linalg.lstsq(flat, value, rcond=1e-9)[0]
+        cost = float(np.sum((flat @ solution - value) ** 2) + misfit * np.var(place))
         state = [rotation.ravel(), solution[:3], attached.ravel(), solution[3:]]
         return cost, np.concatenate(state)
 
@@ -305,12 +309,12 @@ class PoseSource(Source):
         moved[12:21] = (state[12:21].reshape(3, 3) @ turn).ravel()
         return moved
 
-    def rows(self, index: Array) -> Self:
+    def rows(self, index: npt.NDArray[Any]) -> Self:
         """Return some postures."""
         return replace(self, rotation=self.rotation[index], position=self.position[index])
 
     @property
-    def seen(self) -> Array:
+    def seen(self) -> Mask:
         """(M,) whether the pose was seen."""
         return np.asarray(np.isfinite(self.position).all(axis=1))
 
@@ -381,12 +385,12 @@ class PlaneSource(Source):
         moved[3:] += step[2:]
         return moved
 
-    def rows(self, index: Array) -> Self:
+    def rows(self, index: npt.NDArray[Any]) -> Self:
         """Return some postures."""
         return replace(self, touches=self.touches[index])
 
     @property
-    def seen(self) -> Array:
+    def seen(self) -> Mask:
         """(M,) whether the point touches the plane."""
         return self.touches.astype(bool)
 
@@ -419,7 +423,7 @@ class Observations:
         """Return the number of postures."""
         return len(self.q)
 
-    def rows(self, index: Sequence[int] | Array) -> Observations:
+    def rows(self, index: Sequence[int] | npt.NDArray[Any]) -> Observations:
         """Return some of the postures."""
         places = np.asarray(index)
         if places.dtype == bool:

@@ -98,7 +98,8 @@ def _candidates(
 ) -> Array:
     low, high = geometry.robot.posture_range
     generator = np.random.default_rng(seed)
-    wanted, found, tried = max(_CANDIDATES, 4 * count), [], 0
+    wanted, tried = max(_CANDIDATES, 4 * count), 0
+    found: list[Array] = []
     while len(found) < wanted and tried < 20 * wanted:
         tried += 1
         posture = generator.uniform(low + _MARGIN, high - _MARGIN)

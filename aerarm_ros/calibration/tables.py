@@ -256,7 +256,7 @@ class _Reader:
         contact = _CONTACT.match(bare)
         if contact:
             plane = contact['name'] or 'plane'
-            self._table.contacts[plane] = np.nan_to_num(values) > 0.5
+            self._table.contacts[plane] = np.asarray(np.nan_to_num(values) > 0.5, dtype=float)
             self._table.mapping.append(f'contact with {plane}: column {name}')
             return True
         match = next((found for form in _FORMS if (found := form.match(bare))), None)

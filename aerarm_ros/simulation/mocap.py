@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.simulation.made_geometry import rotation_about
@@ -112,7 +113,7 @@ class EmulatedMocap:
         position[~seen | lost] = np.nan
         return position
 
-    def _visible(self, plant: Located) -> Array:
+    def _visible(self, plant: Located) -> NDArray[np.bool_]:
         rotation, place = plant.link_pose(self._link)
         markers, normals = place + self._markers @ rotation.T, self._normals @ rotation.T
         to_camera = self._cameras[None] - markers[:, None]

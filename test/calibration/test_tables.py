@@ -52,7 +52,7 @@ def test_quaternions_and_angles_make_poses(tmp_path: Path) -> None:
 def test_empty_cells_were_not_seen_and_contacts_are_counted(tmp_path: Path) -> None:
     found = table(tmp_path, 'x1,y1,z1,elbow,contact_table', ',,,0.1,1', '1,2,3,0.2,0')
     assert np.isnan(found.measured['marker1'].position[0]).all()
-    assert found.contacts['table'].tolist() == [True, False]
+    assert found.contacts['table'].tolist() == [1.0, 0.0]
 
 
 def test_arrays_of_an_npz_file(tmp_path: Path) -> None:

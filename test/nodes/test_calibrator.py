@@ -110,6 +110,12 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     assert {entry.name for entry in tmp_path.iterdir()} <= {'postures.csv'}
 
 
+def newest_position(client: BridgeClient) -> np.ndarray:
+    client.states.clear()
+    client.wait_for(lambda: bool(client.states))
+    return np.array(client.states[-1].position)
+
+
 def test_from_the_ride_of_an_emulated_arm_to_a_bridge_with_its_offsets(
     start_bridge: StartBridge, ros_node: Node, tmp_path: Path
 ) -> None:
@@ -139,9 +145,7 @@ def test_from_the_ride_of_an_emulated_arm_to_a_bridge_with_its_offsets(
         bridge = start_bridge(**made, **place, config=config, hardware_config=drawn)
         client = BridgeClient(ros_node)
         client.wait_for_mode('idle')
-        client.states.clear()
-        client.wait_for(lambda: bool(client.states))
-        read.append(np.array(client.states[-1].position))
+        read.append(newest_position(client))
         bridge.stop()
     offsets = load_arm_config(out / 'arm.yaml').column('offset')
     np.testing.assert_allclose(read[1] - read[0], offsets, atol=2e-3)

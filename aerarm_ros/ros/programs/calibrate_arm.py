@@ -148,12 +148,15 @@ class CalibrateArm:
                     f'the arm does not come to rest in posture {number}: check the gains of the '
                     'controller'
                 )
-            begin = self._stamp()
-            if not spin_until(
-                self._node, lambda since=begin: self._stamp() - since >= options.rest, _far(options)
-            ):
-                raise ArmClientError('joint_states have stopped: see the console of the bridge')
+            self._wait(options.rest)
             print(f'posture {number} of {len(postures)}', flush=True)
+
+    def _wait(self, seconds: float) -> None:
+        """Wait a time of the joint states' clock [s]."""
+        begin = self._stamp()
+        longest = self._options.timeout + 10.0 * seconds  # on a busy computer
+        if not spin_until(self._node, lambda: self._stamp() - begin >= seconds, longest):
+            raise ArmClientError('joint_states have stopped: see the console of the bridge')
 
     def _find_sensors(self) -> list[tuple[str, str]]:
         """Return topics and types of what measures the arm."""
@@ -207,11 +210,6 @@ def _has_begun(bag: Path, recorder: NodeProcess) -> bool:
     if recorder.returncode is not None:
         raise ArmClientError(f'the recorder has ended ({recorder.returncode}): see its console')
     return any(bag.glob('*.mcap'))
-
-
-def _far(options: argparse.Namespace) -> float:
-    """Return how long a rest may take on a busy computer [s]."""
-    return float(options.timeout + 10.0 * options.rest)
 
 
 def _say_wait(what: str) -> None:
