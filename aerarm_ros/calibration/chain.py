@@ -5,13 +5,10 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from aerarm_ros.calibration.observations import CalibrationError
-from aerarm_ros.description.config_reader import DescriptionError
-from aerarm_ros.description.resources import find_file, resource
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
-from aerarm_ros.description.urdf_document import LARGEST, UrdfDocument, UrdfJoint
+from aerarm_ros.description.urdf_document import UrdfDocument, UrdfJoint
 
 _LIGHT = 1e-6  # [kg] of a link that the URDF gives no mass, so that it can be read
 
@@ -39,25 +36,6 @@ class Chain:
     ignored: tuple[str, ...]
     text: str
     has_masses: bool
-
-
-def read_urdf(urdf: Path | None) -> str:
-    """Return the text of a URDF, the packaged one if None.
-
-    Raises
-    ------
-    DescriptionError
-        If it cannot be read.
-    """
-    path = resource('urdf', 'aerarm.urdf') if urdf is None else find_file(urdf)
-    try:
-        with path.open('rb') as stream:
-            return stream.read(LARGEST + 1).decode()
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise DescriptionError(f'{path}: {reason}: check the path and its permissions') from None
-    except UnicodeDecodeError:
-        raise DescriptionError(f'{path}: not a text file, so no URDF') from None
 
 
 def chain_of(

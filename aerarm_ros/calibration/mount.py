@@ -31,7 +31,7 @@ _SEARCH = 0.03  # [s] about the time offset that speeds show
 _RATE = 200.0  # [Hz] at which IMU and pose are compared
 _SMOOTH = 0.08  # [s] standard deviation of the window over both
 _BIAS = 0.3  # [m/s^2] prior of the accelerometer's bias
-_TILT = 0.05  # [m/s^2] prior of gravity across the vertical of the pose's frame
+_TILT = 0.5  # [m/s^2] prior of gravity across the z axis of the pose's frame
 _LEAST_TURN = 0.15  # [rad] of the drone, below which nothing shows the IMU
 _ITERATIONS = 20
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerarm_ros.motion.signals import Array
+from aerarm_ros.simulation.base_profile import BaseState
 from aerarm_ros.simulation.made_geometry import rotation_about
 
 # On a plate at the wrist, as markers are glued: [m] in the frame of the last link.
@@ -21,6 +22,7 @@ MARKERS = (
 _CAMERAS = 8  # of the motion capture, on a ring
 _RING = (3.0, 1.6)  # [m] radius and height
 _STEEP = 0.35  # cosine of the view below which a marker is not seen
+_BODY = 0.2  # [m] between the markers of the drone
 _TWO = 2  # cameras that must see it
 _CORNERS = ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))
 _ITERATIONS = 15
@@ -31,6 +33,14 @@ class Located(Protocol):
 
     def link_pose(self, link: str) -> tuple[Array, Array]:
         """Return rotation (3, 3) and place (3,) [m] of a link in the world."""
+
+
+class Carried(Protocol):
+    """A plant on a body."""
+
+    @property
+    def base(self) -> BaseState:
+        """State of the body."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +122,17 @@ class EmulatedMocap:
         lost = self._random.random(len(position)) < settings.dropout
         position[~seen | lost] = np.nan
         return position
+
+    def read_body(self, plant: Carried) -> tuple[Array, Array]:
+        """Return rotation (3, 3) and place (3,) [m] of the body that carries the arm, with noise.
+
+        As of a rigid body of markers that are 0.2 m apart.
+        """
+        base, noise = plant.base, self._settings.noise
+        turn = noise / _BODY * self._random.standard_normal(3)
+        rotation = self.rotation @ _rotation_of(base.quaternion) @ rotation_about(turn)
+        place = self.rotation @ base.position + self.translation
+        return rotation, place + noise * self._random.standard_normal(3)
 
     def _visible(self, plant: Located) -> NDArray[np.bool_]:
         rotation, place = plant.link_pose(self._link)
@@ -222,6 +243,13 @@ class EmulatedCamera:
             if float(np.abs(step).max()) < 1e-12:
                 break
         return rotation, place
+
+
+def _rotation_of(quaternion: Array) -> Array:
+    """Return the rotation (3, 3) of a unit quaternion (w, x, y, z)."""
+    w, x, y, z = quaternion
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross)
 
 
 def _looking(at: tuple[float, ...], towards: tuple[float, ...]) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from aerarm_msgs_py.topics import RELIABLE
 from aerarm_ros.ros.emulation.flying_drone import fill_quaternion, fill_vector, to_time
 from aerarm_ros.ros.parameters.parameter_table import Parameter
 from aerarm_ros.simulation.arm_plant import ArmPlant
+from aerarm_ros.simulation.flying_plant import FreeBasePlant
 from aerarm_ros.simulation.mocap import (
     CameraSettings,
     EmulatedCamera,
@@ -45,8 +46,8 @@ SENSOR_PARAMETERS = (
     Parameter(
         'mocap_rate',
         0.0,
-        'of an emulated motion capture of four markers on the last link, on mocap/marker1 ...; 0 '
-        'for none',
+        'of an emulated motion capture of four markers on the last link, on mocap/marker1 ..., and '
+        'of the moving base or drone, on mocap/drone; 0 for none',
         'Hz',
         0.0,
         1000.0,
@@ -91,6 +92,8 @@ class EmulatedSensors:
         self._camera: DelayedSensor[Any] | None = None
         self._markers: list[Any] = []
         self._pose: Any = None
+        self._body: DelayedSensor[Any] | None = None
+        self._drone: Any = None
         seed = max(values.seed, 0)
         if values.mocap_rate > 0.0:
             mocap = EmulatedMocap(link, seed, MocapSettings(noise=values.mocap_noise))
@@ -101,6 +104,11 @@ class EmulatedSensors:
                 node.create_publisher(PointStamped, f'mocap/{name}', RELIABLE)
                 for name in mocap.names
             ]
+            if isinstance(plant, FreeBasePlant):
+                self._body = DelayedSensor(
+                    lambda: mocap.read_body(plant), values.mocap_rate, values.period, _DEPTH
+                )
+                self._drone = node.create_publisher(PoseStamped, 'mocap/drone', RELIABLE)
         if values.camera_rate > 0.0:
             settings = CameraSettings(pixel_noise=values.camera_noise)
             camera = EmulatedCamera(link, seed, settings)
@@ -113,12 +121,14 @@ class EmulatedSensors:
         """Publish what is due in the cycle of a stamp [ns]."""
         if self._mocap is not None and (sample := self._mocap.update(stamp_ns)) is not None:
             self._publish_markers(*sample)
+        if self._body is not None and (sample := self._body.update(stamp_ns)) is not None:
+            self._publish_pose(self._drone, 'mocap', sample[0] + self._clock_ns, sample[1])
         if self._camera is not None and (sample := self._camera.update(stamp_ns)) is not None:
-            self._publish_pose(*sample)
+            self._publish_pose(self._pose, 'camera', *sample)
 
     def destroy(self) -> None:
         """Destroy the publishers."""
-        for publisher in (*self._markers, self._pose):
+        for publisher in (*self._markers, self._pose, self._drone):
             if publisher is not None:
                 self._node.destroy_publisher(publisher)
 
@@ -132,13 +142,14 @@ class EmulatedSensors:
             fill_vector(message.point, position)
             publisher.publish(message)
 
-    def _publish_pose(self, stamp_ns: int, pose: Any) -> None:
+    @staticmethod
+    def _publish_pose(publisher: Any, frame: str, stamp_ns: int, pose: Any) -> None:
         if pose is None:
-            return
+            return  # not seen
         rotation, place = pose
         message = PoseStamped()
-        message.header.frame_id = 'camera'
+        message.header.frame_id = frame
         message.header.stamp = to_time(stamp_ns)
         fill_vector(message.pose.position, place)
         fill_quaternion(message.pose.orientation, Rotation.from_matrix(rotation).as_quat())
-        self._pose.publish(message)
+        publisher.publish(message)

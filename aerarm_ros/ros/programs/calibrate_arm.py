@@ -79,7 +79,13 @@ class CalibrateArm:
         bag = Path(options.out or f'calibration_{datetime.now():%Y%m%d_%H%M%S}')
         if bag.exists():
             raise ArmClientError(f'{bag} exists: name another bag with --out')
-        recorded = ['joint_states', 'arm_mode', *(f'{n}={kind}' for n, kind in sensors)]
+        recorded = [
+            'joint_states',
+            'arm_mode',
+            'imu',
+            'odometry',
+            *(f'{n}={kind}' for n, kind in sensors),
+        ]
         with NodeProcess('recorder', parameters={'bag': bag, 'topics': recorded}) as recorder:
             if not spin_until(self._node, lambda: _has_begun(bag, recorder), _RECORDER):
                 raise ArmClientError(f'the recorder does not begin to write {bag}: see its console')

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from aerarm_ros.calibration.chain import chain_of, read_urdf
+from aerarm_ros.calibration.chain import chain_of
 from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.mount import (
     FramePose,
@@ -23,6 +23,7 @@ from aerarm_ros.calibration.mount import (
 from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.description.config_reader import config_path
 from aerarm_ros.description.drone_config import PoseConfig, load_drone_config
+from aerarm_ros.description.robot import read_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.pages.html_text import origin, page, paragraph, section, table
 from aerarm_ros.ros.programs.calibrator_input import FlightRecording, read_flight
@@ -56,7 +57,7 @@ class MountRun:
             raise CalibrationError('--mount takes one --bag, of a drone and an arm that move')
         self._source = config_path(options.drone, 'drone.yaml')
         self._drone = load_drone_config(self._source)
-        self._urdf = read_urdf(options.urdf)
+        self._urdf, _ = read_urdf(options.urdf)
 
     def execute(self) -> str:
         """Estimate, write the drone file and a report, and return a table for the terminal.

@@ -16,7 +16,6 @@ from aerarm_ros.calibration.calibrate import (
     HeldOut,
     calibrate,
 )
-from aerarm_ros.calibration.chain import read_urdf
 from aerarm_ros.calibration.files import (
     calibrated_urdf,
     calibration_yaml,
@@ -27,6 +26,7 @@ from aerarm_ros.calibration.observations import CalibrationError, Observations
 from aerarm_ros.calibration.report import calibration_html, calibration_text
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.config_reader import config_path
+from aerarm_ros.description.robot import read_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.ros.programs.calibrator_input import (
     CalibratorInput,
@@ -63,7 +63,7 @@ class CalibratorRun:
         self._choice = CalibrationOptions(
             options.level, not options.no_compliance, options.eccentricity
         )
-        self._urdf = read_urdf(options.urdf)
+        self._urdf, _ = read_urdf(options.urdf)
         # The packaged configuration is that of the packaged URDF.
         has_config = options.config is not None or options.urdf is None
         self._config_path = config_path(options.config, 'aerarm.yaml') if has_config else None
