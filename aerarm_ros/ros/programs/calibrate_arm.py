@@ -31,6 +31,7 @@ SENSOR_TYPES = (
     'geometry_msgs/msg/TransformStamped',
     'tf2_msgs/msg/TFMessage',
 )
+_OWN = ('joint_states', 'arm_mode', 'imu', 'odometry')  # of the suite, recorded as well
 _STILL = 0.01  # [rad/s] joints slower than this are at rest
 _WAY = 60  # postures of a way that are checked
 _DISCOVERY = 3.0  # [s]
@@ -79,13 +80,7 @@ class CalibrateArm:
         bag = Path(options.out or f'calibration_{datetime.now():%Y%m%d_%H%M%S}')
         if bag.exists():
             raise ArmClientError(f'{bag} exists: name another bag with --out')
-        recorded = [
-            'joint_states',
-            'arm_mode',
-            'imu',
-            'odometry',
-            *(f'{n}={kind}' for n, kind in sensors),
-        ]
+        recorded = [*_OWN, *(f'{name}={kind}' for name, kind in sensors)]
         with NodeProcess('recorder', parameters={'bag': bag, 'topics': recorded}) as recorder:
             if not spin_until(self._node, lambda: _has_begun(bag, recorder), _RECORDER):
                 raise ArmClientError(f'the recorder does not begin to write {bag}: see its console')

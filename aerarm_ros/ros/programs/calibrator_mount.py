@@ -72,14 +72,7 @@ class MountRun:
         with ResultDirectory(options.out or default, files=MOUNT_FILES) as directory:
             flight = read_flight(options.bag[0], options)
             mount = self._mount(flight)
-            imu = None
-            if flight.imu is None:
-                _tell(f'no IMU on {options.imu}: its pose stays as in {self._source.name}')
-            else:
-                values = flight.imu
-                imu = calibrate_imu(
-                    flight.drone, values.stamp, values.angular_velocity, values.linear_acceleration
-                )
+            imu = self._imu(flight)
             text = drone_yaml(self._source, mount.pose, imu.pose if imu else None)
             directory.write(DRONE, text)
             load_drone_config(directory.path(DRONE))  # what no node could read is not kept
@@ -88,6 +81,20 @@ class MountRun:
             directory.write(REPORT, _html(rows))
         lines = [f'{name}: {value}' for name, value in rows]
         return '\n'.join([*lines, f'Report: {directory.target / REPORT}'])
+
+    def _imu(self, flight: FlightRecording) -> ImuResult | None:
+        """Return where the IMU is; None, with a message, if the bag does not show it."""
+        values, stays = flight.imu, f'the pose of the IMU stays as in {self._source.name}'
+        if values is None:
+            _tell(f'no IMU on {self._options.imu}: {stays}')
+            return None
+        try:
+            return calibrate_imu(
+                flight.drone, values.stamp, values.angular_velocity, values.linear_acceleration
+            )
+        except CalibrationError as error:
+            _tell(f'{stays}: {error}')
+            return None
 
     def _mount(self, flight: FlightRecording) -> MountResult:
         options, joints = self._options, flight.joints
