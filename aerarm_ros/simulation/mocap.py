@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -243,6 +244,13 @@ class EmulatedCamera:
             if float(np.abs(step).max()) < 1e-12:
                 break
         return rotation, place
+
+
+def quaternion_of(rotation: Array) -> Array:
+    """Return the quaternion (x, y, z, w) of a rotation (3, 3)."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
+    return np.roll(quaternion, -1)
 
 
 def _rotation_of(quaternion: Array) -> Array:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.node import Node
-from scipy.spatial.transform import Rotation
 
 from aerarm_msgs_py.topics import RELIABLE
 from aerarm_ros.ros.emulation.flying_drone import fill_quaternion, fill_vector, to_time
@@ -20,6 +19,7 @@ from aerarm_ros.simulation.mocap import (
     EmulatedCamera,
     EmulatedMocap,
     MocapSettings,
+    quaternion_of,
 )
 from aerarm_ros.simulation.sensors import DelayedSensor
 
@@ -151,5 +151,5 @@ class EmulatedSensors:
         message.header.frame_id = frame
         message.header.stamp = to_time(stamp_ns)
         fill_vector(message.pose.position, place)
-        fill_quaternion(message.pose.orientation, Rotation.from_matrix(rotation).as_quat())
+        fill_quaternion(message.pose.orientation, quaternion_of(rotation))
         publisher.publish(message)
