@@ -78,7 +78,7 @@ sys.exit(getattr(executables, name)())
     ('arguments', 'status', 'said'),
     [
         (['calibrator', '--help'], 0, ''),
-        (['calibrator', '--bag', 'none.csv'], USER_ERROR, 'none.csv: No such file'),
+        (['calibrator', '--bag', 'none.csv'], USER_ERROR, 'there is no bag none.csv'),
         (['identifier', '--help'], 0, ''),
         (['identifier', '--bag', 'none.csv'], USER_ERROR, 'there is no bag none.csv'),
         (['excitation_designer', '--help'], 0, ''),

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from aerarm_ros.ros.process.command_line import OneLineParser
+from aerarm_ros.ros.process.ros_arguments import OneLineParser
 
 _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
