@@ -66,6 +66,7 @@ EXECUTABLES = [
     'recorder',
     'tool_path',
     'view',
+    'world_control',
 ]
 
 

@@ -103,6 +103,11 @@ TOOL_GOAL = Topic('tool_goal', PointStamped, RELIABLE)
 PLAN_STATUS = Topic('plan_status', String, LATCHED)
 SET_POINT = Topic('set_point', JointState, RELIABLE)
 TOOL_TRAJECTORY = Topic('tool_trajectory', PoseStamped, RELIABLE)
+# A timed path of the tool in the odometry's frame: one transform a point.
+TOOL_MOTION = Topic('tool_motion', MultiDOFJointTrajectory, RELIABLE)
+# How far the base may move until the tool is out of reach: along x, y, z of the world, against them
+# [m], and the time until then at its present velocity [s].
+ARM_REACH = Topic('arm_reach', Float64MultiArray, NEWEST)
 TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
 IMU = Topic('imu', Imu, SENSOR)
 # Pose of the drone's body in the world, and its twist in body axes.
@@ -158,6 +163,8 @@ TOPICS = MappingProxyType(
             SET_POINT,
             TOOL_TRAJECTORY,
             TOOL_POSE,
+            TOOL_MOTION,
+            ARM_REACH,
             IMU,
             ODOMETRY,
             ROTOR_COMMAND,

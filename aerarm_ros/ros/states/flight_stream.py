@@ -18,7 +18,7 @@ from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_state import OdometrySample
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.states.state_stream import to_imu_sample
+from aerarm_ros.ros.states.state_stream import newest_odometry, to_imu_sample
 
 
 class RotorCommands:
@@ -128,18 +128,6 @@ class FlightStream:
     def destroy(self) -> None:
         """Destroy the subscriptions."""
         self._reader.destroy()
-
-
-def newest_odometry(
-    reader: RawReader, reject: Callable[[str], None], index: int = 0
-) -> Odometry | None:
-    """Return the newest odometry that waits at a reader, None if there is none."""
-    raw = reader.take_newest(index)
-    try:
-        return None if raw is None else deserialize_message(raw[0], Odometry)
-    except RuntimeError as error:  # RMWError: no message at all
-        reject(f'odometry: {error}')
-        return None
 
 
 def checked_odometry(

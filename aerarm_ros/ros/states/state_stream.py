@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
@@ -158,6 +159,8 @@ class StateStream:
         oldest first, and each IMU sample with the first state that came after it.
     imu
         Whether IMU samples are wanted. They end a wait, and must be taken then.
+    odometry
+        Whether the odometry is wanted, likewise.
     """
 
     def __init__(
@@ -168,6 +171,7 @@ class StateStream:
         rotors: Sequence[str] = (),
         depth: int = 1,
         imu: bool = True,
+        odometry: bool = False,
     ) -> None:
         self._names = tuple(names)
         self._cdr = JointStateCdr(self._names)
@@ -178,6 +182,8 @@ class StateStream:
         if self._gives_all:
             given = [topic.queued(depth) for topic in given]
         self._imu_place = 1 if imu else None
+        self._odometry_place = len(given) if odometry else None
+        given += [topics.ODOMETRY] if odometry else []
         self._rotors_place = len(given)
         self._reader = RawReader(node, *given, *([topics.ROTOR_COMMAND] if rotors else []))
         self._early: deque[RawMessage] = deque(maxlen=depth)
@@ -260,6 +266,12 @@ class StateStream:
                 samples.append((sample, self._received_ns - info['received_timestamp']))
         return samples
 
+    def odometry(self) -> Odometry | None:
+        """Return the newest odometry that waits, None if there is none."""
+        if self._odometry_place is None:
+            return None
+        return newest_odometry(self._reader, self._reject, self._odometry_place)
+
     def rotor_command(self) -> RotorThrusts | None:
         """Return the newest command of the rotors, None if none waits."""
         if self._rotors is None:
@@ -296,6 +308,18 @@ class StateStream:
                 'tf_prefix'
             )
             return None
+
+
+def newest_odometry(
+    reader: RawReader, reject: Callable[[str], None], index: int = 0
+) -> Odometry | None:
+    """Return the newest odometry that waits at a reader, None if there is none."""
+    raw = reader.take_newest(index)
+    try:
+        return None if raw is None else deserialize_message(raw[0], Odometry)
+    except RuntimeError as error:  # RMWError: no message at all
+        reject(f'odometry: {error}')
+        return None
 
 
 def to_imu_sample(message: Imu) -> ImuSample:
