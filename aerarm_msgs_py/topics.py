@@ -112,6 +112,9 @@ TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
 IMU = Topic('imu', Imu, SENSOR)
 # Pose of the drone's body in the world, and its twist in body axes.
 ODOMETRY = Topic('odometry', Odometry, SENSOR)
+# Of an emulated drone: its true state, and what a camera or motion capture beside it makes of it.
+TRUE_ODOMETRY = Topic('true_odometry', Odometry, SENSOR)
+EXTERNAL_ODOMETRY = Topic('external_odometry', Odometry, SENSOR)
 # Thrust of each rotor [N] as effort, by the rotors' names; stamped as the odometry that it answers.
 ROTOR_COMMAND = Topic('rotor_command', JointState, NEWEST)
 # Where the drone shall hover, or go in time.
@@ -167,6 +170,8 @@ TOPICS = MappingProxyType(
             ARM_REACH,
             IMU,
             ODOMETRY,
+            TRUE_ODOMETRY,
+            EXTERNAL_ODOMETRY,
             ROTOR_COMMAND,
             FLIGHT_SET_POINT,
             FLIGHT_TRAJECTORY,

@@ -8,7 +8,6 @@ In come measured states, IMU samples and what users and planners ask for; out go
 - references: what to follow, from trajectories, set points and streams
 - compensation: friction, steady errors and unknown forces
 - laws: one control law a file
-- world: the tool held in the world under a drone
 
 `ControlLoop` puts one of each together into a cycle.
 """

@@ -30,7 +30,7 @@ from aerarm_ros.ros.process.process_end import (
     print_notice,
 )
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
-from aerarm_ros.ros.requests.motion_request import SetPointRequest, ToolRequest
+from aerarm_ros.ros.requests.motion_request import BASE, WORLD, SetPointRequest, ToolRequest
 from aerarm_ros.ros.requests.parameter_request import set_parameter
 
 NAME = 'arm'
@@ -139,7 +139,7 @@ def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
     def ask() -> None:
         place = options.x, options.y, options.z
-        request.go(place, options.tolerance, options.timeout, _say_wait)
+        request.go(place, options.tolerance, options.timeout, _say_wait, options.frame)
         print('the tool is there', flush=True)
 
     return ask
@@ -207,7 +207,14 @@ def make_parser() -> argparse.ArgumentParser:
     )
     command = add('tool', 'let the Cartesian controller that runs move the tool to a place', _tool)
     for axis in 'xyz':
-        command.add_argument(axis, type=finite_number, help="in the arm's base [m]")
+        command.add_argument(axis, type=finite_number, help='in the frame [m]')
+    command.add_argument(
+        '--frame',
+        choices=(BASE, WORLD),
+        default=BASE,
+        help="frame of the place: the arm's base, or the world of the drone's odometry, in which "
+        'world_control holds the tool (default: base)',
+    )
     command.add_argument(
         '--tolerance', type=positive_number, default=0.01, help='that is there [m]'
     )

@@ -17,10 +17,6 @@ from aerarm_ros.control.base.free_base_estimator import FREE, AnswerCorrection, 
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
 from aerarm_ros.control.references.target_follower import TargetFollower
-from aerarm_ros.control.world.base_pose import BasePoseEstimator, OdometryFrames
-from aerarm_ros.control.world.reach import ArmReach
-from aerarm_ros.control.world.world_law import WorldGains, WorldLaw
-from aerarm_ros.control.world.world_reference import WorldToolReference, planned_joints
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import JointReference
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
@@ -35,6 +31,10 @@ from aerarm_ros.ros.controllers.world_topics import WorldTopics
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.flight_stream import to_odometry_sample
+from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames
+from aerarm_ros.world.reach import ArmReach
+from aerarm_ros.world.world_law import WorldGains, WorldLaw
+from aerarm_ros.world.world_reference import WorldToolReference, planned_joints
 
 NAME = 'world_control'
 

@@ -14,7 +14,7 @@ from aerarm_ros.model.inertia import joined
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantParameters
 from aerarm_ros.simulation.base_profile import BaseProfile, BaseState
-from aerarm_ros.simulation.sensors import RandomDrift
+from aerarm_ros.simulation.sensors import BandLimitedNoise, RandomDrift
 
 
 class Rotors:
@@ -309,7 +309,7 @@ class FlyingPlant(FreeBasePlant):
         position: ArrayLike,
         drone: DroneConfig,
         rotor_timeout: float = 0.2,
-        gust: RandomDrift | None = None,
+        gust: RandomDrift | BandLimitedNoise | None = None,
     ) -> None:
         self.drone = drone
         self.rotors = Rotors(drone, SUBSTEP, rotor_timeout)

@@ -46,6 +46,7 @@ ALLOWED = {
         *('pages', 'model', 'description'),
     },
     'planner': {'energy', 'excitation', 'control', 'model', 'description'},
+    'world': {'flight', 'control', 'model', 'description'},
 }
 # Where ROS is: executables, and what they are made of. They may import every pure package.
 ROS_PACKAGES = ('nodes', 'ros')

@@ -13,13 +13,13 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.base_motion import quaternion, rotation_matrix
 from aerarm_ros.control.checks import RejectedInputError
-from aerarm_ros.control.world.base_pose import BasePose
-from aerarm_ros.control.world.reach import DIRECTIONS, ArmReach, DroneRequest, ReachMargin
-from aerarm_ros.control.world.world_reference import ToolPath, WorldToolReference
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.states.state_stream import base_header
+from aerarm_ros.world.base_pose import BasePose
+from aerarm_ros.world.reach import DIRECTIONS, ArmReach, DroneRequest, ReachMargin
+from aerarm_ros.world.world_reference import WorldPath, WorldToolReference
 
 if TYPE_CHECKING:
     from aerarm_ros.ros.controllers.controller_node import ControllerNode
@@ -109,7 +109,7 @@ class WorldTopics:
         if message.header.frame_id not in ('', self.frame):
             raise RejectedInputError(self._wrong_frame('tool motion', message.header.frame_id))
         turn = points[-1].transforms[0].rotation
-        path = ToolPath(
+        path = WorldPath(
             [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points],
             [_vector(p.transforms[0].translation) for p in points],
             _linear([p.velocities for p in points]),

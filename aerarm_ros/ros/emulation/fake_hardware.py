@@ -177,7 +177,8 @@ class FakeHardware(HardwareBridge):
         plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
         plant.touch(*drone_parameters.contact(values, plant))
         sensors = (drone_parameters.imu(values, plant), drone_parameters.odometry(values, plant))
-        return FlyingDrone(self, plant, *sensors, LAG[values.pace], robot.prefix)
+        others = drone_parameters.other_odometry(values, plant)
+        return FlyingDrone(self, plant, *sensors, LAG[values.pace], robot.prefix, others)
 
     @property
     def _flying(self) -> FlyingDrone | None:

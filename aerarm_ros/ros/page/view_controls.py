@@ -89,12 +89,15 @@ class PageMotion:
         return True, f'on the way, {duration:.1f} s'
 
     def aim(self, place: Sequence[float]) -> tuple[bool, str]:
-        """Send the tool to a place (3,) [m] in the base; returns as `go`."""
+        """Send the tool to a place (3,) [m] in the base; returns as `go`.
+
+        Under world_control the tool is held where that place is in the world.
+        """
         if not self._is_heard(topics.TOOL_TRAJECTORY.name):
-            return False, 'no controller follows the tool: start kinematic_control'
+            return False, 'no controller follows the tool: start kinematic_control or world_control'
         message = PoseStamped()
         message.header.frame_id = self._base
-        message.pose.orientation.w = 1.0
+        message.pose.orientation.w = 0.0  # any orientation
         p = message.pose.position
         p.x, p.y, p.z = (float(x) for x in place)
         self._targets.publish(message)

@@ -7,11 +7,11 @@ import numpy.typing as npt
 
 from aerarm_ros.control.checks import JointLimits, finite, positive
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
-from aerarm_ros.control.world.base_pose import BasePose
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.flight_state import FlightTarget, yaw_of
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
+from aerarm_ros.world.base_pose import BasePose
 
 _REACHED = 3e-3  # [m] off a place that counts as reached
 _STEP = 0.02  # [m] of the way along a direction

@@ -1,17 +1,17 @@
 """The tool held in the world, in the physics engine: a drone in the wind, sensors with noise."""
 
 import pytest
-from holding_flight import HELD, POOR, Flight, fly
+from holding_flight import HELD, POOR, HeldFlight, fly
 
 SECONDS = 7.0
 ROWS = {
-    'at rest': (Flight(), 2.5),
-    'path': (Flight(path=True), 3.0),
-    'poor odometry': (Flight(odometry=POOR), 5.0),
-    '2 kg': (Flight(mass=2.0), 4.0),
-    '1.5 kg': (Flight(mass=1.5), 4.0),
-    'fully actuated': (Flight(drone='drones/tilted_hexarotor.yaml'), 1.5),
-    'links 10 % wrong': (Flight(wrong=0.1), 3.75),
+    'at rest': (HeldFlight(), 2.5),
+    'path': (HeldFlight(path=True), 3.0),
+    'poor odometry': (HeldFlight(odometry=POOR), 5.0),
+    '2 kg': (HeldFlight(mass=2.0), 4.0),
+    '1.5 kg': (HeldFlight(mass=1.5), 4.0),
+    'fully actuated': (HeldFlight(drone='drones/tilted_hexarotor.yaml'), 1.5),
+    'links 10 % wrong': (HeldFlight(wrong=0.1), 3.75),
 }
 
 
@@ -26,4 +26,4 @@ def test_the_tool_is_held(name: str) -> None:
 
 
 def test_held_joints_let_the_tool_move_with_the_drone() -> None:
-    assert fly(Flight(law=HELD), SECONDS).figures().tool > 20.0
+    assert fly(HeldFlight(law=HELD), SECONDS).figures().tool > 20.0

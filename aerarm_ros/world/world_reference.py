@@ -9,11 +9,11 @@ import numpy.typing as npt
 from aerarm_ros.control.checks import RejectedInputError, positive
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
 from aerarm_ros.control.references.target_follower import TargetFollower
-from aerarm_ros.control.world.base_pose import BasePose, BasePoseEstimator
-from aerarm_ros.control.world.world_law import WorldReference
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import Array, JointReference, TaskReference
+from aerarm_ros.world.base_pose import BasePose, BasePoseEstimator
+from aerarm_ros.world.world_law import WorldReference
 
 _ORIGIN = np.zeros(3)
 _PLACE_MAX = 1e4  # [m] beyond which a target is in another unit
@@ -26,7 +26,7 @@ _RESUME = 0.5  # [s] for which nothing may be wrong before the motion continues
 _STOPPED = WorldReference(_ORIGIN, _ORIGIN, _ORIGIN, None, None)
 
 
-class ToolPath:
+class WorldPath:
     """Quintics through places of the world; where it ends the tool stays.
 
     Parameters
@@ -92,7 +92,7 @@ class _Goal(NamedTuple):
     """A place to stay at, or a path and when it begins [s]; and the wanted orientation."""
 
     place: Array
-    path: ToolPath | None
+    path: WorldPath | None
     begin: float
     rotation: Array | None
 
@@ -191,7 +191,7 @@ class WorldToolReference:
         self._begin(_Goal(target, None, now, rotation), now)
 
     def follow(
-        self, path: ToolPath, begin: float, now: float, rotation: Array | None = None
+        self, path: WorldPath, begin: float, now: float, rotation: Array | None = None
     ) -> None:
         """Take a timed path that begins at a time [s].
 

@@ -9,15 +9,15 @@ from aerarm_ros.control.base.free_base_estimator import FreeBaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
-from aerarm_ros.control.world.base_pose import BasePose, _turned
-from aerarm_ros.control.world.world_law import (
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.world.base_pose import BasePose, _turned
+from aerarm_ros.world.world_law import (
     WorldGains,
     WorldLaw,
     WorldReference,
     felt_share,
 )
-from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.motion.signals import ArmState
 
 Array = npt.NDArray[np.float64]
 

@@ -5,11 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import butter, sosfilt
 
 from aerarm_ros.control.base.base_motion import ImuSample, Mount, rotation_matrix
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
@@ -21,10 +20,6 @@ from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserv
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
 from aerarm_ros.control.references.target_follower import TargetFollower
-from aerarm_ros.control.world.base_pose import BasePoseEstimator, OdometryFrames
-from aerarm_ros.control.world.reach import ArmReach
-from aerarm_ros.control.world.world_law import WorldGains, WorldLaw
-from aerarm_ros.control.world.world_reference import ToolPath, WorldToolReference, planned_joints
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
@@ -41,6 +36,7 @@ from aerarm_ros.motion.signals import ArmState, JointReference
 from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.flying_plant import FlyingPlant
 from aerarm_ros.simulation.sensors import (
+    BandLimitedNoise,
     DelayedSensor,
     FaultyImu,
     ImuErrors,
@@ -48,6 +44,10 @@ from aerarm_ros.simulation.sensors import (
     OdometryErrors,
     OdometryReading,
 )
+from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames
+from aerarm_ros.world.reach import ArmReach
+from aerarm_ros.world.world_law import WorldGains, WorldLaw
+from aerarm_ros.world.world_reference import WorldPath, WorldToolReference, planned_joints
 
 Array = npt.NDArray[np.float64]
 Told = Callable[[OdometrySample], list[OdometrySample]]
@@ -71,7 +71,7 @@ ROTORS = CONFIG.column('reflected_inertia')
 
 
 @dataclass(frozen=True)
-class Flight:
+class HeldFlight:
     """What is flown.
 
     Attributes
@@ -105,31 +105,17 @@ class Figures(NamedTuple):
     least: float
 
 
-class Wind:
-    """White noise through a Butterworth filter of second order at 0.5 Hz, three axes."""
-
-    def __init__(self, rms: float, seed: int, seconds: float = 60.0) -> None:
-        skipped = round(5.0 / CYCLE)
-        noise = np.random.default_rng(seed).standard_normal((skipped + round(seconds / CYCLE), 3))
-        force = sosfilt(butter(2, 0.5, fs=1.0 / CYCLE, output='sos'), noise, axis=0)[skipped:]
-        self._force = rms / np.sqrt((force**2).sum(axis=1).mean()) * force
-        self._count = 0
-
-    def update(self) -> Array:
-        """Return the force of the next cycle [N]."""
-        self._count = (self._count + 1) % len(self._force)
-        return np.asarray(self._force[self._count])
-
-
 class HoldingFlight:
     """Plant, sensors, pilot and the arm's control loop, cycle by cycle."""
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, flight: HeldFlight) -> None:
         self.flight = flight
         self.drone = drone = flown_drone(flight)
         self.robot = robot = load_robot(gravity_in_base=drone.gravity_in_base)
         parameters = PlantParameters.nominal(CONFIG, robot)
-        gust: Any = Wind(flight.wind, flight.seed) if flight.wind else None
+        random = np.random.default_rng(flight.seed)
+        each = flight.wind / np.sqrt(3.0)
+        gust = BandLimitedNoise(each, 0.5, CYCLE, random) if flight.wind else None
         self.plant = FlyingPlant(robot, parameters, POSTURE, drone, gust=gust)
         self.kinematics = Kinematics(robot)
         faulty = FaultyImu(ImuErrors(0.05, 0.003, 0.05, 0.002), 1.0 / IMU_RATE, flight.seed)
@@ -289,7 +275,7 @@ class HoldingFlight:
         self.rows.append(np.concatenate([[self.now], place, tool - target, [least]]))
 
 
-def flown_drone(flight: Flight) -> DroneConfig:
+def flown_drone(flight: HeldFlight) -> DroneConfig:
     """Return the drone of a flight."""
     drone = load_drone_config(resource('config', flight.drone))
     if not flight.mass:
@@ -300,16 +286,16 @@ def flown_drone(flight: Flight) -> DroneConfig:
     return replace(drone, rotors=rotors).with_errors(scale, scale ** (5.0 / 3.0))
 
 
-def oval(centre: Array, seconds: float) -> ToolPath:
+def oval(centre: Array, seconds: float) -> WorldPath:
     """Return a path of 20 cm from end to end at 0.25 Hz about a place, grown over 2 s."""
     times = np.arange(0.0, seconds, 0.05)
     grown = np.minimum(times / 2.0, 1.0)
     share = grown**3 * (10.0 - 15.0 * grown + 6.0 * grown**2)
     swing = 0.1 * share * np.sin(0.5 * np.pi * times)
-    return ToolPath(times, centre + np.outer(swing, [0.0, 1.0, 0.0]))
+    return WorldPath(times, centre + np.outer(swing, [0.0, 1.0, 0.0]))
 
 
-def fly(flight: Flight, seconds: float) -> HoldingFlight:
+def fly(flight: HeldFlight, seconds: float) -> HoldingFlight:
     """Return a flight of some seconds; the tool is held from the second one on."""
     flown = HoldingFlight(flight)
     flown.run(SETTLED)

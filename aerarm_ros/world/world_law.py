@@ -11,13 +11,13 @@ from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks import JointLimits, finite, non_negative_number, positive
 from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.laws.kinematic_control import DampedInverse, resolve_within
-from aerarm_ros.control.world.base_pose import BasePose
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.path_stop import brake
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference, limited
+from aerarm_ros.world.base_pose import BasePose
 
 # Of the acceleration limits, what braking in the base frame uses.
 _BRAKE_SHARE = 0.7

@@ -8,8 +8,8 @@ import pytest
 
 from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.checks import RejectedInputError
-from aerarm_ros.control.world.base_pose import BasePoseEstimator, OdometryFrames
 from aerarm_ros.flight.flight_state import OdometrySample
+from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames
 
 Array = npt.NDArray[np.float64]
 
