@@ -130,7 +130,7 @@ class WorldControlNode(ControllerNode):
             self.pose,
             kinematics,
             (make_target_follower(values, arm), slow),
-            reach.beyond,
+            reach.beyond_any,
             values.error_max,
         )
         self._planning = Kinematics(arm.robot, values.frame)

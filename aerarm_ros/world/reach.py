@@ -16,7 +16,8 @@ from aerarm_ros.world.base_pose import BasePose
 _REACHED = 3e-3  # [m] off a place that counts as reached
 _STEP = 0.02  # [m] of the way along a direction
 _FARTHEST = 0.3  # [m]; farther is not looked
-_STEP_ITERATIONS, _ITERATIONS = 3, 40
+_STEP_ITERATIONS, _ITERATIONS, _MORE_ITERATIONS = 3, 40, 12
+_LOOKS = 12  # places of a path: a controller looks between two states
 _LARGEST_TURN = 0.3  # [rad] of a joint in an iteration
 _MARGIN = 0.03  # [rad] kept from position limits
 _LONGEST = 60.0  # [s]; later is not told
@@ -68,8 +69,19 @@ class ArmReach:
 
     def beyond(self, place: Array, q: Array) -> float:
         """Return how far a place (3,) of the base frame is out of reach [m], 0 if it is not."""
-        off = self._approach(place, q, _ITERATIONS)[1]
-        return 0.0 if off <= _REACHED else off
+        return self.beyond_any(place[np.newaxis], q)
+
+    def beyond_any(self, places: Array, q: Array) -> float:
+        """Return how far one of the places (M, 3) along a path is out of reach [m], 0 if none.
+
+        At most 12 of them are looked at, each from the posture of the one before.
+        """
+        looked = np.unique(np.linspace(0, len(places) - 1, _LOOKS).round().astype(int))
+        farthest, iterations = 0.0, _ITERATIONS
+        for place in places[looked]:
+            q, off = self._approach(place, q, iterations)
+            farthest, iterations = max(farthest, off), _MORE_ITERATIONS
+        return 0.0 if farthest <= _REACHED else farthest
 
     def margin(self, q: Array, pose: BasePose, place: Array) -> ReachMargin:
         """Return how far the base may move while the tool is at a place (3,) of the world [m]."""

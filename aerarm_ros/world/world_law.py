@@ -66,8 +66,8 @@ class WorldGains(NamedTuple):
         Largest integral action [m/s^2].
     """
 
-    kp: float = 225.0
-    kd: float = 30.0
+    kp: float = 400.0
+    kd: float = 40.0
     ki: float = 0.0
     orientation: float = 1.0
     posture_kp: float = 4.0

@@ -122,8 +122,8 @@ class WorldToolReference:
     followers : tuple of TargetFollower
         Of the quick and of the slow offset.
     reach : callable
-        Returns by how much a place (3,) of the base frame is out of the arm's reach [m], 0 if it
-        is not, from the posture (n,).
+        Returns by how much one of the places (M, 3) of the base frame is out of the arm's reach
+        [m], 0 if none is, from the posture (n,).
     error_max : float
         How far the tool may be off its reference [m] before it stops.
 
@@ -144,7 +144,7 @@ class WorldToolReference:
         base: BasePoseEstimator,
         kinematics: Kinematics,
         followers: tuple[TargetFollower, TargetFollower],
-        reach: Callable[[Array, Array], float] = lambda place, q: 0.0,
+        reach: Callable[[Array, Array], float] = lambda places, q: 0.0,
         error_max: float = 0.05,
     ) -> None:
         self.base = base
@@ -215,13 +215,12 @@ class WorldToolReference:
         if self.base.problem(now):
             return  # it is checked again before the motion continues
         pose = self.base.pose(now)
-        for place in places:
-            beyond = self._reach(pose.to_base(place), self._q)
-            if beyond > 0.0:
-                raise RejectedInputError(
-                    f'{what} {np.round(place, 3).tolist()} is {beyond:.3f} m out of reach of the '
-                    'arm where the base is now: bring the drone nearer, or check frame and unit'
-                )
+        beyond = self._reach((places - pose.position) @ pose.rotation, self._q)
+        if beyond > 0.0:
+            raise RejectedInputError(
+                f'{what} {np.round(places[-1], 3).tolist()} is {beyond:.3f} m out of reach of the '
+                'arm where the base is now: bring the drone nearer, or check frame and unit'
+            )
 
     def _begin(self, goal: _Goal, now: float) -> None:
         """Let the reference lead from the present one to a goal."""
@@ -294,7 +293,7 @@ class WorldToolReference:
         goal = self._goal
         if goal is not None and goal.path is None and now - self._looked > _LOOK:
             self._looked = now
-            beyond = self._reach(pose.to_base(goal.place), q)
+            beyond = self._reach(pose.to_base(goal.place)[np.newaxis], q)
             if beyond > 0.0:
                 self.reason = f'the target is {beyond:.3f} m out of reach: bring the drone nearer'
                 self._wrong_at = now
@@ -346,18 +345,23 @@ def planned_joints(
     times : (M,) ndarray
         [s]
     """
-    rows, still = [], np.zeros(len(q))
-    before = times[0]
-    for index, time in enumerate(times.tolist()):
-        if planned is None or pose is None:
-            rows.append(JointReference(q, still, still))
-            continue
+    still = np.zeros(len(q))
+    if planned is None or pose is None:
+        at_rest = JointReference(q, still, still)
+        return JointReference(*(np.tile(part, (len(times), 1)) for part in at_rest))
+    rows: list[JointReference] = []
+    for step, wanted in zip(np.diff(times, prepend=times[0]).tolist(), planned, strict=True):
+        if rows:
+            q = q + step * (rows[-1].dq + 0.5 * step * rows[-1].ddq)
         found = inverse.of(kinematics.position_jacobian(q)).inverse
-        dq = found @ (pose.rotation.T @ planned[index].dp)
-        q = q + (time - before) * dq if index else q
+        dq = found @ (pose.rotation.T @ wanted.dp)
         bias = kinematics.acceleration_bias(q, dq)[:3]
-        rows.append(JointReference(q, dq, found @ (pose.rotation.T @ planned[index].ddp - bias)))
-        before = time
+        ddq = found @ (pose.rotation.T @ wanted.ddp - bias)
+        if rows:
+            # Who puts a quintic through the points finds these accelerations between them too.
+            before = rows[-1]
+            q = before.q + 0.5 * step * (before.dq + dq) + step**2 / 12.0 * (before.ddq - ddq)
+        rows.append(JointReference(q, dq, ddq))
     return JointReference(*map(np.array, zip(*rows, strict=True)))
 
 

@@ -138,7 +138,7 @@ class HoldingBench:
         times = times - begin
         targets = np.tile(start, (len(times), 1))
         if self.case.path:
-            targets = targets + _swing(times)
+            targets = targets + _swing(times, _length(seconds))
         spin_until(self.node, lambda: False, _REPORT)
         said = self.said('world_control')
         return HoldingRecord(times, places, attitudes, postures, tools, targets, said)
@@ -178,11 +178,13 @@ class HoldingBench:
         return message
 
     def _path(self, centre: np.ndarray, begin: float, seconds: float) -> MultiDOFJointTrajectory:
-        times = np.arange(0.0, seconds + 1.0, _POINT)
+        times = np.arange(0.0, _length(seconds) + _POINT, _POINT)
         message = MultiDOFJointTrajectory(joint_names=['tool0'])
         message.header.frame_id = 'odom'
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(round(1e9 * begin), 10**9)
-        for when, place in zip(times.tolist(), centre + _swing(times), strict=True):
+        for when, place in zip(
+            times.tolist(), centre + _swing(times, _length(seconds)), strict=True
+        ):
             transform = Transform()
             t = transform.translation
             t.x, t.y, t.z = place.tolist()
@@ -212,9 +214,14 @@ class HoldingBench:
             self._said[name] = (status.level, status.message)
 
 
-def _swing(times: np.ndarray) -> np.ndarray:
-    """Return the path about its centre (K, 3) [m]: it grows over 2 s."""
-    grown = np.clip(times / GROWTH, 0.0, 1.0)
+def _length(seconds: float) -> float:
+    """Return how long the path takes of which some seconds are looked at [s]."""
+    return seconds + 2.0 * GROWTH
+
+
+def _swing(times: np.ndarray, length: float) -> np.ndarray:
+    """Return the path about its centre (K, 3) [m]: it grows over 2 s, and ends so."""
+    grown = np.clip(np.minimum(times, length - times) / GROWTH, 0.0, 1.0)
     share = grown**3 * (10.0 - 15.0 * grown + 6.0 * grown**2)
     swing = 0.5 * LENGTH * share * np.sin(2.0 * np.pi * FREQUENCY * times)
     return np.outer(swing, [0.0, 1.0, 0.0])

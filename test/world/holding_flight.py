@@ -178,7 +178,7 @@ class HoldingFlight:
         self.pose = BasePoseEstimator(OdometryFrames.of(drone, mount))
         followers = TargetFollower(kinematics), TargetFollower(kinematics, 5.0, 0.1, 0.5)
         reach = ArmReach(Kinematics(robot), limits)
-        self.source = WorldToolReference(self.pose, kinematics, followers, reach.beyond)
+        self.source = WorldToolReference(self.pose, kinematics, followers, reach.beyond_any)
         observer = MomentumObserver(self.dynamics, np.full(4, 30.0), friction)
         self.loop = ControlLoop(
             limits, self.source, self.law, observer, self.base, 0.2 * limits.effort_max
