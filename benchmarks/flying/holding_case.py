@@ -33,7 +33,7 @@ SENSORS: Mapping[str, object] = MappingProxyType(
 _INTEGRAL = {'position_integral': 0.1, 'attitude_integral': 0.1}
 # Under an arm that holds its tool a drone turns more easily than with held joints, and a light one
 # much more: its attitude loop is tuned lower, see docs/how-to/world.md.
-_PILOTS = {'heavy': (3.5, 8.0), 'light': (3.0, 7.0), 'full': (8.67, 9.0)}
+_PILOTS = {'heavy': (3.5, 8.0), 'light': (2.5, 5.0), 'full': (8.67, 9.0)}
 _LIGHT = 2.5  # [kg]
 
 

@@ -60,7 +60,7 @@ SETTLED, BEGIN = 2.0, 3.0  # [s] when the target is set, and from when on figure
 GENERALISED, ORDINARY, HELD = 'generalised', 'ordinary', 'joints held'
 COPLANAR = FlightGains(3.5, 3.5, 8.0, position_integral=0.1, attitude_integral=0.1)
 # Under an arm that holds its tool a light drone turns more easily: see `felt_share`.
-LIGHT = FlightGains(2.5, 2.5, 6.0, position_integral=0.1, attitude_integral=0.1)
+LIGHT = FlightGains(2.5, 2.5, 5.0, position_integral=0.1, attitude_integral=0.1)
 FULL = FlightGains(8.67, 8.67, 9.0, position_integral=0.1, attitude_integral=0.1)
 GOOD = 100.0, 0.01, 1e-3, 5e-3
 POOR = 30.0, 0.03, 5e-3, 20e-3

@@ -3,13 +3,15 @@
 import pytest
 from holding_flight import HELD, POOR, HeldFlight, fly
 
+from aerarm_ros.world.world_law import WorldGains
+
 SECONDS = 7.0
 ROWS = {
     'at rest': (HeldFlight(), 2.5),
     'path': (HeldFlight(path=True), 3.0),
     'poor odometry': (HeldFlight(odometry=POOR), 5.0),
     '2 kg': (HeldFlight(mass=2.0), 4.0),
-    '1.5 kg': (HeldFlight(mass=1.5), 4.0),
+    '1.5 kg': (HeldFlight(mass=1.5, gains=WorldGains(225.0, 30.0)), 4.0),
     'fully actuated': (HeldFlight(drone='drones/tilted_hexarotor.yaml'), 1.5),
     'links 10 % wrong': (HeldFlight(wrong=0.1), 3.75),
 }
