@@ -146,11 +146,12 @@ class BandLimitedNoise:
         self._drive = deviation / float(np.sqrt(answer @ answer))
         self._random = random
         self._state = 0.0 * sosfilt_zi(self._filter)[..., np.newaxis].repeat(3, axis=2)
-        self._next, self._values = 0, np.empty((0, 3))
+        self._next = 0
+        self._values: Array = np.empty((0, 3))
         for _ in range(1 + length // _BLOCK):  # until it has forgotten where it began
             self._draw()
         self._next = len(self._values)
-        self.value = self._values[-1]
+        self.value: Array = self._values[-1]
 
     def _draw(self) -> None:
         noise = self._drive * self._random.standard_normal((_BLOCK, 3))

@@ -25,12 +25,13 @@ _BIAS_MAX = 0.8  # [m/s^2]
 _NOISE = np.array([3e-3, 1e-2])
 _NOISE_MIN = np.array([3e-4, 1e-3])
 _NOISE_SAMPLES = 50.0
+_OUTLIER = 4.0  # times the variance, at most, that one sample counts
 _ATTITUDE_TIME = 0.5  # [s] in which the gyroscope's drift is corrected by the odometry's attitude
 _HISTORY = 200  # predicted poses: 0.8 s at 250 Hz
 _IMU_GAP = 0.05  # [s] without an IMU sample, after which the base is extrapolated without
 _LONGEST_STEP = 0.02  # [s] of a prediction that is not split
 # A sample that is further off what is predicted is doubted: [m], [rad]; and standard deviations.
-_JUMP, _TURN, _DEVIATIONS = 0.05, 0.15, 6.0
+_JUMP, _TURN, _DEVIATIONS = 0.03, 0.15, 6.0
 _DOUBT = 0.1  # [s] for which a jump must stay before it is accepted
 _GROWTH = 0.3  # [m/s] by which a prediction without odometry may be wrong
 _SAME_CLOCK = (
@@ -168,6 +169,7 @@ class BasePoseEstimator:
         self._rate, self._force = np.zeros(3), np.zeros(3)
         self._history: deque[_Predicted] = deque(maxlen=_HISTORY)
         self._imu_stamp = self._stamp = -np.inf
+        self._interval = 0.0  # of the newest odometry from the one before [s]
         self._offset: float | None = None  # the arm's clock less the drone's [s]
         self._received = -np.inf  # of the newest good odometry, by the arm's clock
         self._good_since = np.inf
@@ -311,7 +313,7 @@ class BasePoseEstimator:
                     'stamps odometry, IMU and joint states'
                 )
             raise RejectedInputError(self._problem)
-        interval = sample.stamp - self._stamp
+        interval = self._interval = sample.stamp - self._stamp
         self._stamp = sample.stamp
         share = min(1.0, max(interval, 0.0) / _AGE_TIME) if np.isfinite(self.age) else 1.0
         self.age = age if share == 1.0 else self.age + share * (age - self.age)
@@ -397,7 +399,9 @@ class BasePoseEstimator:
         matrix = self._variance[:2, :2] + np.diag(self.noise**2)
         gain = self._variance[:, :2] @ np.linalg.inv(matrix)
         left = np.array([off @ off, faster @ faster]) / 3.0 - np.diag(self._variance)[:2]
-        variance = (1.0 - share) * self.noise**2 + share * np.maximum(left, 0.0)
+        # What is left after a jump is no noise.
+        left = np.minimum(np.maximum(left, 0.0), _OUTLIER * np.maximum(self.noise, _NOISE) ** 2)
+        variance = (1.0 - share) * self.noise**2 + share * left
         self.noise = np.sqrt(np.maximum(variance, _NOISE_MIN**2))
         self._variance = self._variance - gain @ self._variance[:2]
         self._variance = 0.5 * (self._variance + self._variance.T)
@@ -427,7 +431,8 @@ class BasePoseEstimator:
 
     def _has_jumped(self, off: Array, turn: Array, now: float) -> bool:
         """Doubt what jumps; return whether a jump has stayed, and is one that is accepted."""
-        silent = min(now - self._received, _FORGOTTEN)
+        # A sample that is doubted is no silence: a jump must not pass for growth.
+        silent = min(max(self._interval, 0.0), _FORGOTTEN)
         spread = np.sqrt(self._variance[0, 0] + self.noise[0] ** 2)
         allowed = min(_JUMP + _DEVIATIONS * float(spread) + _GROWTH * silent, self._jump_max)
         distance, angle = float(np.linalg.norm(off)), float(np.linalg.norm(turn))

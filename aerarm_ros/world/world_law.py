@@ -290,7 +290,8 @@ class WorldLaw:
         left = spin - turning @ (found.inverse @ place)
         weight = self.gains.orientation
         matrix = weight * free.T @ free + np.eye(len(preferred))
-        return np.linalg.solve(matrix, weight * free.T @ left + preferred)
+        solution = np.linalg.solve(matrix, weight * free.T @ left + preferred)
+        return np.asarray(solution, dtype=float)
 
     def _bounds(self, q: Array, dq: Array) -> tuple[Array, Array]:
         """Return the accelerations (n,) [rad/s^2] that keep the joints within their limits."""
