@@ -272,8 +272,8 @@ class WorldToolReference:
             self._quick.update(_ORIGIN, now, dt),
             self._slow.update(_ORIGIN, now, dt),
         )
-        sums = (parts[0][k] + parts[1][k] + parts[2][k] for k in range(3))
-        self.reference = WorldReference(*sums, goal.rotation, pose)
+        p, dp, ddp = (parts[0][k] + parts[1][k] + parts[2][k] for k in range(3))
+        self.reference = WorldReference(p, dp, ddp, goal.rotation, pose)
         return self.reference
 
     def _off_target(self, now: float) -> str:

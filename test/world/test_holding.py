@@ -23,7 +23,8 @@ def test_the_tool_is_held(name: str) -> None:
     flown = fly(flight, SECONDS)
     figures = flown.figures()
     assert flown.source.stops == 0
-    assert figures.drone > 8.0, 'the wind moves the drone, or nothing is shown'
+    # A fully actuated drone is stiffer, and moves less.
+    assert figures.drone > 3.0, 'the wind moves the drone, or nothing is shown'
     assert figures.tool < goal
 
 
