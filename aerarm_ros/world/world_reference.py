@@ -162,7 +162,7 @@ class WorldToolReference:
         self.reference: WorldReference | None = None
         self._off_since: float | None = None
         self._wrong_at = self._looked = -np.inf
-        self._jumps = self.base.jumps
+        self._jumps, self._place = self.base.jumps, _ORIGIN  # of the tool, in the world
         self.reason = 'control has just begun'
         self.error = 0.0
         self._q = q
