@@ -15,7 +15,6 @@ from aerarm_ros.identification.assessment import (
     residual_trend,
     trend_warnings,
 )
-from aerarm_ros.identification.assessment.input_errors import find_input_errors
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
@@ -23,6 +22,7 @@ from aerarm_ros.identification.identification_result import (
     IdentificationResult,
     Solution,
 )
+from aerarm_ros.identification.input_errors import find_input_errors
 from aerarm_ros.identification.joint_model import THESIS_TERMS, JointModel, TermKind
 from aerarm_ros.identification.model_choice.filter_choice import (
     EffortDelay,

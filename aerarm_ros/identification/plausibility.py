@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.assessment import BagAssessment
-from aerarm_ros.identification.assessment.input_errors import torque_factors
 from aerarm_ros.identification.identification_result import Solution
+from aerarm_ros.identification.input_errors import torque_factors
 from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import SampleColumns
