@@ -18,7 +18,7 @@ RUN_TIME = [
     'mujoco>=3.1,<5',
     'plotly>=5.18,<8',
     'pyyaml>=6,<7',
-    'rosbags>=0.10,<0.12',
+    'rosbags>=0.11,<0.12',
     'scipy>=1.11,<2',
     'zstandard>=0.22,<1',
 ]
