@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import shutil
 import textwrap
@@ -18,32 +19,34 @@ import yaml
 
 from aerarm_ros.description.config_reader import LOADER, ConfigError, plain_data, read_plain
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.process import completion
 from aerarm_ros.ros.process.process_end import USER_ERROR
+
+COMPLETING = '_ARGCOMPLETE'
+"""Variable by which a shell asks a program for completions, in place of running it."""
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answer a shell that asks for completions, and end the process; else do nothing."""
+    if COMPLETING in os.environ:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
 
 
 class OneLineParser(argparse.ArgumentParser):
     """Names a wrong argument and the way to the help, in place of the whole usage.
 
-    Asked for with `completion.OPTION`, it prints what makes a shell complete all this.
+    Its words are completed where they are parsed.
     """
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self.add_argument(completion.OPTION, action=_Completion, help=argparse.SUPPRESS)
+    def parse_args(self, *args: Any, **kwargs: Any) -> Any:
+        """Parse arguments; see argparse."""
+        complete(self)
+        return super().parse_args(*args, **kwargs)
 
     def error(self, message: str) -> NoReturn:
         """End the process."""
         self.exit(USER_ERROR, f'{self.prog}: {message}: see {self.prog} --help\n')
-
-
-class _Completion(argparse.Action):
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **{**kwargs, 'nargs': 0, 'default': argparse.SUPPRESS})
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        print(completion.parser_script(parser))
-        parser.exit()
 
 
 _PARAMETER = ('-p', '--param')
@@ -287,9 +290,14 @@ class CommandLine:
                     lines.append(_wrap(parameter.description, width, 6, 6))
         return '\n'.join(lines)
 
-    def completion(self) -> str:
-        """Return what makes a shell complete the parameters' names."""
-        return completion.node_script(self.name, list(self._parameters.values()))
+    def complete(self) -> None:
+        """Answer a shell that asks for completions: the options of ROS, parameters behind -p."""
+        parser = argparse.ArgumentParser(prog=self.name)
+        parser.add_argument('--ros-args', action='store_true')
+        rules = [f'{name}:=' for name in self._parameters]
+        for options, choices in ((_PARAMETER, rules), (_REMAP, None), ((_FILE,), None)):
+            parser.add_argument(*options, action='append', choices=choices)
+        complete(parser)
 
     def check(self, arguments: RosArguments) -> list[str]:
         """Return warnings of what is probably a mistake.
