@@ -313,10 +313,10 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
 
 def _completion() -> str:
     """Return what makes bash or zsh ask each executable for completions."""
-    import argcomplete
+    from argcomplete.shell_integration import shellcode
 
     names = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))
-    return f'# eval "$({NAME} completion)"\n{argcomplete.shellcode(names)}'
+    return f'# eval "$({NAME} completion)"\n{shellcode(names)}'
 
 
 def main(args: Sequence[str] | None = None) -> int:

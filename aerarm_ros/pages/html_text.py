@@ -13,8 +13,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup as Html
-from markupsafe import escape
+from markupsafe import Markup, escape
+
+Html = Markup
+"""Text that is HTML already and isn't escaped again."""
 
 # As wide as a digit, and as a point.
 _DIGIT, _POINT = '\N{FIGURE SPACE}', '\N{PUNCTUATION SPACE}'

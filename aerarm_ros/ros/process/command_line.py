@@ -39,10 +39,12 @@ class OneLineParser(argparse.ArgumentParser):
     Its words are completed where they are parsed.
     """
 
-    def parse_args(self, *args: Any, **kwargs: Any) -> Any:
+    def parse_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> argparse.Namespace:
         """Parse arguments; see argparse."""
         complete(self)
-        return super().parse_args(*args, **kwargs)
+        return super().parse_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
         """End the process."""
