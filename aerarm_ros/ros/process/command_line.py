@@ -13,13 +13,15 @@ from difflib import get_close_matches
 from inspect import cleandoc
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import yaml
 
 from aerarm_ros.description.config_reader import LOADER, ConfigError, plain_data, read_plain
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.process_end import USER_ERROR
+
+if TYPE_CHECKING:  # programs that run without ROS have a command line, too
+    from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 
 COMPLETING = '_ARGCOMPLETE'
 """Variable by which a shell asks a program for completions, in place of running it."""
