@@ -28,7 +28,7 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup develop demo experiment energy flight view test attacks commissioning lint fuzz mutants compiled-test bench clean
+.PHONY: help setup develop demo experiment energy flight view test attacks same commissioning lint fuzz mutants compiled-test bench clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
@@ -40,6 +40,8 @@ help:
 	@echo 'make view        the running arm in a browser'
 	@echo 'make test        lint, type check and all tests'
 	@echo 'make attacks     hundreds of attacks on the bridge in virtual time, and their worst figures'
+	@echo 'make same        compare motion, frames and figures with a stored record, byte for byte'
+	@echo '                 (RECORD=1 writes the record; DATASETS=DIR adds the measured bags of that folder)'
 	@echo 'make commissioning  emulated arms, healthy and wrongly assembled, through the guided procedure'
 	@echo 'make fuzz        20,000 damaged and hostile bags'
 	@echo 'make mutants     mutation testing of what stands between a command and a motor'
@@ -96,6 +98,9 @@ attacks: develop
 	$(BIN)/python test/hardware/attack_campaign.py
 	$(BIN)/python test/hardware/attack_campaign.py --runs 3 --lost-commands 0.1 0.2 0.3 0.5 0.7 0.8 0.9 0.95 1
 	$(BIN)/python test/hardware/held_up_host.py
+
+same: develop
+	$(BIN)/python test/same/same.py $(if $(RECORD),--record) $(if $(DATASETS),--datasets '$(DATASETS)')
 
 commissioning: develop
 	$(BIN)/python test/commissioning/commissioning_campaign.py

@@ -56,8 +56,8 @@ FILES = (
     'trajectory',
     'identified',
 )
-# Those of them whose packaged files are found by their name; launch itself reads the URDFs.
-PACKAGED = ('config', 'drone_file', 'excitation_config')
+# Those of them that may name a packaged file; `trajectory` and `identified` are results of a run.
+PACKAGED = ('params_file', 'config', 'urdf', 'plant_urdf', 'drone_file', 'excitation_config')
 # Argument and value: what that needs of ROS, and of Python.
 _PACKAGES = {('rviz', 'true'): ('rviz2', 'robot_state_publisher')}
 _MODULES = {
@@ -100,6 +100,16 @@ def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[
     ]
 
 
+def packaged_files(arguments: Mapping[str, str]) -> dict[str, str]:
+    """Return the paths of the packaged files that arguments give by name, by argument.
+
+    ROS's launch reads the URDFs, and ROS the parameter file, from a path only.
+    """
+    given = {name: arguments.get(name, '').strip("'") for name in PACKAGED}
+    found = {name: str(find_file(path)) for name, path in given.items() if path}
+    return {name: path for name, path in found.items() if path != given[name]}
+
+
 def _wrong_prefix(arguments: Mapping[str, str]) -> Iterator[str]:
     try:
         check_prefix(arguments.get('tf_prefix', ''))
@@ -116,9 +126,9 @@ def _missing_drone(arguments: Mapping[str, str]) -> Iterator[str]:
 
 
 def _missing_files(arguments: Mapping[str, str]) -> Iterator[str]:
+    packaged = packaged_files(arguments)
     for name in FILES:
-        given = arguments.get(name, '').strip("'")
-        path = str(find_file(given)) if given and name in PACKAGED else given
+        path = packaged.get(name, arguments.get(name, '').strip("'"))
         if path and not os.path.isfile(path):
             yield f'{name}: there is no file {path}'
         elif path and not os.access(path, os.R_OK):
@@ -247,7 +257,8 @@ MOTION_ARGUMENTS = (
 def check_first(*packages: str) -> OpaqueFunction:
     """Return what comes before all processes: nothing starts unless everything can.
 
-    What is started then ends when launch is gone, however that ends.
+    Arguments that name a packaged file become its path. What is started then ends when launch is
+    gone, however that ends.
 
     Parameters
     ----------
@@ -259,6 +270,7 @@ def check_first(*packages: str) -> OpaqueFunction:
         problems = missing(context.launch_configurations, packages)
         if problems:
             raise RuntimeError('; '.join(problems))
+        context.launch_configurations.update(packaged_files(context.launch_configurations))
         _keep_launch_from_being_interrupted()
         return [SetEnvironmentVariable(LAUNCH_PID, str(os.getpid()))]
 

@@ -20,8 +20,7 @@ from quick_spinning import release_nodes
 from rclpy.node import Node
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.ros.process.node_main import find_log_directory
-from aerarm_ros.ros.process.node_process import ros_environment
+from aerarm_ros.ros.process.node_process import find_log_directory, ros_environment
 from aerarm_ros.ros.process.process_end import ExitLimit
 
 # The same examples each time, and no limit on their time: other work may share the machine.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from aerarm_msgs_py.bags.bag import Bag
 from aerarm_msgs_py.codecs.cdr import CdrReader, Payloads, diagnostic_values
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateDecoder
-from aerarm_msgs_py.live_topics import SequenceGaps
+from aerarm_msgs_py.sequence_gaps import SequenceGaps
 from aerarm_msgs_py.storage.read_limits import (
     BagError,
     BagWarning,

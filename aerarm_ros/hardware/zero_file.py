@@ -10,6 +10,7 @@ from pathlib import Path
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.resources import write_whole
 from aerarm_ros.hardware.boards.kept_zeros import (
+    LONGEST,
     HostClock,
     KeptZeros,
     KeptZerosError,
@@ -26,6 +27,14 @@ def host_clock() -> HostClock:
     boot = _BOOT_ID.read_text(encoding='ascii').strip()
     suspended = time.clock_gettime(time.CLOCK_BOOTTIME) - time.monotonic()
     return HostClock(boot, suspended)
+
+
+def _text(path: Path) -> str:
+    """Return what a file holds; one that is no file is not opened: it might never end."""
+    if path.exists() and not path.is_file():
+        raise KeptZerosError('is no regular file')
+    with path.open(encoding='utf-8') as file:
+        return file.read(LONGEST + 1)
 
 
 class ZeroFile:
@@ -72,8 +81,7 @@ class ZeroFile:
             return None
         try:
             self._host = host_clock()
-            text = self._path.read_text(encoding='utf-8')
-            return KeptZeros.parse(text).check(self._arm, self._host, now)
+            return KeptZeros.parse(_text(self._path)).check(self._arm, self._host, now)
         except FileNotFoundError:
             return None
         except (OSError, UnicodeDecodeError, KeptZerosError) as error:

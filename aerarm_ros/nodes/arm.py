@@ -21,7 +21,6 @@ from rclpy.utilities import remove_ros_args
 from aerarm_ros.hardware.bridge_modes import MODES, OFF
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
-from aerarm_ros.ros.process.command_line import complete
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import (
     USER_ERROR,
@@ -29,6 +28,7 @@ from aerarm_ros.ros.process.process_end import (
     print_error,
     print_notice,
 )
+from aerarm_ros.ros.process.ros_arguments import complete
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
 from aerarm_ros.ros.requests.motion_request import SetPointRequest, ToolRequest
 from aerarm_ros.ros.requests.parameter_request import set_parameter

@@ -11,8 +11,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from aerarm_ros.ros.process.command_line import OneLineParser
 from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
+from aerarm_ros.ros.process.ros_arguments import OneLineParser
 
 NAME = 'excitation_designer'
 

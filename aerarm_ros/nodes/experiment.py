@@ -29,8 +29,8 @@ from aerarm_ros.experiment.experiment_bench import (
     run_all,
 )
 from aerarm_ros.experiment.experiment_report import ExperimentReport
-from aerarm_ros.ros.process.command_line import OneLineParser
 from aerarm_ros.ros.process.process_end import INTERRUPTED, StopSignals, print_error
+from aerarm_ros.ros.process.ros_arguments import OneLineParser
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
 NAME = 'experiment'

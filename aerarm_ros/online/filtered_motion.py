@@ -16,6 +16,7 @@ WINDOW = 5e-3
 # Joints slower than this [rad/s] may be held by dry friction, in either direction.
 _SLOW = 0.03
 _SETTLED = 6.6  # time constants after which a step has come to 99 %
+_TORQUE, _DOUBT, _MODELLED = -3, -2, -1  # columns
 _NO_SPIN = np.zeros(3)
 _WIDTH = 0.01  # [rad/s] in which dry friction turns round
 
@@ -32,11 +33,14 @@ class MotionRow(NamedTuple):
         What drive, arm and known friction leave [Nm].
     doubt : (n,) ndarray
         Dry friction whose direction isn't known [Nm].
+    modelled : (n,) ndarray
+        What the model of the arm says of gravity and inertia, as magnitudes [Nm].
     """
 
     regressor: Array
     torque: Array
     doubt: Array
+    modelled: Array
 
 
 class FilteredMotion:
@@ -79,8 +83,8 @@ class FilteredMotion:
         self._regressor = MomentumRegressor(dynamics.robot)
         self._bandwidth = bandwidth
         self._joints = np.arange(n)
-        # Columns: the regressor's, the torque that is left, the doubt.
-        self._instant = np.zeros((n, 12 + 3 * n))
+        # Columns: the regressor's, the torque that is left, the doubt, what is modelled.
+        self._instant = np.zeros((n, 13 + 3 * n))
         self.reset()
 
     def reset(self) -> None:
@@ -116,7 +120,7 @@ class FilteredMotion:
         if self._filtered is None:
             raise RuntimeError('no window has ended yet')
         values = self._filtered
-        return MotionRow(values[:, :-2].copy(), values[:, -2].copy(), values[:, -1].copy())
+        return MotionRow(values[:, :-3].copy(), *values[:, -3:].T.copy())
 
     def _end_window(self, state: ArmState, base: BaseMotion) -> None:
         q, dq, _ = state
@@ -132,7 +136,8 @@ class FilteredMotion:
             mean = 0.5 * (instant + self._before)
             change = (momentum - self._momentum) / self._elapsed
             mean[:, :10] += change[:, :10]
-            mean[:, -2] += tau - change[:, 10] - self._of_turning(q, dq, base)
+            mean[:, _TORQUE] += tau - change[:, 10] - self._of_turning(q, dq, base)
+            mean[:, _MODELLED] += np.abs(change[:, 10])
             if self._first is None or self._filtered is None:
                 self._first, self._filtered = mean, mean.copy()
             else:
@@ -173,6 +178,7 @@ class FilteredMotion:
         instant[joints, 10 + joints] = dq
         instant[joints, 10 + n + joints] = sign
         instant[joints, 10 + 2 * n + joints] = sign * load
-        instant[:, -2] = -rigid - known - dry * sign
-        instant[:, -1] = (self.coulomb + dry) * (np.abs(dq) < _SLOW)
+        instant[:, _TORQUE] = -rigid - known - dry * sign
+        instant[:, _DOUBT] = (self.coulomb + dry) * (np.abs(dq) < _SLOW)
+        instant[:, _MODELLED] = np.abs(rigid)
         return instant

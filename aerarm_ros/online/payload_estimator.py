@@ -89,6 +89,9 @@ class EstimatorSettings:
         Standard deviation of friction from what the model says, relative.
     torque_noise : float
         RMS torque [Nm] that the model leaves unexplained at first; it is measured from then on.
+    model_error : float
+        Standard deviation of gravity and inertia from what the model says, relative. What it may
+        explain is no change of the payload.
     memory, friction_memory : float
         Time constants of forgetting [s], of payload and tare, and of friction.
     """
@@ -100,6 +103,7 @@ class EstimatorSettings:
     tare_mass: float = 0.01
     friction_spread: float = 0.3
     torque_noise: float = 0.02
+    model_error: float = 0.01
     memory: float = 30.0
     friction_memory: float = 120.0
 
@@ -303,7 +307,7 @@ class PayloadEstimator:
         last, self._last = self._last, now
         if last is None or not 0.0 < now - last < _LONGEST_GAP:
             if last is None or now != last:
-                self.pause()
+                self._interrupt()
                 self._last = now
             return None
         self._efforts.update(state, now - last)
@@ -320,7 +324,20 @@ class PayloadEstimator:
         return self._learn(self._motion.row(), now)
 
     def pause(self) -> None:
-        """Say that states, or what is known of the base, are missing: what is known stays."""
+        """Stop learning while the base's motion is unknown, or something holds the arm.
+
+        That shows late: what was learnt in the 0.3 s before is taken back. The rest stays.
+        """
+        if self._history:
+            self._filter.belief = self._history[0]
+            self._history.clear()
+            self._change.reset()
+            if self.estimate is not None:
+                self._tell(self.estimate.time)
+        self._interrupt()
+
+    def _interrupt(self) -> None:
+        """Take note that states are missing."""
         self._motion.reset()
         self._elapsed = 0.0
         self._last = None
@@ -372,11 +389,14 @@ class PayloadEstimator:
         belief = self._filter.belief
         error = row.torque - rows @ belief.mean
         spread = np.einsum('ij,jk,ik->i', rows, belief.covariance, rows)
-        variance = self._noise + row.doubt**2 + spread
-        return error, float(np.max(error**2 / variance))
+        return error, float(np.max(error**2 / (self._variance(row) + spread)))
+
+    def _variance(self, row: MotionRow) -> Array:
+        """Return the variance (n,) [Nm^2] of what noise, dry friction and the model leave."""
+        return self._noise + row.doubt**2 + (self.settings.model_error * row.modelled) ** 2
 
     def _take(self, rows: Array, row: MotionRow, error: Array, now: float) -> None:
-        variance = self._noise + row.doubt**2
+        variance = self._variance(row)
         large = error**2 / (_LARGEST**2 * variance)
         variance = self._repeated / self._period * variance * np.maximum(1.0, large)
         if (row.doubt**2 < self._noise).any():

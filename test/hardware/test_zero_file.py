@@ -1,4 +1,5 @@
 import json
+import os
 import time
 
 import pytest
@@ -104,3 +105,12 @@ def test_no_file_and_one_that_cannot_be_written(tmp_path, make_rig):
     file.update(rig.bridge, rig.now)
     file.close()
     assert 'cannot be written' in file.problem
+
+
+def test_what_is_no_file_is_not_waited_for(tmp_path, config):
+    pipe = tmp_path / 'arm.json'
+    os.mkfifo(pipe)
+    assert 'is no regular file' in ZeroFile(pipe, config).read(time.monotonic())
+    endless = tmp_path / 'endless.json'
+    endless.write_text('[' * 10_000_000)
+    assert 'is not whole' in ZeroFile(endless, config).read(time.monotonic())

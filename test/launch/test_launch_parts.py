@@ -1,6 +1,7 @@
 """What the launch files make of the way their processes end."""
 
 import signal
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -51,3 +52,26 @@ def test_an_interrupt_is_left_to_the_event_loop_of_launch(before: Any) -> None:
         assert callable(signal.getsignal(signal.SIGINT))
     finally:
         signal.signal(signal.SIGINT, own)
+
+
+def test_arguments_that_name_packaged_files_become_their_paths(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from launch import LaunchContext
+
+    from aerarm_ros.launch_parts import check_first
+
+    monkeypatch.chdir(tmp_path)
+    context = LaunchContext()
+    context.launch_configurations.update(
+        params_file='config/parameters_fake.yaml', urdf='aerarm.urdf', namespace='config'
+    )
+    own = signal.getsignal(signal.SIGINT)
+    try:
+        check_first().execute(context)
+    finally:
+        signal.signal(signal.SIGINT, own)
+    found = context.launch_configurations
+    assert Path(found['params_file']).is_file()
+    assert Path(found['urdf']).is_file()
+    assert found['namespace'] == 'config'

@@ -6,7 +6,7 @@ from launched import is_in_the_index
 
 from aerarm_ros import launch_parts
 from aerarm_ros.description.resources import resource
-from aerarm_ros.launch_parts import FILES, missing
+from aerarm_ros.launch_parts import FILES, missing, packaged_files
 
 GIVEN = {
     'hardware': 'fake',
@@ -50,9 +50,38 @@ def test_a_file_must_exist(name: str, tmp_path: Path) -> None:
     )
 
 
-def test_a_packaged_file_may_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ('name', 'file'),
+    [
+        ('params_file', 'config/parameters_fake.yaml'),
+        ('config', 'aerarm.yaml'),
+        ('urdf', 'urdf/aerarm.urdf'),
+        ('plant_urdf', 'aerarm.urdf'),
+        ('drone_file', 'drones/quadrotor.yaml'),
+        ('excitation_config', 'excitation.yaml'),
+    ],
+)
+def test_a_packaged_file_may_be_named(
+    name: str, file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
-    assert missing({**GIVEN, 'drone_file': 'config/drone.yaml'}) == []
+    assert missing({**GIVEN, name: file}) == []
+    path = Path(packaged_files({name: file})[name])
+    assert path.is_file()
+    assert path.is_absolute()
+    assert path.parts[-len(Path(file).parts) :] == Path(file).parts
+    own = tmp_path / file
+    own.parent.mkdir(parents=True, exist_ok=True)
+    own.touch()
+    assert packaged_files({name: file}) == {}
+
+
+@pytest.mark.parametrize('name', ['trajectory', 'identified'])
+def test_a_result_that_is_missing_is_not_a_packaged_file(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert missing({**GIVEN, name: 'aerarm.urdf'}) == [f'{name}: there is no file aerarm.urdf']
 
 
 def test_a_prefix_is_looked_at_before_anything_starts() -> None:

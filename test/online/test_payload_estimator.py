@@ -1,4 +1,5 @@
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -7,13 +8,13 @@ from carrying_run import COLD, CarryingRun
 
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.model.inertia import minimum_eigenvalue
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.information_filter import SPECK
 from aerarm_ros.online.payload_estimator import EstimatorSettings, OnlineEstimate, PayloadEstimator
 from aerarm_ros.online.replay import KnownArm
-from aerarm_ros.simulation.arm_plant import PlantParameters
+from aerarm_ros.simulation.arm_plant import PlantParameters, Spread
 
 
 def feed(
@@ -101,6 +102,17 @@ def swinging(
     q = np.array([0.0, 1.2, 0.3, -0.4]) + (swing * np.sin(rate * time)).sum(axis=2)
     dq = (swing * rate * np.cos(rate * time)).sum(axis=2)
     ddq = -(swing * rate**2 * np.sin(rate * time)).sum(axis=2)
+    return measured(robot, rotor_inertia, friction, (q, dq, ddq))
+
+
+def measured(
+    robot: Robot,
+    rotor_inertia: np.ndarray,
+    friction: np.ndarray,
+    motion: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> list[tuple[float, ArmState]]:
+    """Return the states of a motion (q, dq, ddq) of a hundred rows a second."""
+    q, dq, ddq = motion
     data = robot.model.createData()
     links = np.array([pin.rnea(robot.model, data, *x) for x in zip(q, dq, ddq, strict=True)])
     dry = (friction[1] + friction[2] * np.abs(links)) * np.tanh(dq / 0.01)
@@ -123,6 +135,43 @@ def test_a_knock_is_not_carried_for_long(robot: Robot) -> None:
     assert 3.0 < carrying[0] < 3.2
     assert 1.9 < carrying[-1] - carrying[0] < 2.5
     assert told[-1].payload.mass == SPECK
+
+
+def test_what_a_model_gets_wrong_by_a_percent_is_no_payload(
+    example_urdf: Callable[[str], Path],
+) -> None:
+    """Six joints that carry up to 10 Nm move between postures, some of which are new to it."""
+    robot = load_robot(example_urdf('z1.urdf'), locked=('jointGripper',))
+    n, random = robot.n, np.random.default_rng(4)
+    low, high = robot.posture_range
+    postures = 0.5 * (low + high) + 0.3 * (high - low) * random.uniform(-1.0, 1.0, (20, n))
+    s = np.arange(0.0, 1.0, 0.01 / 1.5)[:, np.newaxis]
+    share = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    pairs = zip(postures, postures[1:], strict=False)
+    q = np.concatenate([start + share * (end - start) for start, end in pairs])
+    dq = np.gradient(q, 0.01, axis=0)
+    ddq = np.gradient(dq, 0.01, axis=0)
+    friction = np.repeat([[0.3], [0.3], [0.03]], n, axis=1)
+    truth = PlantParameters(
+        robot.joint_names,
+        robot.link_names,
+        np.array(robot.inertial_parameters),
+        np.full(n, 0.02),
+        *friction,
+        np.ones(n),
+        np.ones(n),
+    )
+    states = measured(robot, truth.rotor_inertia, friction, (q, dq, ddq))
+    known = truth.perturbed(4, Spread(0.01, 0.005, 0.0005, 0.15, 0.15, 0.02, 0.0))
+    estimator = KnownArm(
+        robot.with_inertial_parameters(known.inertial_parameters),
+        known.rotor_inertia,
+        np.array([known.viscous, known.coulomb, known.load_friction]),
+    ).estimator(EstimatorSettings(tare_mass=0.03))
+    assert not any(estimate.carries for estimate in feed(estimator, states))
+    assert estimator.is_tared
+    assert estimator.changes == 0
+    assert not estimator.problem
 
 
 def test_what_is_carried_from_the_start_is_told_and_not_weighed(run: CarryingRun) -> None:

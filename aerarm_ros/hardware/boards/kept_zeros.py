@@ -33,7 +33,7 @@ _PULSE = 0.05
 _SAME_PULSE = 1e-6  # [rad]
 _TURN = 2.0 * pi
 _SUSPENDED = 0.05  # [s] by which the reading of two clocks differs from one time to the next
-_LONGEST = 65536  # characters of a file that is read
+LONGEST = 65536  # characters of a file that is read
 
 
 class KeptZerosError(ValueError):
@@ -103,7 +103,7 @@ class KeptZeros:
     def parse(text: str) -> KeptZeros:
         """Return what a file holds; raises KeptZerosError if it is not whole."""
         try:
-            if len(text) > _LONGEST:
+            if len(text) > LONGEST:
                 raise ValueError
             document = json.loads(text)
             boards = tuple(

@@ -8,7 +8,8 @@ from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
-from aerarm_msgs_py.codecs.joint_state_cdr import JointSample, JointStateCdr, decode_as_sent
+from aerarm_msgs_py.codecs.joint_state_cdr import JointSample, JointStateCdr
+from aerarm_msgs_py.codecs.joint_state_conversion import decode_as_sent
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.motion.signals import Array
 

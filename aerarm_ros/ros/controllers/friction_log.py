@@ -25,6 +25,8 @@ ESTIMATOR_PARAMETERS = (
               'relative standard deviation', '', 0.01, 2.0),
     Parameter('torque_noise', 0.02, 'RMS torque that the model leaves unexplained, until it is '
               'measured', 'Nm', 1e-4, 10.0),
+    Parameter('model_error', 0.01, 'standard deviation of gravity and inertia from what the model '
+              'says, relative; what it explains is no payload', '', 1e-4, 0.5),
     Parameter('correlation_time', 0.1, 'for how long an error of the model stays what it is', 's',
               0.02, 10.0),
     Parameter('bandwidth', 30.0, 'of the low-passes on the equation of motion', '1/s', 5.0, 100.0),

@@ -3,241 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import os
-import re
 import shutil
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from inspect import cleandoc
-from itertools import zip_longest
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
 
-import yaml
-
-from aerarm_ros.description.config_reader import LOADER, ConfigError, plain_data, read_plain
-from aerarm_ros.ros.process.process_end import USER_ERROR
-
-if TYPE_CHECKING:  # programs that run without ROS have a command line, too
-    from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-
-COMPLETING = '_ARGCOMPLETE'
-"""Variable by which a shell asks a program for completions, in place of running it."""
-
-
-def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer a shell that asks for completions, and end the process; else do nothing."""
-    if COMPLETING in os.environ:
-        import argcomplete
-
-        argcomplete.autocomplete(parser)
-
-
-class OneLineParser(argparse.ArgumentParser):
-    """Names a wrong argument and the way to the help, in place of the whole usage.
-
-    Its words are completed where they are parsed.
-    """
-
-    def parse_args(  # type: ignore[override]
-        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
-    ) -> argparse.Namespace:
-        """Parse arguments; see argparse."""
-        complete(self)
-        return super().parse_args(args, namespace)
-
-    def error(self, message: str) -> NoReturn:
-        """End the process."""
-        self.exit(USER_ERROR, f'{self.prog}: {message}: see {self.prog} --help\n')
-
-
-_PARAMETER = ('-p', '--param')
-_REMAP = ('-r', '--remap')
-_FILE = '--params-file'
-_SECTION = 'ros__parameters'
-ANY_NODE = '/**'
-
-
-class _Untagged(LOADER):  # type: ignore[misc]
-    """Overlooks tags, as rcl does: ROS's launch writes tuples as `!!python/tuple`."""
-
-
-def _without_tag(loader: yaml.SafeLoader, _: str, node: yaml.Node) -> object:
-    if isinstance(node, yaml.SequenceNode):
-        return loader.construct_sequence(node)
-    if isinstance(node, yaml.MappingNode):
-        return loader.construct_mapping(node)
-    assert isinstance(node, yaml.ScalarNode)
-    return loader.construct_scalar(node)
-
-
-_Untagged.add_multi_constructor('', _without_tag)
-
-
-class UsageError(ValueError):
-    """An argument that a node can't run with; the message says what would be right."""
-
-
-@dataclass(frozen=True)
-class GivenParameter:
-    """A parameter that somebody gave a value.
-
-    Attributes
-    ----------
-    node
-        Full name of the node it is for, or a pattern: ``*`` is one name, ``**`` any number.
-    name
-        Its name.
-    source
-        Where it stands: ``-p``, or the file.
-    """
-
-    node: str
-    name: str
-    source: str
-
-    @property
-    def is_for_any_node(self) -> bool:
-        """Whether a file gives it to nodes whatever their name."""
-        return self.node.endswith('*') and self.source not in _PARAMETER
-
-    def is_for(self, node: str) -> bool:
-        """Tell whether the node with this full name takes it."""
-        pattern = re.escape(self.node).replace(r'/\*\*', r'(/\w+)*').replace(r'/\*', r'/\w+')
-        return re.fullmatch(pattern, node) is not None
-
-
-class RosArguments:
-    """The arguments of a process, those for ROS apart from its own.
-
-    Groups of ROS arguments begin with ``--ros-args`` and end with ``--`` or the line.
-
-    Parameters
-    ----------
-    arguments
-        Command line without the program.
-
-    Attributes
-    ----------
-    plain : list of str
-        What is not for ROS.
-    parameters : list of GivenParameter
-        In their order.
-
-    Raises
-    ------
-    UsageError
-        If a parameter or its file cannot be read. Other faults are left to rclpy.
-    """
-
-    def __init__(self, arguments: Sequence[str]) -> None:
-        self.plain, groups = _split(arguments)
-        self._remaps: list[str] = []
-        self.parameters: list[GivenParameter] = []
-        for option, value in groups:
-            if option in _REMAP:
-                self._remaps.append(value)
-            elif option in _PARAMETER:
-                self.parameters.append(_parameter_of_rule(value))
-            elif option == _FILE:
-                self.parameters += _parameters_of_file(value)
-
-    def full_name(self, name: str) -> str:
-        """Return a node's name with its namespace, both as the command line remaps them."""
-        namespace = self._remapped('__ns', name) or '/'
-        base = self._remapped('__node', name) or self._remapped('__name', name) or name
-        return f'{namespace.rstrip("/")}/{base}'
-
-    def _remapped(self, what: str, node: str) -> str:
-        """Return what the first rule for the node says, '' without one."""
-        for rule in self._remaps:
-            left, _, value = rule.partition(':=')
-            if left in (what, f'{node}:{what}'):
-                return value
-        return ''
-
-
-def _split(arguments: Sequence[str]) -> tuple[list[str], list[tuple[str, str]]]:
-    """Return plain arguments, and ROS options with the argument that follows each."""
-    plain: list[str] = []
-    options: list[tuple[str, str]] = []
-    is_ros = False
-    for argument, following in zip_longest(arguments, arguments[1:], fillvalue=''):
-        if argument == '--ros-args':
-            is_ros = True
-        elif is_ros and argument == '--':
-            is_ros = False
-        elif is_ros:
-            options.append((argument, following))
-        else:
-            plain.append(argument)
-    return plain, options
-
-
-def _parameter_of_rule(rule: str) -> GivenParameter:
-    """Read [NODE:]NAME:=VALUE."""
-    left, separator, value = rule.partition(':=')
-    if not separator:
-        raise UsageError(f'-p {rule}: write -p NAME:=VALUE')
-    _check_value(rule, left, value)
-    node, colon, name = left.rpartition(':')
-    return GivenParameter(f'/{node.lstrip("/")}' if colon else ANY_NODE, name, '-p')
-
-
-def _check_value(rule: str, left: str, value: str) -> None:
-    """Raise UsageError for what rcl cannot read, of which it would tell in lines of its own."""
-    if not value:
-        raise UsageError(
-            f'-p {rule} gives no value: write -p {left}:=VALUE, for an empty text -p {left}:="\'\'"'
-        )
-    try:
-        is_read = not isinstance(plain_data(value, _Untagged), Mapping)
-    except ConfigError:
-        is_read = False
-    if not is_read:
-        raise UsageError(
-            f"-p {rule} gives no value that can be read: 2.5, true, '[1.0, 2.0]' or a text can; "
-            f"a text with YAML's signs stands in quotes twice, -p {left}:=\"'TEXT'\""
-        )
-
-
-def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
-    try:
-        content = read_plain(Path(file), _Untagged)
-    except OSError as error:
-        raise UsageError(f'parameter file {file}: {error.strerror}') from None
-    except ConfigError as error:
-        raise UsageError(f'parameter file {file} is not YAML as it is read: {error}') from None
-    if not isinstance(content, Mapping):
-        raise UsageError(f'parameter file {file} holds no section NODE: {_SECTION}:')
-    for node, values in _sections(content, '', file):
-        for name in _leaves(values):
-            yield GivenParameter(node, name, file)
-
-
-def _sections(content: Any, node: str, file: str) -> Iterator[tuple[str, Any]]:
-    """Yield the full name of every node of a file, and what stands below ros__parameters."""
-    if not isinstance(content, Mapping):
-        raise UsageError(
-            f"parameter file {file}: '{node.lstrip('/')}' is in no section NODE: {_SECTION}:"
-        )
-    for key, below in content.items():
-        if key == _SECTION:
-            yield node or '/', below
-        else:
-            yield from _sections(below, f'{node}/{str(key).strip("/")}', file)
-
-
-def _leaves(values: Any, prefix: str = '') -> Iterator[str]:
-    """Yield the names of parameters, groups joined by dots."""
-    for key, value in values.items() if isinstance(values, Mapping) else ():
-        if isinstance(value, Mapping):
-            yield from _leaves(value, f'{prefix}{key}.')
-        else:
-            yield f'{prefix}{key}'
-
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process.ros_arguments import (
+    FILE,
+    PARAMETER,
+    REMAP,
+    GivenParameter,
+    RosArguments,
+    UsageError,
+    complete,
+)
 
 _HELP = ('-h', '--help')
 # Parameters that every node of rclpy has.
@@ -299,7 +80,7 @@ class CommandLine:
         parser = argparse.ArgumentParser(prog=self.name)
         parser.add_argument('--ros-args', action='store_true')
         rules = [f'{name}:=' for name in self._parameters]
-        for options, choices in ((_PARAMETER, rules), (_REMAP, None), ((_FILE,), None)):
+        for options, choices in ((PARAMETER, rules), (REMAP, None), ((FILE,), None)):
             parser.add_argument(*options, action='append', choices=choices)
         complete(parser)
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
-from collections.abc import Callable, MutableMapping, Sequence
-from pwd import getpwuid
+from collections.abc import Callable, Sequence
 from typing import Protocol, TypeVar
 
 import rclpy
@@ -16,8 +14,9 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.process.command_line import CommandLine, RosArguments, UsageError
+from aerarm_ros.ros.process.command_line import CommandLine
 from aerarm_ros.ros.process.discovery import stay_on_this_host, use_packaged_profile
+from aerarm_ros.ros.process.node_process import find_log_directory
 from aerarm_ros.ros.process.process_end import (
     INTERRUPTED,
     USER_ERROR,
@@ -25,39 +24,9 @@ from aerarm_ros.ros.process.process_end import (
     StopSignals,
     print_error,
 )
+from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
 
 # The first of these that is set tells ROS where, and without any it does not start.
-_CHOICES = ('ROS_LOG_DIR', 'ROS_HOME', 'HOME')
-
-
-def find_log_directory(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Let ROS log where it does by default, or else among temporary files.
-
-    Schedulers and service managers start programs without HOME. To be called before `rclpy.init`.
-
-    Parameters
-    ----------
-    environment
-        Of this process, or of one to be started.
-    """
-    if any(environment.get(name) for name in _CHOICES):
-        return
-    home = _home_of_this_user()
-    if home is not None:
-        environment['HOME'] = home
-    else:
-        environment['ROS_LOG_DIR'] = tempfile.mkdtemp(prefix='aerarm_ros_log_')
-
-
-def _home_of_this_user() -> str | None:
-    """Return the home directory that the system knows of, None without one."""
-    try:
-        home = getpwuid(os.getuid()).pw_dir
-    except KeyError:
-        return None
-    return home if os.access(home, os.W_OK) else None
-
-
 Result = TypeVar('Result')
 
 

@@ -6,20 +6,52 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Mapping, MutableMapping, Sequence
 from pathlib import Path
+from pwd import getpwuid
 from types import TracebackType
 from typing import IO
 
 from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 from aerarm_ros.ros.process.discovery import use_packaged_profile
-from aerarm_ros.ros.process.node_main import find_log_directory
 
 # [s] Far longer than any node's own shut-down (a bag's last chunk, the boards' last frames), which
 # takes 0.3 s alone and more than 10 s beside 20 busy programs: what is killed must hang, for a
 # recorder that is killed loses the end of its bag.
 STOP_TIMEOUT = 60.0
 _TAIL = 65536  # [bytes] a page looks at it many times a second, and logs grow for days
+
+
+_LOG_CHOICES = ('ROS_LOG_DIR', 'ROS_HOME', 'HOME')
+
+
+def find_log_directory(environment: MutableMapping[str, str] = os.environ) -> None:
+    """Let ROS log where it does by default, or else among temporary files.
+
+    Schedulers and service managers start programs without HOME. To be called before `rclpy.init`.
+
+    Parameters
+    ----------
+    environment
+        Of this process, or of one to be started.
+    """
+    if any(environment.get(name) for name in _LOG_CHOICES):
+        return
+    home = _home_of_this_user()
+    if home is not None:
+        environment['HOME'] = home
+    else:
+        environment['ROS_LOG_DIR'] = tempfile.mkdtemp(prefix='aerarm_ros_log_')
+
+
+def _home_of_this_user() -> str | None:
+    """Return the home directory that the system knows of, None without one."""
+    try:
+        home = getpwuid(os.getuid()).pw_dir
+    except KeyError:
+        return None
+    return home if os.access(home, os.W_OK) else None
 
 
 class NodeProcess:

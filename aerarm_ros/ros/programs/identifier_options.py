@@ -7,7 +7,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
-from aerarm_ros.ros.process.command_line import OneLineParser
+from aerarm_ros.ros.process.ros_arguments import OneLineParser
 
 
 def _optional_path(text: str) -> Path | None:

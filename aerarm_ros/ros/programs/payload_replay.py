@@ -21,8 +21,8 @@ from aerarm_ros.ros.controllers.friction_log import (
     ESTIMATOR_PARAMETERS,
     estimator_settings,
 )
-from aerarm_ros.ros.process.command_line import OneLineParser, RosArguments, UsageError
 from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
+from aerarm_ros.ros.process.ros_arguments import OneLineParser, RosArguments, UsageError
 from aerarm_ros.ros.programs.identifier_options import add_arm_options
 from aerarm_ros.ros.programs.identifier_run import RecordedArm
 

@@ -11,7 +11,8 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr, decode_joint_state
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.checks import RejectedInputError

@@ -17,13 +17,8 @@ from std_msgs.msg import Header
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.cdr import Payloads
-from aerarm_msgs_py.codecs.joint_state_cdr import (
-    JointSample,
-    JointStateCdr,
-    JointStateDecoder,
-    decode_joint_state,
-    in_order,
-)
+from aerarm_msgs_py.codecs.joint_state_cdr import JointSample, JointStateCdr, JointStateDecoder
+from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state, in_order
 from aerarm_msgs_py.live_topics import RawMessage, RawReader
 from aerarm_msgs_py.topics import Topic
 from aerarm_ros.control.base.base_motion import ImuSample

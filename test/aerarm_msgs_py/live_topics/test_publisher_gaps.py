@@ -2,7 +2,7 @@ import random
 
 import pytest
 
-from aerarm_msgs_py.live_topics import UNNUMBERED, PublisherGaps
+from aerarm_msgs_py.sequence_gaps import UNNUMBERED, PublisherGaps
 
 
 @pytest.mark.parametrize('seed', range(20))

@@ -2,7 +2,7 @@ import random
 
 import pytest
 
-from aerarm_msgs_py.live_topics import SequenceGaps
+from aerarm_msgs_py.sequence_gaps import SequenceGaps
 
 
 def lost(numbers) -> int | None:

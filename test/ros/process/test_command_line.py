@@ -7,7 +7,8 @@ import pytest
 from forked_executable import run
 
 from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable, grouped
-from aerarm_ros.ros.process.command_line import CommandLine, RosArguments, UsageError
+from aerarm_ros.ros.process.command_line import CommandLine
+from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
 
 PARAMETERS = ParameterTable(
     Parameter('periods', 2, 'how often', '', 1, 10),

@@ -9,7 +9,7 @@ import pytest
 from aerarm_ros.nodes.arm import _completion
 
 TOOL = """
-from aerarm_ros.ros.process.command_line import OneLineParser
+from aerarm_ros.ros.process.ros_arguments import OneLineParser
 parser = OneLineParser(prog='tool')
 parser.add_argument('--solver', choices=('wls', 'sdp'))
 parser.add_argument('--some', action='store_true')

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_ros.ros.process.node_main import find_log_directory
+from aerarm_ros.ros.process.node_process import find_log_directory
 
 
 @pytest.mark.parametrize('name', ['ROS_LOG_DIR', 'ROS_HOME', 'HOME'])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from rclpy.context import Context
 
-from aerarm_ros.ros.process.command_line import GivenParameter, RosArguments, UsageError
+from aerarm_ros.ros.process.ros_arguments import GivenParameter, RosArguments, UsageError
 
 FILE = """
 /**:
