@@ -11,14 +11,16 @@ PACKAGE = 'aerarm_ros'
 
 # Every bound has an upper end: a new major version is tried before it is let in.
 RUN_TIME = [
+    'argcomplete>=3.1,<4',
     'clarabel>=0.9,<0.12',
+    'jinja2>=3.1,<4',
     'lazy-loader>=0.4,<1',
     'lz4>=4,<5',
     'mcap>=1.2,<2',
     'mujoco>=3.1,<5',
     'plotly>=5.18,<8',
     'pyyaml>=6,<7',
-    'rosbags>=0.10,<0.12',
+    'rosbags>=0.11,<0.12',
     'scipy>=1.11,<2',
     'zstandard>=0.22,<1',
 ]
@@ -151,7 +153,8 @@ setup(
     packages=find_packages(
         include=['aerarm_ros', 'aerarm_ros.*', 'aerarm_msgs_py', 'aerarm_msgs_py.*']
     ),
-    package_data={'aerarm_ros': ['py.typed'], 'aerarm_msgs_py': ['py.typed']},
+    # What pages are made of lies beside the modules that fill it in.
+    package_data={'': ['py.typed', '*.html', '*.css', '*.js']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (share(), ['package.xml']),

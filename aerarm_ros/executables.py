@@ -41,6 +41,7 @@ _TASKS = frozenset(
 )
 
 _HELP = ('-h', '--help')
+_COMPLETING = '_ARGCOMPLETE'  # of a shell that asks for completions
 # What most nodes import, and no help needs: together they take longer than all else.
 _HEAVY = ('mujoco', 'pinocchio')
 # What ROS 2 brings; `calibrator`, `identifier`, `excitation_designer` and `experiment` run
@@ -61,7 +62,7 @@ def _run(name: str) -> int:
     status = 1  # of a traceback
     try:
         die_with_launch()
-        if any(argument in _HELP for argument in sys.argv[1:]):
+        if _COMPLETING in os.environ or any(argument in _HELP for argument in sys.argv[1:]):
             sys.modules.update((name, _Unloaded(name)) for name in _HEAVY)
         status = run(name)
     except KeyboardInterrupt:

@@ -21,7 +21,6 @@ from rclpy.utilities import remove_ros_args
 from aerarm_ros.hardware.bridge_modes import MODES, OFF
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
-from aerarm_ros.ros.process.completion import lazy_script, parser_script
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import (
     USER_ERROR,
@@ -29,6 +28,7 @@ from aerarm_ros.ros.process.process_end import (
     print_error,
     print_notice,
 )
+from aerarm_ros.ros.process.ros_arguments import complete
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
 from aerarm_ros.ros.requests.motion_request import BASE, WORLD, SetPointRequest, ToolRequest
 from aerarm_ros.ros.requests.parameter_request import set_parameter
@@ -347,24 +347,26 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
     os.execv(sys.executable, [*command, '--ros-args', '-p', given, '--', *arguments[begin:]])
 
 
-def _completion(parser: argparse.ArgumentParser) -> str:
-    """Return what makes a shell complete this and, when they are first asked, all the others."""
-    others = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))
-    others.remove(NAME)
-    return f'# eval "$({NAME} completion)"\n{parser_script(parser)}\n{lazy_script(others)}'
+def _completion() -> str:
+    """Return what makes bash or zsh ask each executable for completions."""
+    from argcomplete.shell_integration import shellcode
+
+    names = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))
+    return f'# eval "$({NAME} completion)"\n{shellcode(names)}'
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command; 0 if what was asked was done."""
     arguments = list(sys.argv[1:] if args is None else args)
     parser = make_parser()
+    complete(parser)
     given = remove_ros_args(['', *arguments])[1:]
     if not given:
         parser.print_help()
         parser.exit()
     options = parser.parse_args(given)
     if options.command == 'completion':
-        print(_completion(parser))
+        print(_completion())
         return 0
     if options.command == 'init':
         return _init(options)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from html import escape
 
 import numpy as np
 import viser
@@ -290,7 +289,7 @@ class ViewControls:
         ):
             button.label = stop if program.runs else start
             button.disabled = program.is_ending
-            words.content = indented(escape(program.last_words()))
+            words.content = indented(program.last_words())
         if now - self._looked >= _LOOK_PERIOD:
             self._looked = now
             files = self._programs.trajectories()

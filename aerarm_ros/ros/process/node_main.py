@@ -14,7 +14,6 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.process import completion
 from aerarm_ros.ros.process.command_line import CommandLine
 from aerarm_ros.ros.process.discovery import stay_on_this_host, use_packaged_profile
 from aerarm_ros.ros.process.node_process import find_log_directory
@@ -165,13 +164,11 @@ def _run_node(
 def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) -> int | None:
     """Answer a command line that starts no node; return its exit status, None if one shall."""
     name = command_line.name
+    command_line.complete()
     try:
         arguments = RosArguments(sys.argv[1:] if args is None else args)
         if command_line.asks_help(arguments):
             _print_help(command_line.help())
-            return 0
-        if completion.OPTION in arguments.plain:
-            print(command_line.completion())
             return 0
         for warning in command_line.check(arguments):
             print(f'{name}: warning: {warning}', file=sys.stderr, flush=True)
