@@ -78,7 +78,6 @@ COMPILED = [
     'bridge_cycle',
     'fault_watch',
     'heat_watch',
-    'boards/arm_measurements',
     'boards/board_link',
     'boards/board_monitor',
     'boards/encoder_monitor',

@@ -29,7 +29,7 @@ from aerarm_ros.hardware.frames.board_messages import BoardCommand, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
-from aerarm_ros.realtime.timing_statistics import TimingStatistics
+from aerarm_ros.realtime.periodic_loop import TimingStatistics
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 

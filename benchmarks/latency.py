@@ -34,14 +34,13 @@ from aerarm_msgs_py.live_topics import RawReader
 from aerarm_msgs_py.topics import JOINT_COMMAND, JOINT_STATES
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.realtime.periodic_loop import PeriodicLoop, TimingStatistics
 from aerarm_ros.realtime.scheduling import (
     freeze_garbage_collector,
     keep_cpus_awake,
     lock_memory,
     set_fifo,
 )
-from aerarm_ros.realtime.timing_statistics import TimingStatistics
 from aerarm_ros.ros.process.node_process import ros_environment
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 

@@ -123,8 +123,8 @@ class ControlLoop(Generic[Reference]):
     def update(self, state: ArmState, now: float) -> JointCommand | None:
         """Return the command that answers the state of `now` [s], None if there is none.
 
-        Control starts with the second state: the first only says where the arm is. That may be the
-        first once more, told again by an arm whose time stands still until it is answered.
+        Control starts with the second state, which may be of the same time: the first only says
+        where the arm is.
         """
         self.observe()
         q, dq, _ = state

@@ -219,7 +219,7 @@ class ContactEstimator:
     def offer_odometry(self, sample: OdometrySample) -> None:
         """Take an odometry sample; raises RejectedInputError with what is wrong."""
         if sample.stamp == self._offered:
-            return  # told again
+            return  # nothing new
         self._check_clock('odometry', sample.stamp)
         self._offered = sample.stamp
         self._flight.offer_odometry(sample)

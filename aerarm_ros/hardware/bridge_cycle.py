@@ -1,37 +1,41 @@
 """The bridge's cycle of 1 ms, without ROS and without a clock."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements, MotorPower
-from aerarm_ros.hardware.boards.board_link import BoardLink, make_links
+from aerarm_ros.hardware.boards.board_link import ArmMeasurements, BoardLink, MotorPower, make_links
 from aerarm_ros.hardware.boards.board_monitor import BoardMode
 from aerarm_ros.hardware.boards.commissioning_probe import CommissioningProbe
 from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.boards.homing import EncoderZeros, ZeroSearch
 from aerarm_ros.hardware.boards.kept_zeros import KeptZeros, ZeroRecall
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
-from aerarm_ros.hardware.fault_watch import FaultWatch, way_out
+from aerarm_ros.hardware.bridge_modes import Answer
+from aerarm_ros.hardware.fault_watch import FaultWatch, LoadWatch, way_out
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import (
     REJECTIONS,
-    Answer,
     CommandBuffer,
     CommandIntake,
+    Mask,
     OfferedCommand,
 )
 from aerarm_ros.hardware.gate.joint_barrier import JointLoads
 from aerarm_ros.hardware.gate.safety_gate import LIMITED, SafetyGate
 from aerarm_ros.hardware.heat_watch import HeatWatch
-from aerarm_ros.hardware.load_watch import LoadWatch
-from aerarm_ros.hardware.transports.transport import Transport
 from aerarm_ros.model.dynamics import largest_gravity_load
 from aerarm_ros.motion.signals import Array
+
+if TYPE_CHECKING:  # nothing to run
+    from aerarm_ros.hardware.transports.transport import Transport
 
 _RECENT = 1.0  # [s] how long a rejection or a limit stays in the list of faults
 
@@ -385,29 +389,30 @@ class BridgeCycle:
             references.switch_off()
             gate.look_away()
             return False
-        references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
+        if references.integrates:
+            references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
         # A barrier that leads a joint which nobody hears would drive it.
         times, tells = state.age(now, now - elapsed), self._encoders.tells_position & state.heard
         q, dq = state.believed(tells)
         kept = references.kept_torques(q, dq, state.unconfirmed)
         gate.watch(q, dq, references.torques(q, dq), *times, kept, state.unconfirmed)
-        followed = self._follow(now, min(elapsed, _STEP_MAX))
-        if references.keep_within(gate.barriers, tells & state.driven):
-            gate.note_braking(now)
-        return followed
+        return self._follow(now, min(elapsed, _STEP_MAX), tells & state.driven)
 
-    def _follow(self, now: float, dt: float) -> bool:
-        """Set the references of the command; return whether one is followed."""
-        references = self._references
-        command = None if self.gate.stop else self._current_command(now)
-        if command is not None:
-            limited = self.gate.limit(command, self.q, dt, now)
-            if not self.gate.stop:
-                references.track(limited, self.q, dt)
-                return self._followed
-        self.gate.restart()
-        references.damp(self._encoders.damping_speed)
-        return False
+    def _follow(self, now: float, dt: float, trusted: Mask) -> bool:
+        """Set the references of the command, or damp; return whether a command is followed."""
+        references, gate = self._references, self.gate
+        command = None if gate.stop else self._current_command(now)
+        is_braked = command is not None and gate.follow(
+            command, self.q, dt, now, references.motors, trusted.tolist()
+        )
+        is_followed = command is not None and not gate.stop
+        if not is_followed:
+            gate.restart()
+            references.damp(self._encoders.damping_speed)
+            is_braked = references.keep_within(gate.barriers, trusted)
+        if is_braked:
+            gate.note_braking(now)
+        return is_followed and self._followed
 
     def _current_command(self, now: float) -> CommandBuffer | None:
         """Return what to follow, None if the arm is to be damped."""

@@ -1,4 +1,4 @@
-"""What the bridge may be doing.
+"""What the bridge may be doing, and what it answers to requests.
 
 - disconnected: a board does not answer.
 - idle: the boards answer and are off.
@@ -15,6 +15,8 @@
 - fault: stopped for the reason that `faults` gives. The joints are damped where their
   board and encoder still work, until `clear_fault`.
 """
+
+from typing import NamedTuple
 
 MODES = (
     'disconnected',
@@ -41,3 +43,10 @@ COMMANDABLE = (*HELD, 'damping')
 def to_switch_on(mode: str) -> str:
     """Return the request, as typed, that switches on the motors of an arm in a mode."""
     return "'arm home', the arm in its home configuration" if mode == 'unhomed' else "'arm enable'"
+
+
+class Answer(NamedTuple):
+    """Whether a request was accepted, and what happens now or why not."""
+
+    accepted: bool
+    message: str

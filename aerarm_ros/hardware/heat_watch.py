@@ -7,8 +7,7 @@ from math import exp, inf, sqrt
 
 from aerarm_ros.description.arm_config import ArmConfig, PowerStageConfig
 from aerarm_ros.description.drive_config import COPPER, RATED_AMBIENT, JointConfig, MotorConfig
-from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
-from aerarm_ros.hardware.boards.board_link import BoardLink
+from aerarm_ros.hardware.boards.board_link import ArmMeasurements, BoardLink
 from aerarm_ros.hardware.boards.board_monitor import BoardMode
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile

@@ -30,8 +30,6 @@ from aerarm_ros.ros.process.process_end import (
 )
 from aerarm_ros.ros.process.ros_arguments import complete
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
-from aerarm_ros.ros.requests.motion_request import BASE, WORLD, SetPointRequest, ToolRequest
-from aerarm_ros.ros.requests.parameter_request import set_parameter
 
 NAME = 'arm'
 MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]
@@ -125,6 +123,8 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 def _go(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    from aerarm_ros.ros.requests.motion_request import SetPointRequest
+
     request = SetPointRequest(node)
 
     def ask() -> None:
@@ -135,6 +135,8 @@ def _go(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    from aerarm_ros.ros.requests.motion_request import ToolRequest
+
     request = ToolRequest(node)
 
     def ask() -> None:
@@ -146,6 +148,8 @@ def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 def _set(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    from aerarm_ros.ros.requests.parameter_request import set_parameter
+
     def ask() -> None:
         value = set_parameter(node, options.node, options.name, options.value, options.timeout)
         print(f'{options.node}: {options.name} = {value}', flush=True)
@@ -210,8 +214,8 @@ def make_parser() -> argparse.ArgumentParser:
         command.add_argument(axis, type=finite_number, help='in the frame [m]')
     command.add_argument(
         '--frame',
-        choices=(BASE, WORLD),
-        default=BASE,
+        choices=('base', 'world'),
+        default='base',
         help="frame of the place: the arm's base, or the world of the drone's odometry, in which "
         'world_control holds the tool (default: base)',
     )

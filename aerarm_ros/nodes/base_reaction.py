@@ -66,13 +66,12 @@ class BaseReactionNode(StateNode):
         # A little less than a period: states come with jitter.
         self._period = 1.0 / self.values.rate - 0.5e-3
         self._last = self._due = -np.inf
-        self._result: BaseReaction.ArmReaction | None = None
 
     def connect(self) -> None:
         """Advertise what the drone wants to know."""
         self._wrench = self.advertise(topics.BASE_WRENCH)
         self._static = self.advertise(topics.STATIC_WRENCH)
-        self._loads = LoadTopics(self.node, self.arm, self.values)
+        self._loads = LoadTopics(self.node, self.arm, self.values, self.answers.publish)
         self.listen(topics.PLANNED_MOTION, self._loads.take_plan)
         self._contact = ContactTopic(self.node, self.arm, self.values, self.reject, self.act)
         self._energy = EnergyTopic(self.node, self.arm, self.values)
@@ -82,10 +81,6 @@ class BaseReactionNode(StateNode):
     def answer(self, stamp_ns: int, state: ArmState) -> None:
         """Publish the reaction if it is due."""
         now = stamp_ns * 1e-9
-        if now == self._last and self._result is not None:
-            self._send(stamp_ns, self._result)  # an emulated arm tells its state again
-            self._loads.repeat()
-            return
         dt, self._last = now - self._last, now
         if not 0.0 < dt < LONGEST_GAP:
             self._acceleration.reset()
@@ -97,8 +92,10 @@ class BaseReactionNode(StateNode):
         if now < self._due:
             return
         self._due = now + self._period
-        self._result = self._reaction.evaluate(state.q, state.dq, ddq, self.base.motion(now))
-        self._send(stamp_ns, self._result)
+        result = self._reaction.evaluate(state.q, state.dq, ddq, self.base.motion(now))
+        header = base_header(stamp_ns, self.arm.robot.base_link)
+        self.answers.publish(self._wrench, wrench_message(header, result.wrench))
+        self.answers.publish(self._static, wrench_message(header, result.static))
         self.count_answer()
 
     def silence(self, silent_for: float) -> float:
@@ -128,11 +125,6 @@ class BaseReactionNode(StateNode):
         motion = self._loads.forecast.problem or 'planned'
         others = {**self._contact.describe(), **self._energy.describe()}
         return {**super().describe(), 'motion ahead': motion, **others}
-
-    def _send(self, stamp_ns: int, result: BaseReaction.ArmReaction) -> None:
-        header = base_header(stamp_ns, self.arm.robot.base_link)
-        self._wrench.publish(wrench_message(header, result.wrench))
-        self._static.publish(wrench_message(header, result.static))
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from aerarm_ros.ros.emulation.emulated_world import KEEP_UP, LOCKSTEP
-from aerarm_ros.ros.process.discovery import is_domain_free
+from aerarm_ros.ros.process.node_process import is_domain_free
 from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
 from aerarm_ros.ros.programs.demo_run import DemoError, DemoRun

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import partial
 
-from aerarm_ros.ros.emulation.fake_hardware import PARAMETERS, FakeHardware
+from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
+from aerarm_ros.ros.emulation.emulated_arm import PARAMETERS, EmulatedArm
 from aerarm_ros.ros.process.node_main import run_node
+
+NAME = 'fake_hardware'
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the bridge on the emulated boards."""
-    return run_node('fake_hardware', FakeHardware, args, PARAMETERS, __doc__)
+    create = partial(HardwareBridge, NAME, EmulatedArm())
+    return run_node(NAME, create, args, PARAMETERS, __doc__)
 
 
 if __name__ == '__main__':

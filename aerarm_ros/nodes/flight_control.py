@@ -77,8 +77,6 @@ class FlightControlNode:
         self._target: FlightTarget | None = None
         self._path: tuple[float, FlightPath] | None = None
         self._jumps = 0
-        self._answered_ns = 0
-        self._answer = b''
         self._time = 0.0
         self._doing = 'waiting for odometry'
         self._thrust = np.zeros(drone.n)
@@ -125,8 +123,7 @@ class FlightControlNode:
             self._fly(round((self._estimator.stamp or 0.0) * 1e9))
 
     def _take_odometry(self, stamp_ns: int, sample: OdometrySample | None) -> None:
-        if stamp_ns == self._answered_ns and self._answer:
-            self._publisher.publish(self._answer)  # an emulated drone tells it again
+        if self._stream.answers.again():
             return
         if sample is not None:
             self._try(partial(self._estimator.offer_odometry, sample))
@@ -182,9 +179,8 @@ class FlightControlNode:
         if self._law.problem:
             self._doing = self._law.problem
             return
-        self._answered_ns = stamp_ns
-        self._answer = self._cdr.pack(stamp_ns, effort=self._thrust)
-        self._publisher.publish(self._answer)
+        answer = self._cdr.pack(stamp_ns, effort=self._thrust)
+        self._stream.answers.publish(self._publisher, answer)
         self._answers += 1
 
     def _note_silence(self) -> None:

@@ -26,36 +26,7 @@ from aerarm_msgs_py.topics import (
     Topic,
 )
 from aerarm_ros.ros.parameters.parameter_table import ParameterError
-
-
-class RepeatedStates:
-    """Finds messages that say once more, to the byte, what the one before has said.
-
-    An emulated arm in lockstep tells its last state again until it is answered. Its stamp is the
-    same, so for a bag nothing has happened.
-
-    Attributes
-    ----------
-    count
-        Repetitions so far.
-    """
-
-    def __init__(self) -> None:
-        self.count = 0
-        self._last = b''
-
-    def has(self, payload: bytes) -> bool:
-        """Take a serialized message; return whether it is a repetition."""
-        if payload != self._last:
-            self._last = payload
-            return False
-        self.count += 1
-        return True
-
-    @property
-    def last(self) -> bytes:
-        """The last message, b'' before the first."""
-        return self._last
+from aerarm_ros.ros.states.answers import Answers
 
 
 class LossWatch:
@@ -201,7 +172,7 @@ class BagFeed:
         self._writer = BagWriter(directory, list(recorded), compression)
         self._reader = RawReader(node, *subscribed, identify=True)
         self._received = [0] * len(topics)  # [ns] of the last message of each topic
-        self._states = RepeatedStates()
+        self._states = Answers(needed=False)
         self._states_index = next(
             (index for index, topic in enumerate(topics) if topic.name == JOINT_STATES.name), -1
         )
@@ -224,7 +195,7 @@ class BagFeed:
                 payload, info = message
                 repeats = 0
                 if index == self._states_index:
-                    if self._states.has(payload):
+                    if self._states.begin(payload):
                         continue
                     repeats = self._states.count
                 received = self._in_order(index, info['received_timestamp'] or time.time_ns())
@@ -234,7 +205,7 @@ class BagFeed:
                         payload,
                         received,
                         info['source_timestamp'] or received,
-                        # What was told again leaves no gap.
+                        # A re-sent state leaves no gap.
                         self._number(index, info) - repeats,
                     )
                 )
@@ -264,7 +235,7 @@ class BagFeed:
     def until(self) -> bytes:
         """Return the stamp of the newest joint state, a serialized Time; b'' before the first."""
         # A Time is serialized as the stamp with which a JointState begins.
-        return self._states.last[:_STAMP_END]
+        return self._states.state[:_STAMP_END]
 
     def publishers(self) -> list[int]:
         """Return how many publishers each topic has."""

@@ -35,7 +35,7 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.motion.signals import ArmState
-from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams
+from aerarm_ros.ros.bridge.hardware_bridge import BridgeStreams
 from aerarm_ros.ros.process.node_process import ros_environment
 
 PERIOD = 1e-3

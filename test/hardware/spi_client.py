@@ -11,12 +11,14 @@ import sys
 import time
 
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.hardware.boards.spi_self_test import self_test
 from aerarm_ros.hardware.frames.board_messages import BoardCommand
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import load_profile
-from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport
-from aerarm_ros.hardware.transports.transport import TransportError
+from aerarm_ros.hardware.transports.spidev_transport import (
+    SpidevTransport,
+    TransportError,
+    self_test,
+)
 
 
 def exchange(transport: SpidevTransport, boards: int, count: int) -> dict:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aerarm_ros.hardware.load_watch import LoadCheck
+from aerarm_ros.hardware.fault_watch import LoadCheck
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.inertia import point_mass
 from aerarm_ros.simulation.arm_plant import PlantParameters

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.hardware.emulation.emulated_board import BoardFaults
 from aerarm_ros.hardware.fault_watch import StoppedArm, way_out
-from aerarm_ros.hardware.gate.command_intake import Answer
 
 MOVING = [0.8, 0.0, 0.8, 0.8]
 # What is found in motion, or where a current flows.

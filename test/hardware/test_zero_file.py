@@ -4,8 +4,8 @@ import time
 
 import pytest
 
+from aerarm_ros.hardware.boards.kept_zeros import ZeroFile
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.zero_file import ZeroFile
 
 
 @pytest.fixture

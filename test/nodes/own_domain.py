@@ -3,7 +3,7 @@
 import os
 import random
 
-from aerarm_ros.ros.process.discovery import is_domain_free
+from aerarm_ros.ros.process.node_process import is_domain_free
 
 
 def own_domain() -> dict[str, str]:

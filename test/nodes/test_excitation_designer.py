@@ -163,7 +163,7 @@ def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
     command = [sys.executable, '-m', 'aerarm_ros.nodes.excitation_designer', '--out', str(out)]
     # Told through a pipe that its handlers are set, before the first slow import.
     script = (
-        'import sys, runpy; from aerarm_ros.ros.process import stop_signals as s; '
+        'import sys, runpy; from aerarm_ros.ros.process import process_end as s; '
         'enter = s.StopSignals.__enter__; '
         's.StopSignals.__enter__ = lambda self: (enter(self), print("ready", flush=True))[0]; '
         f'sys.argv = {command[2:]!r}; '

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aerarm_ros.realtime.timing_statistics import TimingStatistics, TimingSummary
+from aerarm_ros.realtime.periodic_loop import TimingStatistics, TimingSummary
 
 
 @given(st.lists(st.integers(0, 30_000_000), min_size=1, max_size=300))

@@ -111,7 +111,7 @@ class RotorWrench:
             )
         command = np.minimum(np.maximum(thrust, self._low), self._high)
         if stamp == self._stamp and self._pieces and np.all(command == self._pieces[-1][2]):
-            return  # told again; a sender that does nothing else is silent
+            return  # nothing new: a sender that repeats itself is silent
         self._stamp = stamp
         self._add(command, now)
 

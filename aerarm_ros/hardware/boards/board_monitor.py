@@ -295,9 +295,10 @@ class BoardMonitor:
 
     def is_aligned(self, state: BoardState) -> bool:
         """Whether every motor in use is driven and aligned."""
-        return state.system_enabled and all(
-            state.motor_enabled[i] and state.motor_ready[i] for i in self._channels
-        )
+        if not state.system_enabled:
+            return False
+        enabled, ready = state.motor_enabled, state.motor_ready
+        return False not in [enabled[channel] and ready[channel] for channel in self._channels]
 
     def _is_frozen(self, now: float) -> bool:
         """Whether one answer after the other brought the same data, for too long."""

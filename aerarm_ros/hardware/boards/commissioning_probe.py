@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.hardware.boards.arm_measurements import ArmMeasurements
-from aerarm_ros.hardware.boards.board_link import BoardLink
+from aerarm_ros.hardware.boards.board_link import ArmMeasurements, BoardLink
 from aerarm_ros.hardware.boards.board_monitor import BoardMode
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.gate.joint_barrier import JointLoads

@@ -347,7 +347,9 @@ class EncoderMonitor:
             intervals = [now - encoder.seen for encoder in self._encoders]
         else:
             intervals = interval_max.tolist()
-        rows = zip(
+        first = ''
+        for i, encoder, angle, amps, commanded, noisy, is_fresh, interval, inertia, load in zip(
+            range(n),
             self._encoders,
             position.tolist(),
             current.tolist(),
@@ -358,16 +360,12 @@ class EncoderMonitor:
             inertias or [nan] * n,
             loads or [0.0] * n,
             strict=True,
-        )
-        first = ''
-        for i, (encoder, angle, amps, commanded, noisy, is_fresh, interval, *body) in enumerate(
-            rows
         ):
             if not is_fresh:
                 continue
             jump = encoder.look(angle, now, interval)
             stand = encoder.feel(amps, commanded, noisy, self._stall_time)
-            fault = jump or stand or encoder.expect(amps, noisy, *body)
+            fault = jump or stand or encoder.expect(amps, noisy, inertia, load)
             if fault:
                 self.trusted[i] = False
                 first = first or fault

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
-from aerarm_ros.hardware.gate.command_intake import CommandBuffer, Mask
+from aerarm_ros.hardware.gate.command_intake import Mask
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
@@ -74,6 +74,7 @@ class MotorReference:
         '_kd_max',
         '_lowest',
         '_most',
+        '_per_gain',
         '_reach',
         '_sent',
         '_slope',
@@ -105,6 +106,7 @@ class MotorReference:
     ) -> None:
         self._slope, self._intercept = slope, intercept
         self._current_per_effort = current_per_effort
+        self._per_gain = abs(slope / current_per_effort)
         self._lowest, self._highest = position_min, position_max
         self._effort_max, self._braking_kd, self._kd_max = effort_max, braking_kd, kd_max
         self._most = self.effort_limit = effort_max
@@ -169,7 +171,10 @@ class MotorReference:
             self.integral = min(max(wound, -most), most)
 
     def track(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
-        """Follow a limited reference; arguments as in `MotorReferences.track`, for one joint."""
+        """Follow a limited reference [rad], [rad/s], [Nm]; NaN where unused.
+
+        The joint is at q [rad], `dt` is the time since the last call [s].
+        """
         stiff = position == position or velocity == velocity
         speed = velocity if velocity == velocity else 0.0
         self._most = self.effort_limit
@@ -240,7 +245,7 @@ class MotorReference:
 
     def _gap_kd(self, barrier: JointBarrier, torque: float, law: float) -> float:
         """Return the board's damping [A s/rad] for a torque [Nm] that a held up host leaves."""
-        per_gain = abs(self._slope / self._current_per_effort)
+        per_gain = self._per_gain
         damping = barrier.gap_damping(torque, law, self.kp * per_gain, self.kd * per_gain)
         return min(damping / per_gain, self._kd_max)
 
@@ -260,7 +265,10 @@ class MotorReference:
         return current / self._current_per_effort
 
     def _limited(self, torque: float) -> float:
-        return min(max(torque, -self._most), self._most)
+        most = self._most
+        if torque > most:
+            return most
+        return -most if torque < -most else torque
 
     def _error(self, q: float) -> float:
         """Return how far the motor is from its reference [rad] with the joint at q [rad]."""
@@ -270,8 +278,9 @@ class MotorReference:
         """Return the last reference moved on by a step [rad], within reach and limits."""
         last = self.joint_position
         wanted = (last if last == last else q) + step
-        near = min(max(wanted, q - self._reach), q + self._reach)
-        return min(max(near, self._lowest), self._highest)
+        least, most = q - self._reach, q + self._reach
+        near = least if wanted < least else most if wanted > most else wanted
+        return self._lowest if near < self._lowest else min(near, self._highest)
 
 
 class MotorReferences:
@@ -345,6 +354,11 @@ class MotorReferences:
         Zero where the joint is controlled by torque.
         """
         return [(motor.kp, motor.kd) for motor in self.motors]
+
+    @property
+    def integrates(self) -> bool:
+        """Whether the boards' integral terms act now."""
+        return any(motor.integral_gain for motor in self.motors)
 
     @property
     def feed_forward(self) -> list[float]:
@@ -425,6 +439,8 @@ class MotorReferences:
             n numbers of commands since the one that the board used when it answered last; 0 for a
             board that loses none, whose torque is NaN.
         """
+        if not any(unconfirmed):
+            return [nan] * len(self.motors)
         rows = zip(self.motors, q.tolist(), dq.tolist(), unconfirmed, strict=True)
         return [
             motor.kept_torque(angle, speed, number) if number else nan
@@ -460,29 +476,6 @@ class MotorReferences:
                 motor.damp(speed)
             else:
                 motor.release()
-
-    def track(self, command: CommandBuffer, q: Array, dt: float) -> None:
-        """Follow a limited command.
-
-        Parameters
-        ----------
-        command
-            References of the joints.
-        q
-            (n,) measured positions [rad].
-        dt
-            Time since the last call [s].
-        """
-        rows = zip(
-            self.motors,
-            command.q.tolist(),
-            command.dq.tolist(),
-            command.tau.tolist(),
-            q.tolist(),
-            strict=True,
-        )
-        for motor, position, velocity, effort, angle in rows:
-            motor.track(position, velocity, effort, angle, dt)
 
     def _checked(self, name: str, gain: ArrayLike) -> Array:
         values, n = np.array(gain, dtype=float), len(self.motors)

@@ -7,13 +7,8 @@ from dataclasses import dataclass
 from math import inf, isfinite, pi
 from typing import TYPE_CHECKING, NamedTuple
 
-from aerarm_ros.hardware.emulation.emulated_board import (
-    DRIVER_ERROR,
-    TEMPERATURE_ERROR,
-    EmulatedBoard,
-)
-
-if TYPE_CHECKING:  # who only lists the faults loads no physics engine
+if TYPE_CHECKING:  # who only lists the faults loads no boards and no physics engine
+    from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
     from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 
 
@@ -116,6 +111,8 @@ def _encoder_jump(board: EmulatedBoard, motor: int, value: float) -> None:
 
 
 def _over_temperature(board: EmulatedBoard, _motor: int, _value: float) -> None:
+    from aerarm_ros.hardware.emulation.emulated_board import TEMPERATURE_ERROR
+
     board.raise_error(TEMPERATURE_ERROR)
 
 
@@ -132,6 +129,8 @@ def _no_sink(board: EmulatedBoard, _motor: int, value: float) -> None:
 
 
 def _driver_error(board: EmulatedBoard, _motor: int, _value: float) -> None:
+    from aerarm_ros.hardware.emulation.emulated_board import DRIVER_ERROR
+
     board.raise_error(DRIVER_ERROR)
 
 

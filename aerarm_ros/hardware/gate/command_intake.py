@@ -11,14 +11,6 @@ from numpy.typing import NDArray
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.motion.signals import Array
 
-
-class Answer(NamedTuple):
-    """Whether a request was accepted, and what happens now or why not."""
-
-    accepted: bool
-    message: str
-
-
 Mask = NDArray[np.bool_]
 
 

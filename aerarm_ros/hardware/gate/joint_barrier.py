@@ -354,7 +354,9 @@ class JointBarrier:
             self._take(dq, inertia, interval)
         self.inertia, self._modelled_load = inertia, load
         self.load = load = load + self._disturbance + self._turned
-        gain = min(self._gain_max, _FASTEST * inertia)
+        gain = _FASTEST * inertia
+        if not gain < self._gain_max:
+            gain = self._gain_max
         self.noise = _SPEED_NOISE * gain
         self._acceleration = (effort - load) / inertia
         self._kept_acceleration = (kept - load) / inertia
@@ -372,7 +374,7 @@ class JointBarrier:
     def _lead(self, acceleration: float, q: float, dq: float, age: float, gain: float) -> None:
         """Predict the joint from its last measurement, and find the bounds that follow."""
         # After a pause nobody knows what torque the last reference made of the motion.
-        led = min(age, _APART) * acceleration
+        led = (_APART if age > _APART else age) * acceleration
         mean = self._speed + 0.5 * led
         self.q = q + age * mean
         self.dq = self._speed + led
@@ -448,7 +450,9 @@ class JointBarrier:
         missing = inertia * (self._acceleration - (speed - self._speed) / interval)
         learned = self._disturbance + interval / (_DISTURBANCE_TIME + interval) * missing
         largest = self._disturbance_max
-        self._disturbance = min(max(learned, -largest), largest)
+        self._disturbance = (
+            -largest if learned < -largest else largest if learned > largest else learned
+        )
         if abs(speed) > _TURNED_SPEED_SHARE * self._unhindered:
             turned = self._turned + _TURNED_PART * (learned - self._disturbance)
             largest = self._turned_max

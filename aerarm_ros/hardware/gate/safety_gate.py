@@ -8,6 +8,7 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drive_config import JointConfig
+from aerarm_ros.hardware.boards.motor_references import MotorReference
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import CommandBuffer
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier, JointLoads
@@ -228,7 +229,6 @@ class SafetyGate:
         ]
         self.loads: list[float] = []
         self.inertias: list[float] = []
-        self._out = CommandBuffer(config.n)
 
     def trip(self, reason: str) -> None:
         """Latch a stop; the first reason stays."""
@@ -287,13 +287,23 @@ class SafetyGate:
         `ArmMeasurements`: above 1 the torque that was kept acted between the last measurements.
         """
         self.loads, self.inertias = self._loads.at(q, dq, effort)
-        columns = (q.tolist(), dq.tolist(), effort.tolist(), self.loads, self.inertias)
-        times = age.tolist(), interval.tolist()
-        rows = zip(self.barriers, unconfirmed, *columns, *times, kept, strict=True)
-        for barrier, number, *row in rows:
-            barrier.update(*row, number > 1)
-        overwhelmed = sum(barrier.is_overwhelmed for barrier in self.barriers)
-        slowed = any(barrier.is_slowed for barrier in self.barriers)
+        overwhelmed, slowed = 0, False
+        for barrier, angle, speed, torque, load, inertia, old, time, torque_kept, number in zip(
+            self.barriers,
+            q.tolist(),
+            dq.tolist(),
+            effort.tolist(),
+            self.loads,
+            self.inertias,
+            age.tolist(),
+            interval.tolist(),
+            kept,
+            unconfirmed,
+            strict=True,
+        ):
+            barrier.update(angle, speed, torque, load, inertia, old, time, torque_kept, number > 1)
+            overwhelmed += barrier.is_overwhelmed
+            slowed = slowed or barrier.is_slowed
         if overwhelmed or slowed:
             self._slow(overwhelmed, float(interval.max()))
 
@@ -323,33 +333,57 @@ class SafetyGate:
         """Count that a joint was braked at a barrier, at `now` [s]."""
         self._note('braking', now)
 
-    def limit(self, command: CommandBuffer, q: Array, dt: float, now: float) -> CommandBuffer:
-        """Return the command within limits, for joints at q (n,) [rad].
+    def follow(
+        self,
+        command: CommandBuffer,
+        q: Array,
+        dt: float,
+        now: float,
+        motors: Sequence[MotorReference],
+        trusted: Sequence[bool],
+    ) -> bool:
+        """Take a command through limits, motor references and barriers, joint by joint.
 
-        `dt` is the time since the last call [s], `now` the time for the record [s]. The
-        returned object is overwritten by the next call. A violation trips the stop: look at
-        `stop` before using the result.
+        A violation, of whichever joint, trips the stop. No motor follows the command then: look
+        at `stop`, and damp the arm.
+
+        Parameters
+        ----------
+        command
+            References of the n joints.
+        q
+            (n,) positions of the joints [rad].
+        dt
+            Time since the last call [s].
+        now
+            Time for the record [s].
+        motors
+            What follows, n.
+        trusted
+            n, False for joints whose encoder is not trusted: they have no barrier.
+
+        Returns
+        -------
+        bool
+            Whether a joint is braked at its barrier.
         """
-        rows = zip(
-            self._joints,
-            command.q.tolist(),
-            command.dq.tolist(),
-            command.tau.tolist(),
-            q.tolist(),
-            strict=True,
-        )
-        for joint, position, velocity, effort, q_now in rows:
-            violation = joint.command_violation(position, velocity, effort, q_now)
+        columns = (command.q.tolist(), command.dq.tolist(), command.tau.tolist(), q.tolist())
+        for joint, position, velocity, effort, angle in zip(self._joints, *columns, strict=True):
+            violation = joint.command_violation(position, velocity, effort, angle)
             if violation:
                 self.trip(violation)
-            joint.limit(position, velocity, effort, q_now, dt)
+        is_followed, is_braked = not self.stop, False
+        for joint, motor, is_trusted, position, velocity, effort, angle in zip(
+            self._joints, motors, trusted, *columns, strict=True
+        ):
+            joint.limit(position, velocity, effort, angle, dt)
             for name in joint.limited:
                 self._note(name, now)
-        out = self._out
-        out.q[:] = [joint.position for joint in self._joints]
-        out.dq[:] = [joint.velocity for joint in self._joints]
-        out.tau[:] = [joint.effort for joint in self._joints]
-        return out
+            if is_followed:
+                motor.track(joint.position, joint.velocity, joint.effort, angle, dt)
+                if is_trusted and motor.keep_within(joint.barrier):
+                    is_braked = True
+        return is_braked
 
     def _faster_than(self, share: float, dq: Array) -> str:
         """Return which joints move at more than a share of their limits, or ''."""

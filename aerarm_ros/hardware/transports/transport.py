@@ -41,7 +41,3 @@ class Transport(Protocol):
     def problem(self, board: int) -> str:
         """Why the last exchange with a board failed, '' if it didn't."""
         ...
-
-
-class TransportError(OSError):
-    """A bus that cannot be opened; the text says what to check."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.gate.command_intake import Answer
+from aerarm_ros.hardware.bridge_modes import Answer
 
 if TYPE_CHECKING:  # who only asks loads no bridge
     from aerarm_ros.hardware.bridge_cycle import BridgeCycle

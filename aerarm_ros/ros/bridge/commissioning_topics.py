@@ -24,7 +24,7 @@ from aerarm_ros.description.resources import resource
 from aerarm_ros.hardware.boards.commissioning_probe import OFF, ProbeReport, ProbeRequest
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.bridge_modes import OFF as OFF_MODES
-from aerarm_ros.hardware.gate.command_intake import Answer
+from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.ros.bridge.bridge_services import Action
 from aerarm_ros.ros.parameters.parameter_table import Parameter
 

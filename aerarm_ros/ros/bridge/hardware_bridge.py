@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lifecycle_msgs.srv import ChangeState
 from numpy.typing import ArrayLike
@@ -15,24 +15,29 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
+from aerarm_msgs_py.codecs.joint_state_cdr import JointSample, JointStateCdr
+from aerarm_msgs_py.codecs.joint_state_conversion import decode_as_sent
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.hardware.boards.spi_self_test import self_test
+from aerarm_ros.hardware.boards.kept_zeros import ZeroFile
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
-from aerarm_ros.hardware.gate.command_intake import Answer, CommandPublishers, OfferedCommand
-from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport
-from aerarm_ros.hardware.transports.transport import Transport
-from aerarm_ros.hardware.zero_file import ZeroFile
+from aerarm_ros.hardware.gate.command_intake import CommandPublishers, OfferedCommand
+from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport, self_test
+from aerarm_ros.motion.signals import Array
 from aerarm_ros.realtime.periodic_loop import CycleSlack, PeriodicLoop, SteadyClock
 from aerarm_ros.ros.bridge.bridge_diagnostics import (
     BridgeDiagnostics,
     BridgeTiming,
+    ModeLog,
+    RejectionLog,
     Status,
     Watched,
+    followed_by,
 )
-from aerarm_ros.ros.bridge.bridge_logs import ModeLog, RejectionLog, followed_by
 from aerarm_ros.ros.bridge.bridge_parameters import (
     BRIDGE_PARAMETERS,
     board_gains,
@@ -41,13 +46,15 @@ from aerarm_ros.ros.bridge.bridge_parameters import (
     state_file,
 )
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, Action, BridgeServices, CycleRequests
-from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams, Command
 from aerarm_ros.ros.bridge.commissioning_topics import CommissioningTopics, RecordWatch
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.graph import PublisherWatch, RivalWatch
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone, prepare_thread
 from aerarm_ros.ros.process.process_end import StopSignals, print_account
+
+if TYPE_CHECKING:  # nothing to run
+    from aerarm_ros.hardware.transports.transport import Transport
 
 
 class RobotDescription:
@@ -110,6 +117,76 @@ PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS)
 _GAINS = {'board_kp', 'board_kd', 'board_ki'}
 
 
+class World:
+    """Where the arm of a bridge is: its boards, its clock and its pace. This is the real world.
+
+    `aerarm_ros/ros/emulation` derives the other one from it, so that the bridge itself knows
+    nothing of emulated boards and of the time that passes for them.
+
+    Attributes
+    ----------
+    emulated
+        Whether commands repair the boards, as nobody can touch them.
+    parameters
+        Those of the bridge.
+    clock
+        Of the states' stamps.
+    live
+        What the cycle does once a live parameter has changed, by its name.
+    """
+
+    emulated = False
+    parameters = PARAMETERS
+    live: Mapping[str, Action] = {}
+    bridge: HardwareBridge
+
+    def __init__(self) -> None:
+        self.clock = SteadyClock()
+
+    def load_arm(self) -> tuple[ArmConfig, Robot]:
+        """Return the arm's description; raises ValueError with what to check."""
+        return load_arm(self.bridge.values)
+
+    def make_transport(self, config: ArmConfig, robot: Robot, profile: FrameProfile) -> Transport:
+        """Return the way to the boards; raises ValueError or OSError with what to check."""
+        if config.emulated_only:
+            raise ValueError(
+                f'the configuration of {config.name} is for emulated boards: find out the values '
+                'that it marks as guesses, then take its line emulated_only away'
+            )
+        return SpidevTransport(config)
+
+    def make_loop(self) -> PeriodicLoop:
+        """Return what runs the cycles."""
+        return PeriodicLoop(self.bridge.values.period)
+
+    def now_ns(self) -> int:
+        """Return the time for stamps [ns since the epoch]."""
+        return self.clock.now_ns()
+
+    def newest_command(self) -> Command | None:
+        """Return what came on joint_command since the last call; ValueError if unreadable."""
+        return self.bridge.streams.newest_command()
+
+    def end_cycle(self, now: float, stamp_ns: int) -> None:
+        """Do what may take time, after a cycle that began at `now` [s] and published a state."""
+
+    def actions(self) -> Mapping[str, Action]:
+        """Return what services do beyond those of every bridge, or otherwise."""
+        return {}
+
+    def statuses(self) -> Sequence[Status]:
+        """Return what else to report on /diagnostics."""
+        return ()
+
+    def parameter_problem(self, changes: Mapping[str, Any]) -> str:
+        """Return why live parameters cannot be set, or ''; see `ParameterTable.declare`."""
+        return ''
+
+    def clean_up(self) -> None:
+        """Forget what was made for a transport: configuring makes another one."""
+
+
 class HardwareBridge(LifecycleNode):
     """Managed node around a `BridgeCycle`.
 
@@ -121,8 +198,8 @@ class HardwareBridge(LifecycleNode):
     ----------
     name
         Node name.
-    parameters
-        Its parameters; a derived bridge may have more.
+    world
+        Where the arm is; the real world if not given.
 
     Raises
     ------
@@ -130,106 +207,54 @@ class HardwareBridge(LifecycleNode):
         If a parameter's value can't be used.
     """
 
-    def __init__(
-        self, name: str = 'hardware_bridge', parameters: ParameterTable = PARAMETERS
-    ) -> None:
+    def __init__(self, name: str = 'hardware_bridge', world: World | None = None) -> None:
         super().__init__(name)
         answer_invalid_transitions(self)
-        self._cycle: BridgeCycle | None = None
+        self.world = world or World()
+        self.world.bridge = self
+        self.cycle: BridgeCycle | None = None
         self._loop: PeriodicLoop | None = None
         self._timing: BridgeTiming | None = None
         self.requests = CycleRequests()
-        self.values = parameters.declare(self, self.on_parameter, self.check_parameters)
+        self.values = self.world.parameters.declare(
+            self, self._on_parameter, self._parameter_problem
+        )
         self._mode_publisher = self.create_publisher(
             String, topics.ARM_MODE.name, topics.ARM_MODE.offered
         )
         self._mode_log = ModeLog(self)
         self._rejection_log = RejectionLog(self, lambda: self._command_publishers.warning)
-        self._diagnostics = BridgeDiagnostics(self, self.now_ns, self.other_statuses)
+        self._diagnostics = BridgeDiagnostics(self, self.world.now_ns, self.world.statuses)
         self._work = threading.Event()
         self._stopping = False
         self._starting = False  # by itself: what goes wrong ends the process
         self.status = 0  # exit status
-        self._mode = ''
+        self.mode = ''
         self._problem = ''
         self._stamp_ns = 0
-        self._stamps = SteadyClock()
         self._slack = CycleSlack()
-
-    # What a derived bridge changes.
-
-    emulated = False  # whether its boards are mended by commands
-
-    def load_arm(self) -> tuple[ArmConfig, Robot]:
-        """Return the arm's description; raises ValueError with what to check."""
-        return load_arm(self.values)
-
-    def make_transport(self, config: ArmConfig, robot: Robot, profile: FrameProfile) -> Transport:
-        """Return the way to the boards; raises ValueError or OSError with what to check."""
-        if config.emulated_only:
-            raise ValueError(
-                f'the configuration of {config.name} is for emulated boards: find out the values '
-                'that it marks as guesses, then take its line emulated_only away'
-            )
-        return SpidevTransport(config)
-
-    def actions(self) -> Mapping[str, Action]:
-        """Return what the node's services do."""
-        return {**ACTIONS, 'clear_fault': self._clear_fault}
-
-    def make_loop(self) -> PeriodicLoop:
-        """Return what runs the cycles."""
-        return PeriodicLoop(self.values.period)
-
-    def now_ns(self) -> int:
-        """Return the time for stamps [ns since the epoch]."""
-        return self._stamps.now_ns()
-
-    def newest_command(self) -> Command | None:
-        """Return what came on joint_command since the last call; ValueError if unreadable."""
-        return self._streams.newest_command()
-
-    def other_statuses(self) -> Sequence[Status]:
-        """Return what else to report on /diagnostics."""
-        return ()
-
-    def use_slack(self, now: float) -> None:
-        """Do what may take time, once the cycle that began at `now` [s] is over."""
-
-    def check_parameters(self, changes: Mapping[str, Any]) -> str:
-        """Return why live parameters can't be set, or ''; see `ParameterTable.declare`."""
-        if self._cycle is None or not changes.keys() & _GAINS:
-            return ''
-        try:
-            self._cycle.check_gains(*self._gains(changes))
-        except ValueError as error:
-            return f'gains of the boards: {error}'
-        return ''
-
-    def on_parameter(self, name: str, value: Any) -> None:
-        """Take over a live parameter."""
-        if name in _GAINS:
-            self.requests.post(self._set_gains)
 
     # Lifecycle, in the executor's thread.
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the configuration, open the buses and try the wires."""
         try:
-            config, robot = self.load_arm()
+            config, robot = self.world.load_arm()
             drone = load_drone(self.values, config, robot)
             urdf = robot.urdf_text
             if drone is not None:
+                from aerarm_ros.description.drone_urdf import with_drone
+
                 urdf = with_drone(urdf, drone, robot.prefix)
             profile = frame_profile(self.values, config)
-            self._config = config
+            self.config = config
             self._diagnostics.name_arm(config.name)
-            self._transport = self.make_transport(config, robot, profile)
+            self._transport = self.world.make_transport(config, robot, profile)
             self._transport.open()
-            kept_in = state_file(self.values, self.get_fully_qualified_name(), self.emulated)
+            kept_in = state_file(self.values, self.get_fully_qualified_name(), self.world.emulated)
             self._zero_file = ZeroFile(kept_in, config)
-            self._record = RecordWatch(self, self.values, config, self.emulated)
-            self._cycle = BridgeCycle(
+            self._record = RecordWatch(self, self.values, config, self.world.emulated)
+            self.cycle = BridgeCycle(
                 config,
                 self._transport,
                 bridge_settings(self.values),
@@ -238,18 +263,18 @@ class HardwareBridge(LifecycleNode):
                 kept=self._zero_file.read(time.monotonic()),
                 pulse_offset=self._record.pulse_offset,
             )
-            self._cycle.check_gains(*self._gains())
+            self.cycle.check_gains(*self._gains())
         except (ValueError, OSError) as error:
             self._problem = f'not configured: {error}'
             if not self._starting:
                 self.get_logger().error(self._problem)
             return FAILURE
-        for text in self._cycle.heat.unknown:
+        for text in self.cycle.heat.unknown:
             self.get_logger().warning(text)
         self._try_wires(profile)
         self._commissioning = CommissioningTopics(self, self.requests.ask, self._record)
         self._command_publishers = CommandPublishers(self.values.allowed_publishers)
-        self._streams = BridgeStreams(self, config.joint_names)
+        self.streams = BridgeStreams(self, config.joint_names)
         self._watch = PublisherWatch(self, topics.JOINT_COMMAND, self._command_publishers.look)
         self._rivals = RivalWatch(self, topics.JOINT_STATES)
         self._description = RobotDescription(self, urdf)
@@ -257,20 +282,20 @@ class HardwareBridge(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start the cycle; the motors stay off until the enable service is called."""
-        assert self._cycle is not None
-        self._set_gains(self._cycle)
-        self._loop = self.make_loop()
-        self._timing = BridgeTiming(self._loop, self._stamps)
+        assert self.cycle is not None
+        self._set_gains(self.cycle)
+        self._loop = self.world.make_loop()
+        self._timing = BridgeTiming(self._loop, self.world.clock)
         self._diagnostics.watch(
             Watched(
-                self._config.joint_names,
-                self._cycle,
+                self.config.joint_names,
+                self.cycle,
                 self._timing,
                 self._command_publishers,
                 self._watch,
                 self._rivals,
                 self._zero_file,
-                self.emulated,
+                self.world.emulated,
                 self._record,
             )
         )
@@ -289,14 +314,15 @@ class HardwareBridge(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Close the buses."""
+        self.world.clean_up()
         self._commissioning.destroy()
         self._watch.destroy()
         self._rivals.destroy()
-        self._streams.destroy()
+        self.streams.destroy()
         self._description.destroy()
         self._transport.close()
         self._zero_file.close()
-        self._cycle = self._loop = None
+        self.cycle = self._loop = None
         return SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -308,21 +334,34 @@ class HardwareBridge(LifecycleNode):
         """Say how well each board is heard; it may still be without supply."""
         if not isinstance(self._transport, SpidevTransport):
             return
-        for answer in self_test(self._transport, self._config, profile):
+        for answer in self_test(self._transport, self.config, profile):
             if answer.accepted:
                 self.get_logger().info(answer.message)
             else:
                 self.get_logger().warning(answer.message)
 
+    def _parameter_problem(self, changes: Mapping[str, Any]) -> str:
+        if self.cycle is not None and changes.keys() & _GAINS:
+            try:
+                self.cycle.check_gains(*self._gains(changes))
+            except ValueError as error:
+                return f'gains of the boards: {error}'
+        return self.world.parameter_problem(changes)
+
+    def _on_parameter(self, name: str, value: Any) -> None:
+        action = self._set_gains if name in _GAINS else self.world.live.get(name)
+        if action is not None:
+            self.requests.post(action)
+
     def _gains(self, changes: Mapping[str, Any] | None = None) -> tuple[ArrayLike, ...]:
-        return board_gains({**vars(self.values), **(changes or {})}, self._config)
+        return board_gains({**vars(self.values), **(changes or {})}, self.config)
 
     def _clear_fault(self, cycle: BridgeCycle) -> Answer:
         answer = cycle.clear_fault()
         if answer.accepted:
             return answer
         # Things may have changed since the fault: a damped arm sinks.
-        way_out = f'To recover: {cycle.way_out(self.emulated)}'
+        way_out = f'To recover: {cycle.way_out(self.world.emulated)}'
         return Answer(False, followed_by(answer.message, way_out))
 
     def _set_gains(self, cycle: BridgeCycle) -> Answer:
@@ -337,7 +376,8 @@ class HardwareBridge(LifecycleNode):
             if self.values.autostart and not self._start():
                 raise OSError(self._problem)
             # Who sees them may use them at once: a bridge that starts by itself has started.
-            BridgeServices(self, self.requests.ask, self.actions())
+            actions = {**ACTIONS, 'clear_fault': self._clear_fault, **self.world.actions()}
+            BridgeServices(self, self.requests.ask, actions)
             prepare_thread(self.values, self.get_logger())
             self._run_while_active()
         account = self._timing.account() if self._timing else 'no cycle ran'
@@ -362,7 +402,7 @@ class HardwareBridge(LifecycleNode):
         self.requests.close()  # also of a cycle that was to begin
 
     def _run_loop(self) -> None:
-        loop, cycle, timing = self._loop, self._cycle, self._timing
+        loop, cycle, timing = self._loop, self.cycle, self._timing
         assert loop and cycle and timing  # activation made them
         try:
             loop.run(lambda now_ns, index: self._run_cycle(cycle, timing, now_ns * 1e-9))
@@ -385,18 +425,18 @@ class HardwareBridge(LifecycleNode):
             self.requests.serve(cycle)
         self._take_command(cycle, timing, now)
         cycle.update(now)
-        self._stamp_ns = self.now_ns()
-        self._streams.publish(
+        self._stamp_ns = self.world.now_ns()
+        self.streams.publish(
             self._stamp_ns,
             (cycle.q_known, cycle.dq, cycle.tau),
             (cycle.motor_position, cycle.motor_velocity, cycle.motor_current),
             cycle.motor_power,
         )
-        if cycle.mode != self._mode:
+        if cycle.mode != self.mode:
             self._publish_mode(cycle.mode)
         self._rejection_log.update(cycle.intake, cycle.mode, now)
         self._zero_file.update(cycle, now)
-        self.use_slack(now)
+        self.world.end_cycle(now, self._stamp_ns)
         self.report()
         self._slack.begin()
 
@@ -414,15 +454,15 @@ class HardwareBridge(LifecycleNode):
 
     def _take_command(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
         try:
-            command = self.newest_command()
+            command = self.world.newest_command()
         except ValueError:
             cycle.intake.reject('unreadable', now)
             return
         if command is None:
             return
         names, sample, publisher = command
-        age_ns = self.now_ns() - sample.stamp_ns
-        matched = self._streams.commands.publishers() if publisher is None else 1
+        age_ns = self.world.now_ns() - sample.stamp_ns
+        matched = self.streams.commands.publishers() if publisher is None else 1
         source, allowed = self._command_publishers.judge(publisher, matched)
         if not self._command_publishers.knows(publisher):
             self._watch.look_soon()
@@ -432,10 +472,89 @@ class HardwareBridge(LifecycleNode):
         timing.add_command(age_ns, sample.stamp_ns == self._stamp_ns)
 
     def _publish_mode(self, mode: str) -> None:
-        self._mode = mode
-        self._stamps.may_step = mode in _MOTORS_OFF
+        self.mode = mode
+        self.world.clock.may_step = mode in _MOTORS_OFF
         self._mode_publisher.publish(String(data=mode))
-        cycle = self._cycle
-        reasons, way_out = (cycle.faults, cycle.way_out(self.emulated)) if cycle else ((), '')
+        cycle = self.cycle
+        reasons, way_out = (cycle.faults, cycle.way_out(self.world.emulated)) if cycle else ((), '')
         self._mode_log.note(mode, reasons, way_out)
         self._diagnostics.publish_soon()
+
+
+# Joint names and content of a joint command, and the GID of its publisher, None where unknown.
+Command = tuple[Sequence[str], JointSample, bytes | None]
+
+# A command of other joints in another order is read by the cycle itself; what is longer than any
+# command would take it more time than it has.
+_LONGEST = 1024  # [bytes]
+_LONGEST_PER_JOINT = 128
+
+
+class BridgeStreams:
+    """Publishes states and takes commands without building message objects.
+
+    Parameters
+    ----------
+    node
+        Owner of publishers and subscription.
+    names
+        Joint names, n of them, in the order of all arrays.
+    """
+
+    def __init__(self, node: Node, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._cdr = JointStateCdr(names)
+        self._power_cdr = Float64ArrayCdr(len(self._names))
+        self._node = node
+        self._joint_states, self._motor_states, self._motor_power = (
+            node.create_publisher(topic.type, topic.name, topic.offered)
+            for topic in (topics.JOINT_STATES, topics.MOTOR_STATES, topics.MOTOR_POWER)
+        )
+        self.commands = RawReader(node, topics.JOINT_COMMAND, identify=True)
+
+    def publish(
+        self, stamp_ns: int, joints: Sequence[Array], motors: Sequence[Array], power: Array
+    ) -> None:
+        """Publish one cycle's states.
+
+        Parameters
+        ----------
+        stamp_ns
+            System time at which the frames were read [ns].
+        joints
+            Position [rad], velocity [rad/s], effort [Nm], (n,) each.
+        motors
+            Position [rad], velocity [rad/s], current [A], (n,) each.
+        power
+            (n,) Electrical power [W].
+        """
+        self.publish_joints(stamp_ns, joints)
+        self._motor_states.publish(self._cdr.pack(stamp_ns, *motors))
+        self._motor_power.publish(self._power_cdr.pack(power))
+
+    def publish_joints(self, stamp_ns: int, joints: Sequence[Array]) -> None:
+        """Publish joint_states alone; parameters as of `publish`."""
+        self._joint_states.publish(self._cdr.pack(stamp_ns, *joints))
+
+    def newest_command(self) -> Command | None:
+        """Return names, content and publisher of the newest joint command, if there is one.
+
+        Raises ValueError if the message cannot be read.
+        """
+        message = self.commands.take_newest()
+        if message is None:
+            return None
+        payload, info = message
+        publisher = info.get('publisher')
+        sample = self._cdr.unpack(payload)
+        if sample is not None:
+            return self._names, sample, publisher
+        if len(payload) > _LONGEST + _LONGEST_PER_JOINT * len(self._names):
+            raise ValueError(f'{len(payload)} bytes are no joint command of this arm')
+        return (*decode_as_sent(payload), publisher)
+
+    def destroy(self) -> None:
+        """Destroy publishers and subscription."""
+        for publisher in (self._joint_states, self._motor_states, self._motor_power):
+            self._node.destroy_publisher(publisher)
+        self.commands.destroy()

@@ -129,8 +129,6 @@ class ControllerNode(StateNode):
         self._answered = self._told = 0
         self._attendants: list[Attendant] = []
         self._payload = None
-        self._answered_ns: int | None = None
-        self._command = b''
 
     def connect(self) -> None:
         """Publish commands and the disturbance; follow the bridge's mode."""
@@ -144,23 +142,18 @@ class ControllerNode(StateNode):
         """Publish the command that answers a state."""
         if self._mode not in COMMANDABLE:
             self.loop.release()
-            self._answered_ns = None
+            self.answers.withdraw()
             for attendant in self._attendants:
                 attendant.give_up(f"the arm is '{self._mode}'")
-            return
-        if stamp_ns == self._answered_ns:
-            # An emulated arm in lockstep tells its state again: it did not hear the answer.
-            self._commands.publish(self._command)
             return
         now = stamp_ns * 1e-9
         self.before_update(state, now)
         command = self.loop.update(state, now)
         if command is None:
             return
-        self._command = self._codec.pack(stamp_ns, *command)
-        self._answered_ns = stamp_ns
+        payload = self._codec.pack(stamp_ns, *command)
         latency_ns = self.since_state_ns()
-        self._commands.publish(self._command)
+        self.answers.publish(self._commands, payload)
         # From here on nobody waits.
         self.count_answer(latency_ns)
         self._tell_take_over(state)
@@ -173,7 +166,7 @@ class ControllerNode(StateNode):
 
     def leave(self) -> None:
         """Let the arm be held, or damped, as `at_end` says."""
-        if self._mode in COMMANDABLE and self._answered_ns is not None:
+        if self._mode in COMMANDABLE and self.answers.are_kept:
             self._arm_at_end.leave()
 
     def close(self) -> None:
@@ -219,3 +212,5 @@ class ControllerNode(StateNode):
 
     def _on_mode(self, message: String, _: float) -> None:
         self._mode = message.data
+        if self._mode not in COMMANDABLE:
+            self.answers.withdraw()

@@ -12,6 +12,7 @@ import numpy as np
 from geometry_msgs.msg import AccelStamped, PointStamped, WrenchStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -41,7 +42,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
 )
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
 from aerarm_ros.ros.states.flight_stream import RotorCommands, checked_odometry
-from aerarm_ros.ros.states.state_stream import base_header, newest_odometry
+from aerarm_ros.ros.states.state_stream import base_header, decoded_odometry
 
 MOUNT, CENTRE = 'mount', 'centre'
 LOAD_PARAMETERS = grouped(
@@ -73,9 +74,18 @@ class LoadTopics:
         The arm.
     values
         Of `LOAD_PARAMETERS`.
+    publish
+        Publishes a message through a publisher.
     """
 
-    def __init__(self, node: Node, arm: ControlledArm, values: SimpleNamespace) -> None:
+    def __init__(
+        self,
+        node: Node,
+        arm: ControlledArm,
+        values: SimpleNamespace,
+        publish: Callable[[Publisher, Any], None],
+    ) -> None:
+        self._publish = publish
         self._model = ArmLoadModel(arm.robot)
         arm.load(self._model.dynamics, values)
         self._names = arm.config.joint_names
@@ -111,11 +121,6 @@ class LoadTopics:
         self._due = now + self._period
         motion = self.forecast.motion(now, measured)
         self._send(about_ns, self._model.evaluate(motion))
-
-    def repeat(self) -> None:
-        """Publish the last once more, its motion as far as it has faded."""
-        if self._sent is not None:
-            self._send(*self._sent)
 
     def fade(self) -> float | None:
         """Let the last motion fade, as no states come; return until when [s], None if it has.
@@ -163,15 +168,15 @@ class LoadTopics:
     def _send(self, stamp_ns: int, load: ArmLoad) -> None:
         self._sent = stamp_ns, load
         header = base_header(stamp_ns, self._base)
-        self._com.publish(_point_message(header, load.com))
-        self._inertia.publish(inertia_message(header, load.mass, load.com, load.inertia))
-        self._weight.publish(wrench_message(header, load.weight))
+        self._publish(self._com, _point_message(header, load.com))
+        self._publish(self._inertia, inertia_message(header, load.mass, load.com, load.inertia))
+        self._publish(self._weight, wrench_message(header, load.weight))
         self._send_motion(stamp_ns, load)
 
     def _send_motion(self, stamp_ns: int, load: ArmLoad) -> None:
         load = load._replace(motion=self._fade.share * load.motion)
         header = base_header(stamp_ns, self._base)
-        self._motion.publish(wrench_message(header, load.motion))
+        self._publish(self._motion, wrench_message(header, load.motion))
         if self._drone is None:
             return
         acceleration = load.acceleration(self._drone)
@@ -181,7 +186,7 @@ class LoadTopics:
         message = AccelStamped(header=header)
         _fill(message.accel.linear, acceleration[:3])
         _fill(message.accel.angular, acceleration[3:])
-        self._acceleration.publish(message)
+        self._publish(self._acceleration, message)
 
 
 def wrench_message(header: Header, wrench: NDArray[np.float64]) -> WrenchStamped:
@@ -267,7 +272,8 @@ class ContactTopic:
             return
         self._looked_ns = stamp_ns
         # Odometry first: the commands that made it were sent before.
-        odometry = newest_odometry(self._odometry, self._reject)
+        raw = self._odometry.take_newest()
+        odometry = None if raw is None else decoded_odometry(raw[0], self._reject)
         if (command := self._commands.newest()) is not None:
             self._try(partial(estimator.offer_rotors, self._names, command[1], 1e-9 * command[0]))
         if odometry is not None:

@@ -135,6 +135,8 @@ class StateNode:
     ----------
     node, values, arm, base
         The ROS node, its parameters, the arm and the motion of its base.
+    answers
+        What the node publishes in answer to states.
     state, stamp_ns
         The newest state, None before the first, and its stamp [ns]. The stamp is the only time
         there is: that of an emulated arm is not the host's.
@@ -179,7 +181,9 @@ class StateNode:
             self.states_waiting,
             self.base.uses_imu,
             self.takes_odometry,
+            self.answers_every_state,
         )
+        self.answers = self._stream.answers
         self.diagnostics.watch(self._stream)
         self.connect()
 
@@ -295,7 +299,7 @@ class StateNode:
         late = []
         for sample, lead_ns in samples:
             if lead_ns <= 0 or round(1e9 * sample.stamp) >= stamp_ns:
-                # By its stamp too: an emulated arm in lockstep may have told its state once more.
+                # By its stamp too: messages of two topics may overtake each other.
                 late.append(sample)
             else:
                 self._offer(sample, _arrival(before_ns, stamp_ns, lead_ns))
@@ -304,7 +308,8 @@ class StateNode:
             self.stamp_ns, self.state = newest
             while self._requests:
                 self._try(self._requests.popleft(), stamp_ns)
-            self.answer(stamp_ns, self.state)
+            if not self.answers.again():
+                self.answer(stamp_ns, self.state)
         for sample in late:
             self._offer(sample, stamp_ns)
         if thrusts is not None and isinstance(self.base, FreeBaseEstimator):

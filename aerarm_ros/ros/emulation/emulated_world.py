@@ -12,10 +12,9 @@ from rclpy.node import Node
 from aerarm_msgs_py import topics
 from aerarm_ros.hardware.bridge_modes import COMMANDABLE, OFF
 from aerarm_ros.hardware.emulation.emulated_transport import AnswerWatch
-from aerarm_ros.realtime.periodic_loop import PeriodicLoop, sleep_until
-from aerarm_ros.realtime.timing_statistics import OK, TimingSummary
+from aerarm_ros.realtime.periodic_loop import OK, PeriodicLoop, TimingSummary, sleep_until
 from aerarm_ros.ros.bridge.bridge_services import CycleRequests
-from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams, Command
+from aerarm_ros.ros.bridge.hardware_bridge import BridgeStreams, Command
 from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
 from aerarm_ros.ros.graph import RivalWatch
 from aerarm_ros.ros.parameters.parameter_table import Parameter

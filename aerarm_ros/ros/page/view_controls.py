@@ -23,8 +23,7 @@ from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.page.page_programs import CONTROLLERS, ChildProgram, PagePrograms
 from aerarm_ros.ros.page.view_panel import ViewPanel, indented
 from aerarm_ros.ros.page.view_scene import ARM_BASE
-from aerarm_ros.ros.requests.bridge_service import BridgeService
-from aerarm_ros.ros.requests.stop_request import StopService
+from aerarm_ros.ros.requests.bridge_service import BridgeService, StopService
 
 _SHORTEST = 0.5  # [s]
 # The controller starts where it wants the arm, which is not quite where the arm is: at the whole of

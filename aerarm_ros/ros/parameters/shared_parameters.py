@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.settings import load_excitation_config
@@ -23,6 +22,9 @@ from aerarm_ros.realtime.scheduling import (
     set_fifo,
 )
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+
+if TYPE_CHECKING:  # who has no drone loads nothing of it
+    from aerarm_ros.description.drone_config import DroneConfig
 
 ARM_FILES = grouped(
     'Which arm',
@@ -69,6 +71,8 @@ def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
     """
     config = load_arm_config(values.config or None)
     if getattr(values, 'drone_file', ''):
+        from aerarm_ros.description.drone_config import load_drone_config
+
         gravity = load_drone_config(values.drone_file).gravity_in_base
         config = replace(config, gravity_in_base=tuple(gravity.tolist()))
     robot = load_robot(
@@ -97,6 +101,9 @@ def load_drone(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> Dron
     """
     if not values.drone_file:
         return None
+    from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+    from aerarm_ros.description.drone_config import load_drone_config
+
     drone = load_drone_config(values.drone_file)
     mass, centre, _ = MovingBaseDynamics(robot).composite_inertia(np.array(config.rest_position))
     drone.check_carries(mass, centre)

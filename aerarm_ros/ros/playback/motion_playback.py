@@ -269,7 +269,6 @@ class MotionPlayback:
         self._seen_ns: int | None = None
         self._looks = _LOOKS
         self._has_begun = False
-        self._command = b''
         self.latency_ns = 0
         self._on_rejection = on_rejection
         self._patience = SilencePatience(node, node.resolve_topic_name(topics.JOINT_STATES.name))
@@ -333,6 +332,9 @@ class MotionPlayback:
                 heard = time.monotonic()
                 if self.stop_asked:
                     player.stop()
+                self._check_mode(player.stage)
+                if self.states.answers.again():
+                    continue
                 if self._has_begun or self._is_in_touch(newest[0], silence):
                     self._answer(player, *newest, listener)
                 if progress.due(newest[0], player.stage):
@@ -359,25 +361,23 @@ class MotionPlayback:
     def _answer(
         self, player: ExcitationPlayer, stamp_ns: int, state: ArmState, listener: Listener
     ) -> None:
+        self._answered_ns = stamp_ns
+        moves = self._has_begun
+        command = player.update(stamp_ns, state.q) if moves else player.hold(state.q)
+        payload = self._codec.pack(stamp_ns, *command)
+        self.latency_ns = self.states.latency_ns()
+        self.states.answers.publish(self._commands, payload)
+        if moves:
+            listener(stamp_ns, state, payload)
+
+    def _check_mode(self, stage: str) -> None:
         # A pause of this process damps the arm, and the next command is followed again. What the
         # pause did to the motion is judged by the tracking error.
         if self._conditions.mode not in COMMANDABLE:
             raise ExcitationError(
-                f"arm_mode became '{self._conditions.mode}' in the {player.stage}: see the console "
-                'of the bridge, or view'
+                f"arm_mode became '{self._conditions.mode}' in the {stage}: see the console of the "
+                'bridge, or view'
             )
-        if stamp_ns != self._answered_ns:
-            self._answered_ns = stamp_ns
-            moves = self._has_begun
-            command = player.update(stamp_ns, state.q) if moves else player.hold(state.q)
-            self._command = self._codec.pack(stamp_ns, *command)
-            self.latency_ns = self.states.latency_ns()
-            self._commands.publish(self._command)
-            if moves:
-                listener(stamp_ns, state, self._command)
-        else:
-            # An emulated arm tells its state again: it did not hear the answer.
-            self._commands.publish(self._command)
 
     def _is_in_touch(self, stamp_ns: int, silence: float) -> bool:
         """Whether to answer a state before the motion; see if it begins at this one.
@@ -390,7 +390,7 @@ class MotionPlayback:
         before_ns, self._seen_ns = self._seen_ns, stamp_ns
         self._looks -= stamp_ns != before_ns
         is_recent = before_ns is not None and 0 <= stamp_ns - before_ns <= round(1e9 * silence)
-        is_answered = before_ns is not None and self._answered_ns == before_ns != stamp_ns
+        is_answered = before_ns is not None and self._answered_ns == before_ns
         # What is wrong with stamps that jump all the time is said by who takes the states.
         self._has_begun = (is_recent and is_answered) or self._looks <= 0
         # Nothing that came before the motion is told to be unanswered.

@@ -15,8 +15,11 @@ from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.command_line import CommandLine
-from aerarm_ros.ros.process.discovery import stay_on_this_host, use_packaged_profile
-from aerarm_ros.ros.process.node_process import find_log_directory
+from aerarm_ros.ros.process.node_process import (
+    find_log_directory,
+    stay_on_this_host,
+    use_packaged_profile,
+)
 from aerarm_ros.ros.process.process_end import (
     INTERRUPTED,
     USER_ERROR,

@@ -19,8 +19,11 @@ from rclpy.signals import SignalHandlerOptions
 
 from aerarm_ros.description.resources import resource
 from aerarm_ros.hardware.bridge_modes import OFF
-from aerarm_ros.ros.process.discovery import use_packaged_profile
-from aerarm_ros.ros.process.node_process import NodeProcess, find_log_directory
+from aerarm_ros.ros.process.node_process import (
+    NodeProcess,
+    find_log_directory,
+    use_packaged_profile,
+)
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
 _CYCLES = re.compile(

@@ -19,8 +19,8 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.table_file import TABLES
 from aerarm_ros.identification.report.fleet_page import fleet_page
 from aerarm_ros.parallel import Failure, run_each, run_each_on_ray
-from aerarm_ros.ros.diagnostics import ProgressLine
 from aerarm_ros.ros.programs.fleet_row import KEYS, OK, Row, first_columns, identify
+from aerarm_ros.ros.progress_line import ProgressLine
 
 JOURNAL, TABLE, COLUMNS, PAGE = 'rows.jsonl', 'fleet.csv', 'fleet.parquet', 'fleet.html'
 _BAG_FILES = ('.mcap', '.db3', '.bag', *TABLES)

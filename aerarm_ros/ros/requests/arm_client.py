@@ -20,11 +20,11 @@ from aerarm_ros.ros.requests.bridge_service import (
     BridgeFinder,
     BridgeService,
     ServiceCall,
+    StopRequest,
     bridges_among,
     offered_actions,
     same_name_problem,
 )
-from aerarm_ros.ros.requests.stop_request import StopRequest
 
 BRIDGES = ('hardware_bridge', 'fake_hardware')
 _DISCOVERY_TIME = 0.5  # [s]

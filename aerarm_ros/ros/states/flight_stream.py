@@ -18,7 +18,8 @@ from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_state import OdometrySample
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.states.state_stream import newest_odometry, to_imu_sample
+from aerarm_ros.ros.states.answers import Answers
+from aerarm_ros.ros.states.state_stream import decoded_odometry, to_imu_sample
 
 
 class RotorCommands:
@@ -90,6 +91,8 @@ class FlightStream:
     def __init__(self, node: Node, reject: Callable[[str], None]) -> None:
         self._reader = RawReader(node, topics.ODOMETRY, topics.IMU)
         self._reject = reject
+        self.answers = Answers()
+        """What is published in answer to the odometry."""
         self.frame = ''
         """Frame of the odometry's poses, '' before the first."""
 
@@ -107,7 +110,11 @@ class FlightStream:
 
         The content is None if it cannot be used, which is reported.
         """
-        message = newest_odometry(self._reader, self._reject, _ODOMETRY)
+        raw = self._reader.take_newest(_ODOMETRY)
+        if raw is None:
+            return None
+        self.answers.begin(raw[0])
+        message = decoded_odometry(raw[0], self._reject)
         if message is None:
             return None
         self.frame = message.header.frame_id

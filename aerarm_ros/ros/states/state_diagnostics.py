@@ -9,7 +9,7 @@ import numpy as np
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_ros.realtime.timing_statistics import TimingStatistics
+from aerarm_ros.realtime.periodic_loop import TimingStatistics
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, WaitingNotice
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.graph import SolePublisher

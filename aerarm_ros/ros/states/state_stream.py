@@ -25,6 +25,7 @@ from aerarm_msgs_py.topics import Topic
 from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.ros.states.answers import Answers
 
 
 def base_header(stamp_ns: int, base_link: str) -> Header:
@@ -143,6 +144,8 @@ class StateStream:
     ----------
     stamp_ns
         Stamp of the newest state [ns], None before the first.
+    answers
+        What is published in answer to the states.
 
     Parameters
     ----------
@@ -161,6 +164,8 @@ class StateStream:
         Whether IMU samples are wanted. They end a wait, and must be taken then.
     odometry
         Whether the odometry is wanted, likewise.
+    answered
+        Whether each state wants an answer, see `Answers`.
     """
 
     def __init__(
@@ -172,7 +177,9 @@ class StateStream:
         depth: int = 1,
         imu: bool = True,
         odometry: bool = False,
+        answered: bool = True,
     ) -> None:
+        self.answers = Answers(needed=answered)
         self._names = tuple(names)
         self._cdr = JointStateCdr(self._names)
         self._reject = reject
@@ -222,7 +229,8 @@ class StateStream:
             return None
         payload, info = message
         self._published_ns = info['source_timestamp']
-        self._received_ns = info['received_timestamp']
+        if not self.answers.begin(payload):
+            self._received_ns = info['received_timestamp']
         sample = self._cdr.unpack(payload) or self._decode(payload)
         if sample is None:
             return None
@@ -270,7 +278,8 @@ class StateStream:
         """Return the newest odometry that waits, None if there is none."""
         if self._odometry_place is None:
             return None
-        return newest_odometry(self._reader, self._reject, self._odometry_place)
+        raw = self._reader.take_newest(self._odometry_place)
+        return None if raw is None else decoded_odometry(raw[0], self._reject)
 
     def rotor_command(self) -> RotorThrusts | None:
         """Return the newest command of the rotors, None if none waits."""
@@ -310,13 +319,10 @@ class StateStream:
             return None
 
 
-def newest_odometry(
-    reader: RawReader, reject: Callable[[str], None], index: int = 0
-) -> Odometry | None:
-    """Return the newest odometry that waits at a reader, None if there is none."""
-    raw = reader.take_newest(index)
+def decoded_odometry(payload: bytes, reject: Callable[[str], None]) -> Odometry | None:
+    """Return the odometry of a serialized message, None if it is none, which is reported."""
     try:
-        return None if raw is None else deserialize_message(raw[0], Odometry)
+        return deserialize_message(payload, Odometry)
     except RuntimeError as error:  # RMWError: no message at all
         reject(f'odometry: {error}')
         return None

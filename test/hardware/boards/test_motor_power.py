@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.hardware.boards.arm_measurements import MotorPower
+from aerarm_ros.hardware.boards.board_link import MotorPower
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 
 CURRENT = np.array([2.0, -1.0, 0.5, 0.0])

@@ -40,6 +40,13 @@ def get(references, name):
     return np.array([getattr(motor, name) for motor in references.motors])
 
 
+def track(references, command, q, dt):
+    """Let each motor follow its joint's references."""
+    rows = zip(references.motors, command.q, command.dq, command.tau, q, strict=True)
+    for motor, position, velocity, effort, angle in rows:
+        motor.track(position, velocity, effort, angle, dt)
+
+
 def command(**values):
     result = CommandBuffer(4)
     for name, value in values.items():
@@ -49,7 +56,7 @@ def command(**values):
 
 def test_full_law_passes_everything_on_in_motor_units(references, drive, config):
     p, v, e = Q + 0.01, np.array([1, -1, 2, -2.0]), np.array([0.1, 0.2, 0.3, 0.4])
-    references.track(command(q=p, dq=v, tau=e), Q, DT)
+    track(references, command(q=p, dq=v, tau=e), Q, DT)
     assert get(references, 'position') == pytest.approx(drive.joint_to_motor_position(p))
     assert get(references, 'velocity') == pytest.approx(drive.joint_to_motor_velocity(v))
     assert get(references, 'current') == pytest.approx(drive.effort_to_current(e))
@@ -58,7 +65,7 @@ def test_full_law_passes_everything_on_in_motor_units(references, drive, config)
 
 
 def test_effort_alone_is_torque_control_without_gains(references, drive):
-    references.track(command(tau=1.0), Q, DT)
+    track(references, command(tau=1.0), Q, DT)
     assert not get(references, 'kp').any()
     assert not get(references, 'kd').any()
     assert not get(references, 'velocity').any()
@@ -69,7 +76,7 @@ def test_effort_alone_is_torque_control_without_gains(references, drive):
 def test_velocity_alone_is_integrated_from_where_the_joint_is(references, drive):
     velocity = np.array([0.5, -0.5, 1.0, -1.0])
     for _ in range(10):
-        references.track(command(dq=velocity), Q, DT)
+        track(references, command(dq=velocity), Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q + 10 * DT * velocity)
     assert get(references, 'position') == pytest.approx(
         drive.joint_to_motor_position(Q + 10 * DT * velocity)
@@ -80,36 +87,36 @@ def test_velocity_alone_is_integrated_from_where_the_joint_is(references, drive)
 
 def test_integrated_reference_never_asks_for_more_than_the_effort_limit(references, drive, config):
     for _ in range(2000):
-        references.track(command(dq=4.0), Q, DT)
+        track(references, command(dq=4.0), Q, DT)
     stiffness = drive.motor_to_joint_gain(config.column('board_kp'))
     pull = stiffness * (get(references, 'joint_position') - Q)
     assert pull == pytest.approx(config.column('effort_max'))
-    references.track(command(dq=-4.0), Q, DT)
+    track(references, command(dq=-4.0), Q, DT)
     assert np.all(stiffness * (get(references, 'joint_position') - Q) < pull)
 
 
 def test_integrated_reference_stays_within_position_limits(references, config):
     q = config.column('position_max') - 0.01
     for _ in range(100):
-        references.track(command(dq=4.0), q, DT)
+        track(references, command(dq=4.0), q, DT)
     assert get(references, 'joint_position') == pytest.approx(config.column('position_max'))
 
 
 def test_integration_starts_anew_after_torque_control_or_damping(references):
     for _ in range(50):
-        references.track(command(dq=1.0), Q, DT)
-    references.track(command(tau=0.0), Q, DT)
-    references.track(command(dq=0.0), Q, DT)
+        track(references, command(dq=1.0), Q, DT)
+    track(references, command(tau=0.0), Q, DT)
+    track(references, command(dq=0.0), Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q)
-    references.track(command(dq=1.0), Q, DT)
+    track(references, command(dq=1.0), Q, DT)
     references.damp(np.full(4, np.inf))
-    references.track(command(dq=0.0), Q, DT)
+    track(references, command(dq=0.0), Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q)
 
 
 def test_from_position_to_velocity_without_a_jump(references):
-    references.track(command(q=Q + 0.05), Q, DT)
-    references.track(command(dq=0.0), Q, DT)
+    track(references, command(q=Q + 0.05), Q, DT)
+    track(references, command(dq=0.0), Q, DT)
     assert get(references, 'joint_position') == pytest.approx(Q + 0.05)
 
 
@@ -117,7 +124,7 @@ def test_each_joint_has_its_own_mode(references, drive):
     given = command()
     given.q[0], given.dq[1], given.tau[2] = 0.12, 1.0, 0.5
     given.q[3], given.dq[3], given.tau[3] = 0.31, 0.2, 0.1
-    references.track(given, Q, DT)
+    track(references, given, Q, DT)
     assert (get(references, 'kp') > 0).tolist() == [True, True, False, True]
     assert (get(references, 'kd') > 0).tolist() == [True, True, False, True]
     assert (get(references, 'current') != 0).tolist() == [False, False, True, True]
@@ -133,7 +140,7 @@ def test_a_joint_at_its_barrier_gets_the_torque_that_passes(references, drive, c
     barriers = make_barriers(
         config, q=Q, highest=[9.0, 2.0, 0.5, 9.0], lowest=[-9.0, -9.0, -9.0, 1.5]
     )
-    references.track(command(tau=[1.0, 3.0, 1.0, 1.0]), Q, DT)
+    track(references, command(tau=[1.0, 3.0, 1.0, 1.0]), Q, DT)
     assert references.keep_within(barriers, TRUSTED)
     torques = references.torques(Q, np.zeros(4))
     assert torques == pytest.approx([1.0, 2.0, 0.5, 1.5])
@@ -150,13 +157,13 @@ def test_a_braked_joint_is_held_where_it_is_with_the_load_that_is_known(referenc
     barriers = make_barriers(config, q=Q, highest=[0.5] * 4)
     for number, barrier in enumerate(barriers):
         barrier.load, barrier.noise = 0.1 + number, 0.3 + number
-    references.track(command(tau=2.0), Q, DT)
+    track(references, command(tau=2.0), Q, DT)
     assert references.keep_within(barriers, TRUSTED)
     assert get(references, 'position') == pytest.approx(drive.joint_to_motor_position(Q) + zero)
     loads, noises = np.arange(4) + 0.1, np.arange(4) + 0.3
     assert get(references, 'believed') == pytest.approx(drive.effort_to_current(loads))
     assert get(references, 'noise') == pytest.approx(np.abs(drive.effort_to_current(noises)))
-    references.track(command(tau=0.2), Q, DT)
+    track(references, command(tau=0.2), Q, DT)
     references.keep_within(barriers, TRUSTED)
     assert get(references, 'believed') == pytest.approx(drive.effort_to_current(np.full(4, 0.2)))
     assert not get(references, 'noise').any()
@@ -168,7 +175,7 @@ def test_a_braking_torque_too_large_for_a_held_up_host_is_damped_about_the_speed
     barriers = make_barriers(config, q=Q, highest=[5.0] * 4)
     for barrier in barriers:
         barrier.inertia, barrier.dq, barrier.filtered = 0.01, 1.0, 0.9
-    references.track(command(tau=8.0), Q, DT)
+    track(references, command(tau=8.0), Q, DT)
     assert references.keep_within(barriers, TRUSTED)
     mean = np.array([barrier.mean_filtered(5.0) for barrier in barriers])
     assert (np.abs(mean - 0.9) > 0.05).all()
@@ -176,7 +183,7 @@ def test_a_braking_torque_too_large_for_a_held_up_host_is_damped_about_the_speed
 
 
 def test_what_passes_a_barrier_is_left_as_it_is(references, config):
-    references.track(command(q=Q, dq=0.1, tau=1.0), Q, DT)
+    track(references, command(q=Q, dq=0.1, tau=1.0), Q, DT)
     before = [get(references, name) for name in ('position', 'velocity', 'current', 'kp', 'kd')]
     assert not references.keep_within(make_barriers(config, q=Q), TRUSTED)
     after = [get(references, name) for name in ('position', 'velocity', 'current', 'kp', 'kd')]
@@ -190,7 +197,7 @@ def test_a_torque_that_a_held_up_host_may_not_leave_acting_is_damped_in_the_boar
     for barrier in barriers:
         barrier.inertia, barrier.dq, barrier.filtered = 0.01, 1.0, 0.9
     asked = np.array([5.0, 0.5, -5.0, 9.0])
-    references.track(command(tau=asked), Q, DT)
+    track(references, command(tau=asked), Q, DT)
     assert not references.keep_within(barriers, TRUSTED)
     assert (get(references, 'kd') > 0.0).tolist() == [True, False, True, True]
     assert get(references, 'kp').tolist() == [0.0] * 4
@@ -202,17 +209,17 @@ def test_a_torque_that_a_held_up_host_may_not_leave_acting_is_damped_in_the_boar
     # It is gone at little more than the speed limit.
     assert 0.0 < references.torques(Q, np.full(4, 5.4))[3] < 1.0
     # What has gains of its own is left alone, and so is what comes next.
-    references.track(command(q=Q, dq=0.1, tau=asked), Q, DT)
+    track(references, command(q=Q, dq=0.1, tau=asked), Q, DT)
     references.keep_within(barriers, TRUSTED)
     assert get(references, 'kd') == pytest.approx(config.column('board_kd'))
-    references.track(command(tau=0.1), Q, DT)
+    track(references, command(tau=0.1), Q, DT)
     references.keep_within(barriers, TRUSTED)
     assert get(references, 'kd').tolist() == [0.0] * 4
     assert get(references, 'velocity').tolist() == [0.0] * 4
 
 
 def test_a_joint_without_a_trusted_encoder_has_no_barrier(references, config):
-    references.track(command(tau=1.0), Q, DT)
+    track(references, command(tau=1.0), Q, DT)
     barriers = make_barriers(config, q=Q, highest=[0.0] * 4)
     assert references.keep_within(barriers, np.array([False, True, True, True]))
     assert references.torques(Q, np.zeros(4)) == pytest.approx([1.0, 0.0, 0.0, 0.0])
@@ -221,12 +228,12 @@ def test_a_joint_without_a_trusted_encoder_has_no_barrier(references, config):
 def test_the_integral_of_a_velocity_does_not_wind_up_at_a_barrier(references, config):
     barriers = make_barriers(config, q=Q, highest=[0.5] * 4)
     for _ in range(200):
-        references.track(command(dq=1.0), Q, DT)
+        track(references, command(dq=1.0), Q, DT)
         references.keep_within(barriers, TRUSTED)
     wanted = references.motors[2].joint_position
     assert abs(wanted - Q[2]) < 0.03
     # So it is followed back at once.
-    references.track(command(dq=-1.0), Q, DT)
+    track(references, command(dq=-1.0), Q, DT)
     assert references.torques(Q, np.zeros(4))[2] < 0.5
 
 
@@ -235,12 +242,12 @@ def test_at_a_barrier_an_integrated_reference_goes_back_to_the_torque_that_passe
 ):
     barriers = make_barriers(config, q=Q, highest=[0.5] * 4)
     for _ in range(20):
-        references.track(command(dq=0.5), Q, DT)
+        track(references, command(dq=0.5), Q, DT)
     assert references.keep_within(barriers, TRUSTED)
-    references.track(command(dq=0.5), Q, 0.0)
+    track(references, command(dq=0.5), Q, 0.0)
     assert references.torques(Q, np.zeros(4)) == pytest.approx(0.5)
     # A position is the sender's: it stays where it was asked for.
-    references.track(command(q=Q + 0.3), Q, DT)
+    track(references, command(q=Q + 0.3), Q, DT)
     assert references.keep_within(barriers, TRUSTED)
     assert get(references, 'joint_position') == pytest.approx(Q + 0.3)
 
@@ -248,7 +255,7 @@ def test_at_a_barrier_an_integrated_reference_goes_back_to_the_torque_that_passe
 def test_a_boards_integral_counts_as_torque(config, drive):
     references = MotorReferences(config, load_profile('laas_power'), 0.5)
     references.set_gains(5.0, 0.5, 5.0)
-    references.track(command(q=Q + 0.1), Q, DT)
+    track(references, command(q=Q + 0.1), Q, DT)
     before = references.torques(Q, np.zeros(4))
     references.wind_up(Q, 0.05)
     error = drive.joint_to_motor_velocity(np.full(4, 0.1))
@@ -260,15 +267,15 @@ def test_a_boards_integral_counts_as_torque(config, drive):
     # It acts where its gain is, and a board that is off has forgotten it.
     references.damp(np.full(4, np.inf))
     assert references.torques(Q, np.zeros(4)) == pytest.approx(0.0)
-    references.track(command(q=Q), Q, DT)
+    track(references, command(q=Q), Q, DT)
     assert references.torques(Q, np.zeros(4))[1] > 5.0
     references.switch_off()
-    references.track(command(q=Q), Q, DT)
+    track(references, command(q=Q), Q, DT)
     assert references.torques(Q, np.zeros(4)) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_damping_has_no_stiffness_and_spares_untrusted_encoders(references, config):
-    references.track(command(q=Q, tau=1.0), Q, DT)
+    track(references, command(q=Q, tau=1.0), Q, DT)
     references.damp(np.array([np.inf, 0.0, np.inf, np.inf]))
     kd = config.column('board_kd')
     assert get(references, 'kd').tolist() == [kd[0], 0.0, kd[2], kd[3]]
@@ -279,25 +286,25 @@ def test_damping_has_no_stiffness_and_spares_untrusted_encoders(references, conf
 
 def test_zero_shifts_positions(references, drive):
     references.set_zero(np.array([1.0, 2.0, 3.0, 4.0]))
-    references.track(command(q=Q), Q, DT)
+    track(references, command(q=Q), Q, DT)
     assert get(references, 'position') == pytest.approx(
         drive.joint_to_motor_position(Q) + [1, 2, 3, 4]
     )
 
 
 def test_a_new_zero_changes_the_joints_angles_and_not_the_motors(references, drive):
-    references.track(command(dq=0.0), Q, DT)
+    track(references, command(dq=0.0), Q, DT)
     before = get(references, 'position').copy()
     references.set_zero(np.array([10.0, -20.0, 5.0, 0.0]))
     new_q = drive.motor_to_joint_position(before - references.zero)
     assert get(references, 'joint_position') == pytest.approx(new_q)
-    references.track(command(dq=0.0), new_q, DT)
+    track(references, command(dq=0.0), new_q, DT)
     assert get(references, 'position') == pytest.approx(before)
 
 
 def test_gains_are_set_whole_or_not_at_all(references):
     references.set_gains(2.0, [0.1, 0.2, 0.3, 0.4])
-    references.track(command(q=Q), Q, DT)
+    track(references, command(q=Q), Q, DT)
     assert get(references, 'kp').tolist() == [2.0] * 4
     assert get(references, 'kd').tolist() == [0.1, 0.2, 0.3, 0.4]
     for kp, kd, ki, hint in (
@@ -310,14 +317,14 @@ def test_gains_are_set_whole_or_not_at_all(references):
     ):
         with pytest.raises(ValueError, match=hint):
             references.set_gains(kp, kd, ki)
-    references.track(command(q=Q), Q, DT)
+    track(references, command(q=Q), Q, DT)
     assert get(references, 'kp').tolist() == [2.0] * 4
 
 
 def test_integral_gain_where_the_frame_carries_it(config):
     references = MotorReferences(config, load_profile('laas_power'), reach_max=0.5)
     references.set_gains(1.0, 0.1, 0.5)
-    references.track(command(dq=0.0), Q, DT)
+    track(references, command(dq=0.0), Q, DT)
     assert get(references, 'integral_gain').tolist() == [0.5] * 4
     references.damp(np.full(4, np.inf))
     assert not get(references, 'integral_gain').any()

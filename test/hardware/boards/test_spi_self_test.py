@@ -1,8 +1,8 @@
 import pytest
 
-from aerarm_ros.hardware.boards.spi_self_test import self_test
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.frames.frame_profile import load_profile
+from aerarm_ros.hardware.transports.spidev_transport import self_test
 
 
 class ClockedBus:

@@ -5,8 +5,7 @@ import sys
 
 import pytest
 
-from aerarm_ros.hardware.transports.spidev_transport import SpidevDevice
-from aerarm_ros.hardware.transports.transport import TransportError
+from aerarm_ros.hardware.transports.spidev_transport import SpidevDevice, TransportError
 
 FRAME = bytes(34)
 

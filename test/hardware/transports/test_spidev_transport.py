@@ -3,8 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport
-from aerarm_ros.hardware.transports.transport import TransportError
+from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport, TransportError
 
 HAS_SPIDEV = importlib.util.find_spec('spidev') is not None
 

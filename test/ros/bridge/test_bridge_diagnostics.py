@@ -11,10 +11,10 @@ from rclpy.node import Node
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.hardware.boards.kept_zeros import ZeroFile
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_intake import CommandPublishers
-from aerarm_ros.hardware.zero_file import ZeroFile
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop, SteadyClock
 from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, BridgeTiming, Watched
 from aerarm_ros.ros.graph import PublisherWatch, RivalWatch

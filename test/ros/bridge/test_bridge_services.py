@@ -6,7 +6,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.gate.command_intake import Answer
+from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.ros.bridge.bridge_services import (
     Action,
     BridgeServices,

@@ -2,7 +2,7 @@ import threading
 
 import pytest
 
-from aerarm_ros.hardware.gate.command_intake import Answer
+from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.ros.bridge.bridge_services import CycleRequests
 
 

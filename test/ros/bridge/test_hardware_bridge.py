@@ -11,11 +11,23 @@ import rclpy
 from quick_spinning import spin_until
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.gate.command_intake import Answer
-from aerarm_ros.ros.emulation.fake_hardware import FakeHardware
+from aerarm_ros.hardware.bridge_modes import Answer
+from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
+from aerarm_ros.ros.emulation.emulated_arm import EmulatedArm
 from aerarm_ros.ros.requests.bridge_service import ServiceCall
 
 LIMIT = 60.0  # [s]
+
+
+class FakeHardware(HardwareBridge):
+    """A bridge on emulated boards."""
+
+    def __init__(self):
+        super().__init__('fake_hardware', EmulatedArm())
+
+    @property
+    def boards(self):
+        return self.world.boards.boards
 
 
 class Defective(FakeHardware):
@@ -29,7 +41,7 @@ class Defective(FakeHardware):
         if cycle.mode == 'idle':
             cycle.enable()
         if cycle.mode == 'aligning' and self.cycles > 100:
-            self.was_enabled = [board.system_enabled for board in self._boards.boards]
+            self.was_enabled = [board.system_enabled for board in self.boards]
             raise ZeroDivisionError('a defect')
 
 
@@ -111,7 +123,7 @@ def test_an_exception_in_the_cycle_switches_the_motors_off(start) -> None:
     with pytest.raises(ZeroDivisionError):
         defective.run()
     assert defective.was_enabled == [True, True]
-    assert not any(board.system_enabled for board in defective._boards.boards)
+    assert not any(board.system_enabled for board in defective.boards)
     with pytest.raises(RuntimeError, match='not active'):
         defective.requests.ask(lambda cycle: cycle.enable())
 

@@ -6,7 +6,7 @@ from bridge_client import BridgeClient, StartBridge
 from quick_spinning import spin_once
 from rclpy.node import Node
 
-from aerarm_ros.ros.bridge.bridge_logs import ModeLog
+from aerarm_ros.ros.bridge.bridge_diagnostics import ModeLog
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 

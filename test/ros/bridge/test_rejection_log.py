@@ -7,7 +7,7 @@ from rclpy.node import Node
 
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake
-from aerarm_ros.ros.bridge.bridge_logs import RejectionLog
+from aerarm_ros.ros.bridge.bridge_diagnostics import RejectionLog
 
 PERIOD = 1e-3
 TWO = 'joint_command has 2 publishers (/a, /b)'

@@ -13,7 +13,7 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
 
 from aerarm_msgs_py import topics
-from aerarm_ros.ros.bridge.bridge_streams import BridgeStreams
+from aerarm_ros.ros.bridge.hardware_bridge import BridgeStreams
 from aerarm_ros.ros.process.node_process import ros_environment
 
 SUBSCRIBER = """

@@ -11,8 +11,12 @@ from pathlib import Path
 import pytest
 
 from aerarm_ros.description.resources import resource
-from aerarm_ros.ros.process.discovery import PROFILES_FILE, use_packaged_profile
-from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
+from aerarm_ros.ros.process.node_process import (
+    PROFILES_FILE,
+    NodeProcess,
+    ros_environment,
+    use_packaged_profile,
+)
 
 # A node that says which of Fast DDS's shared memory segments its process has mapped [bytes].
 NODE = """

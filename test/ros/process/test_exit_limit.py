@@ -24,7 +24,7 @@ c.__cxa_atexit(ctypes.cast(spin, ctypes.c_void_p), None, None)
 """
 LIMIT = """
 import sys, time
-from aerarm_ros.ros.process import exit_limit
+from aerarm_ros.ros.process import process_end as exit_limit
 """
 # The limit itself is long for a test.
 SHORT = """

@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from aerarm_ros.ros.process.discovery import is_on_this_host, stay_on_this_host
+from aerarm_ros.ros.process.node_process import is_on_this_host, stay_on_this_host
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 

@@ -10,7 +10,7 @@ import pytest
 
 # Signals that come as one of two sides, however long a busy host takes to send them.
 AS_ONE = """
-from aerarm_ros.ros.process import stop_signals
+from aerarm_ros.ros.process import process_end as stop_signals
 stop_signals._SAME = 3600.0
 """
 SCRIPT = """

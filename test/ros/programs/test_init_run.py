@@ -17,7 +17,7 @@ from aerarm_ros.excitation.feasibility import FeasibilityReport
 from aerarm_ros.excitation.settings import ExcitationError, load_excitation_config
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.nodes.arm import main
-from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
+from aerarm_ros.ros.bridge.hardware_bridge import World
 from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_setup
 
 URDF = str(resource('config', 'examples', 'three_joints.urdf'))
@@ -68,7 +68,7 @@ def test_no_real_motor_is_driven_by_guesses(tmp_path: Path) -> None:
     config: Any = load_arm_config(tmp_path / 'three_joints.yaml')
     nothing: Any = None
     with pytest.raises(ValueError, match='three_joints is for emulated boards'):
-        HardwareBridge.make_transport(nothing, config, nothing, nothing)
+        World().make_transport(config, nothing, nothing)
 
 
 def _without_collision(folder: Path) -> str:

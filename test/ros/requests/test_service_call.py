@@ -8,7 +8,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.gate.command_intake import Answer
+from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.requests import bridge_service
 from aerarm_ros.ros.requests.bridge_service import ServiceCall

@@ -10,8 +10,7 @@ from std_srvs.srv import Trigger
 
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.requests.bridge_service import BridgeFinder
-from aerarm_ros.ros.requests.stop_request import StopRequest, StopService
+from aerarm_ros.ros.requests.bridge_service import BridgeFinder, StopRequest, StopService
 
 
 def test_a_bridge_that_is_discovered_meanwhile_is_stopped_too(ros_node: Node) -> None:

@@ -1,4 +1,4 @@
-"""The bridge on emulated boards: everything real down to the bytes, but the bus and the arm."""
+"""The world of a bridge on emulated boards: only the bus and the arm are not real."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 import yaml
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.resources import write_whole
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.bridge_modes import OFF
+from aerarm_ros.hardware.bridge_modes import OFF, Answer
 from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport, parse_turn
 from aerarm_ros.hardware.emulation.emulation import (
     make_emulated_transport,
@@ -26,14 +25,12 @@ from aerarm_ros.hardware.emulation.emulation import (
 )
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM, FaultRequest
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
-from aerarm_ros.hardware.gate.command_intake import Answer
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.bridge.bridge_diagnostics import Status
 from aerarm_ros.ros.bridge.bridge_parameters import BRIDGE_PARAMETERS
 from aerarm_ros.ros.bridge.bridge_services import Action
-from aerarm_ros.ros.bridge.bridge_streams import Command
 from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
-from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
+from aerarm_ros.ros.bridge.hardware_bridge import Command, World
 from aerarm_ros.ros.emulation import drone_parameters
 from aerarm_ros.ros.emulation.drone_parameters import CONTACT, DRONE_PARAMETERS
 from aerarm_ros.ros.emulation.emulated_sensors import SENSOR_PARAMETERS, EmulatedSensors
@@ -69,38 +66,44 @@ _FALL_TIME = 2.0  # [s] by then an arm whose motors are off has begun to fall
 _NO_DRONE = 'contact_force acts on a drone that flies: give drone_file'
 
 
-class FakeHardware(HardwareBridge):
-    """Hardware bridge whose boards are emulated on a physics engine.
+class EmulatedArm(World):
+    """A world of emulated boards on a physics engine, whose time may depend on who answers.
 
     A real arm is carried by hand until its motors hold it. So is this one: enabling takes it
     up where it is, or back to where it started if it fell beyond its limits.
     """
 
     emulated = True
+    parameters = PARAMETERS
 
     def __init__(self) -> None:
-        self._boards: EmulatedTransport | None = None
+        super().__init__()
+        self.boards: EmulatedTransport | None = None
         self._made: Callable[[Sequence[float]], PlantParameters] | None = None
         self._drone: EmulatedDrone | None = None
         self._geometry: MadeGeometry | None = None
         self._sensors: EmulatedSensors | None = None
-        self._world: EmulatedWorld | None = None
+        self._time: EmulatedWorld | None = None
         self._now = 0.0
         self._awake_until = 0.0
-        super().__init__('fake_hardware', PARAMETERS)
+        self.live = {
+            'fault': self._inject_fault,
+            'hand': self._turn,
+            'payload': self._grasp,
+            **dict.fromkeys(CONTACT, self._touch),
+        }
 
     def load_arm(self) -> tuple[ArmConfig, Robot]:
         """Return the arm's description, with encoders of the kind that the parameter names."""
         config, robot = super().load_arm()
-        if self.values.encoders:
-            config = config.with_encoders(self.values.encoders)
-        return config, robot
+        encoders = self.bridge.values.encoders
+        return (config.with_encoders(encoders) if encoders else config), robot
 
     def make_transport(
         self, config: ArmConfig, robot: Robot, profile: FrameProfile
     ) -> EmulatedTransport:
         """Return emulated boards; writes the true parameters if asked to."""
-        values = self.values
+        values = self.bridge.values
         if len(values.initial_position) not in (0, config.n):
             raise ValueError(
                 f'initial_position has {len(values.initial_position)} angles: give one for each of '
@@ -112,7 +115,7 @@ class FakeHardware(HardwareBridge):
         self._made = partial(
             plant_parameters, config, robot, seed, values.backlash, values.backlash_wear
         )
-        self._boards = transport = make_emulated_transport(
+        self.boards = transport = make_emulated_transport(
             config,
             robot,
             seed,
@@ -122,7 +125,7 @@ class FakeHardware(HardwareBridge):
         )
         self._destroy_drone()
         self._drone = self._make_drone(config, drawn, robot, transport)
-        self._sensors = EmulatedSensors(self, transport.plant, robot.link_names[-1], values)
+        self._sensors = EmulatedSensors(self.bridge, transport.plant, robot.link_names[-1], values)
         if values.truth_file:
             truth = transport.plant.true_parameters()
             if self._geometry is not None:
@@ -140,7 +143,7 @@ class FakeHardware(HardwareBridge):
 
     def _as_made(self, config: ArmConfig, robot: Robot) -> tuple[ArmConfig, Robot]:
         """Return configuration and arm by which the emulated hardware is made."""
-        values = self.values
+        values = self.bridge.values
         if values.hardware_config or values.hardware_urdf:
             own = SimpleNamespace(**vars(values))
             own.config = values.hardware_config or values.config
@@ -157,7 +160,7 @@ class FakeHardware(HardwareBridge):
     def _make_drone(
         self, config: ArmConfig, drawn: Robot, robot: Robot, transport: EmulatedTransport
     ) -> EmulatedDrone | None:
-        values = self.values
+        values = self.bridge.values
         profile, drone = values.base_motion_profile, load_drone(values, config, drawn)
         if drone is not None and self._geometry is not None:
             drone = self._geometry.drone(drone)
@@ -167,7 +170,9 @@ class FakeHardware(HardwareBridge):
             if profile == STILL:
                 return None
             base = mount_on_base(transport, robot, BASE_PROFILES[profile])
-            return EmulatedDrone(self, base, drone_parameters.imu(values, base), robot.base_link)
+            return EmulatedDrone(
+                self.bridge, base, drone_parameters.imu(values, base), robot.base_link
+            )
         if profile != STILL:
             raise ValueError(
                 f'base_motion_profile is {profile} and a drone_file is given: a drone flies by its '
@@ -178,115 +183,94 @@ class FakeHardware(HardwareBridge):
         plant.touch(*drone_parameters.contact(values, plant))
         sensors = (drone_parameters.imu(values, plant), drone_parameters.odometry(values, plant))
         others = drone_parameters.other_odometry(values, plant)
-        return FlyingDrone(self, plant, *sensors, LAG[values.pace], robot.prefix, others)
+        return FlyingDrone(self.bridge, plant, *sensors, LAG[values.pace], robot.prefix, others)
 
     @property
     def _flying(self) -> FlyingDrone | None:
         return self._drone if isinstance(self._drone, FlyingDrone) else None
 
     def make_loop(self) -> PeriodicLoop:
-        """Return what runs the cycles: that of the emulated world, unless it runs in real time."""
-        self._destroy_world()
-        if self.values.pace == REAL_TIME:
+        """Return what runs the cycles: that of the emulated time, unless it is the real one."""
+        bridge, values = self.bridge, self.bridge.values
+        self._destroy_time()
+        if values.pace == REAL_TIME:
             return super().make_loop()
-        self._world = EmulatedWorld(
-            self,
-            self._streams,
-            self.requests,
-            self.values.pace,
-            self.values.period,
-            self.values.answer_timeout,
+        self._time = EmulatedWorld(
+            bridge,
+            bridge.streams,
+            bridge.requests,
+            values.pace,
+            values.period,
+            values.answer_timeout,
             round(self._now * 1e9),
             self._is_still,
             self._tell_again,
             self._wait_idly,
             self._flying,
         )
-        return self._world.loop
+        return self._time.loop
 
     def now_ns(self) -> int:
-        """Return the emulated world's time [ns since the epoch]."""
-        return self._world.now_ns() if self._world is not None else super().now_ns()
+        """Return the emulated time [ns since the epoch]."""
+        return self._time.now_ns() if self._time is not None else super().now_ns()
 
     def newest_command(self) -> Command | None:
-        """Return the newest command, which the emulated world may have waited for."""
-        world = self._world
-        return world.newest_command() if world is not None else super().newest_command()
+        """Return the newest command, which the emulated time may have waited for."""
+        time = self._time
+        return time.newest_command() if time is not None else super().newest_command()
 
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Close the buses, and forget drone and world: configuring makes others."""
+    def clean_up(self) -> None:
+        """Forget drone and time."""
         self._destroy_drone()
-        self._destroy_world()
-        return super().on_cleanup(state)
+        self._destroy_time()
 
-    def actions(self) -> dict[str, Action]:
-        """Return the services' actions: those of a bridge, and what can be done to the arm."""
+    def actions(self) -> Mapping[str, Action]:
+        """Return what can be done to an emulated arm, and what is done to it otherwise."""
         return {
-            **super().actions(),
             'enable': self._enable,
             'home': self._home,
             'inject_fault': self._inject_fault,
             'put_back': self._put_back,
         }
 
-    def other_statuses(self) -> Sequence[Status]:
+    def statuses(self) -> Sequence[Status]:
         """Return what the drone does, if one flies."""
         return () if self._flying is None else (self._flying.describe(),)
 
-    def use_slack(self, now: float) -> None:
+    def end_cycle(self, now: float, stamp_ns: int) -> None:
         """Run boards and arm on to the next cycle, while the controllers compute."""
-        self._now = now
-        if self._drone is not None and self._cycle is not None:
+        self._now, self._stamp_ns = now, stamp_ns
+        if self._drone is not None:
             # Before the arm moves on: the sample is of the time of its stamp.
-            self._drone.update(self._cycle.mode, self._stamp_ns)
-        if self._sensors is not None and self._cycle is not None:
-            self._sensors.update(self._stamp_ns)
-        if self._boards is not None:
-            self._boards.advance(now + self.values.period)
-        if self._world is not None:
-            self._world.end_cycle(self._mode)
+            self._drone.update(self.bridge.mode, stamp_ns)
+        if self._sensors is not None:
+            self._sensors.update(stamp_ns)
+        if self.boards is not None:
+            self.boards.advance(now + self.bridge.values.period)
+        if self._time is not None:
+            self._time.end_cycle(self.bridge.mode)
+            self._time.poll()
 
-    def report(self) -> None:
-        """Look for other nodes, another world included, and do a piece of the diagnostics."""
-        super().report()
-        if self._world is not None:
-            self._world.poll()
-
-    def check_parameters(self, changes: Mapping[str, Any]) -> str:
-        """Return why live parameters can't be set, or ''."""
-        if self._boards is not None and changes.get('fault'):
+    def parameter_problem(self, changes: Mapping[str, Any]) -> str:
+        """Return why live parameters cannot be set, or ''."""
+        boards, made = self.boards, self._made
+        if boards is None or made is None:
+            return ''
+        checks: dict[str, Callable[[Any], object]] = {
+            'fault': lambda text: FaultRequest.parse(text, len(boards.boards)),
+            'hand': lambda text: parse_turn(text, self.bridge.config.joint_names),
+            'payload': made,
+        }
+        for name in (name for name in checks if name in changes):
             try:
-                FaultRequest.parse(changes['fault'], len(self._boards.boards))
+                if changes[name] or name == 'payload':
+                    checks[name](changes[name])
             except ValueError as error:
-                return f'parameter fault: {error}'
-        if self._boards is not None and changes.get('hand'):
-            try:
-                parse_turn(changes['hand'], self._config.joint_names)
-            except ValueError as error:
-                return f'parameter hand: {error}'
-        if self._made is not None and 'payload' in changes:
-            try:
-                self._made(changes['payload'])
-            except ValueError as error:
-                return f'parameter payload: {error}'
-        if problem := self._contact_problem(changes):
-            return problem
-        return super().check_parameters(changes)
-
-    def on_parameter(self, name: str, value: Any) -> None:
-        """Take over a live parameter."""
-        super().on_parameter(name, value)
-        if name == 'fault' and value:
-            self.requests.post(self._inject_fault)
-        elif name == 'hand' and value:
-            self.requests.post(self._turn)
-        elif name == 'payload':
-            self.requests.post(self._grasp)
-        elif name in CONTACT:
-            self.requests.post(self._touch)
+                return f'parameter {name}: {error}'
+        return self._contact_problem(changes)
 
     def _is_still(self, mode: str, since: float) -> bool:
-        cycle, boards = self._cycle, self._boards
+        cycle, boards = self.bridge.cycle, self.boards
         if cycle is None or boards is None or np.abs(cycle.dq).max() > _STILL:
             return False
         if self._now < self._awake_until:
@@ -297,18 +281,21 @@ class FakeHardware(HardwareBridge):
         return mode not in OFF or boards.is_carried or since > _FALL_TIME
 
     def _tell_again(self) -> None:
-        cycle = self._cycle
+        cycle = self.bridge.cycle
         if cycle is not None:
-            self._streams.publish_joints(self._stamp_ns, (cycle.q_known, cycle.dq, cycle.tau))
+            joints = cycle.q_known, cycle.dq, cycle.tau
+            self.bridge.streams.publish_joints(self._stamp_ns, joints)
 
     def _wait_idly(self) -> None:
         for _ in range(_CYCLES_OF_A_WAIT):
-            self.report()
+            self.bridge.report()
+            if self._time is not None:
+                self._time.poll()
 
-    def _destroy_world(self) -> None:
-        if self._world is not None:
-            self._world.destroy()
-            self._world = None
+    def _destroy_time(self) -> None:
+        if self._time is not None:
+            self._time.destroy()
+            self._time = None
 
     def _destroy_drone(self) -> None:
         if self._sensors is not None:
@@ -319,8 +306,8 @@ class FakeHardware(HardwareBridge):
             self._drone = None
 
     def _enable(self, cycle: BridgeCycle) -> Answer:
-        boards = self._boards
-        if self._world is not None and self._world.is_waiting:
+        boards = self.boards
+        if self._time is not None and self._time.is_waiting:
             cycle.intake.forget()  # its publisher is silent: the arm may be held
         if boards is None or cycle.mode != 'idle':
             return cycle.enable()
@@ -336,46 +323,50 @@ class FakeHardware(HardwareBridge):
 
     def _grasp(self, cycle: BridgeCycle) -> Answer:
         """Let the arm carry what the parameter says, from now on."""
-        if self._boards is None or self._made is None:
+        if self.boards is None or self._made is None:
             return Answer(False, 'the bridge is not configured')
-        self._boards.plant.grasp(self._made(self.values.payload))
+        self.boards.plant.grasp(self._made(self.bridge.values.payload))
         self._awake_until = self._now + _FAULT_TIME
         return Answer(True, '')
 
     def _turn(self, cycle: BridgeCycle) -> Answer:
         """Let a hand turn the joint that the parameter names."""
-        if self._boards is None:
+        if self.boards is None:
             return Answer(False, 'the bridge is not configured')
         try:
-            duration = self._boards.turn(*parse_turn(self.values.hand, self._config.joint_names))
+            duration = self.boards.turn(
+                *parse_turn(self.bridge.values.hand, self.bridge.config.joint_names)
+            )
         except ValueError as error:
-            self.get_logger().warning(f'hand: {error}')
+            self.bridge.get_logger().warning(f'hand: {error}')
             return Answer(False, str(error))
         self._awake_until = self._now + duration
         return Answer(True, '')
 
     def _contact_problem(self, changes: Mapping[str, Any]) -> str:
-        plant = None if self._boards is None else self._boards.plant
+        plant = None if self.boards is None else self.boards.plant
         if plant is None or not changes.keys() & set(CONTACT):
             return ''
         if not isinstance(plant, FlyingPlant):
             return _NO_DRONE
         try:
-            drone_parameters.contact(SimpleNamespace(**{**vars(self.values), **changes}), plant)
+            drone_parameters.contact(
+                SimpleNamespace(**{**vars(self.bridge.values), **changes}), plant
+            )
         except ValueError as error:
             return f'contact: {error}'
         return ''
 
     def _touch(self, cycle: BridgeCycle) -> Answer:
         """Let the contact of the parameters act from now on."""
-        plant = None if self._boards is None else self._boards.plant
+        plant = None if self.boards is None else self.boards.plant
         if not isinstance(plant, FlyingPlant):
             return Answer(False, _NO_DRONE)
-        plant.touch(*drone_parameters.contact(self.values, plant))
+        plant.touch(*drone_parameters.contact(self.bridge.values, plant))
         return Answer(True, '')
 
     def _home(self, cycle: BridgeCycle) -> Answer:
-        boards = self._boards
+        boards = self.boards
         if boards is None or cycle.mode not in OFF:
             return cycle.home()
         boards.put_at_rest()
@@ -384,7 +375,7 @@ class FakeHardware(HardwareBridge):
         return Answer(accepted, f'the arm was put into its home configuration; {message}')
 
     def _inject_fault(self, cycle: BridgeCycle) -> Answer:
-        fault, boards = self.values.fault, self._boards
+        fault, boards = self.bridge.values.fault, self.boards
         if boards is None or not fault:
             return Answer(False, f'set the parameter fault first: {FORM}')
         FaultRequest.parse(fault, len(boards.boards)).apply(boards)
@@ -392,7 +383,7 @@ class FakeHardware(HardwareBridge):
         return Answer(True, f'{fault}: {FAULTS[fault.partition(":")[0].strip()].meaning}')
 
     def _put_back(self, cycle: BridgeCycle) -> Answer:
-        boards = self._boards
+        boards = self.boards
         if boards is None or any(board.system_enabled for board in boards.boards):
             return Answer(False, 'the motors are driven: disable first')
         boards.put_back()
