@@ -28,7 +28,7 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup develop demo experiment energy flight view test attacks same commissioning lint fuzz mutants compiled-test bench clean
+.PHONY: help setup develop demo experiment energy calibration flight world view test attacks same commissioning lint fuzz mutants compiled-test bench clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
@@ -37,6 +37,8 @@ help:
 	@echo 'make flight      how far the arm moves its drone, by what is fed forward, with a replay'
 	@echo '                 (DRONES="hexarotor tilted_hexarotor": one that pushes sideways, too;'
 	@echo '                 AUTOPILOT=betaflight: Betaflight flies it, built beside this in a place of its own)'
+	@echo 'make calibration tool error of emulated arms, as drawn and calibrated, on held-out postures'
+	@echo 'make world       how well the tool is held in the world while wind moves the drone, with a replay'
 	@echo 'make view        the running arm in a browser'
 	@echo 'make test        lint, type check and all tests'
 	@echo 'make attacks     hundreds of attacks on the bridge in virtual time, and their worst figures'
@@ -79,9 +81,15 @@ experiment: setup
 energy: setup
 	$(BIN)/python benchmarks/energy.py --moves 100 --out output/energy
 
+calibration: setup
+	$(BIN)/python benchmarks/calibration.py
+
 flight: setup
 	$(if $(filter-out betaflight,$(AUTOPILOT)),$(error AUTOPILOT=$(AUTOPILOT): only betaflight is known; leave it out for the drone's own controller))
 	$(BIN)/python benchmarks/$(if $(AUTOPILOT),betaflight,flight).py $(if $(DRONES),--drones $(DRONES)) --out output/flight
+
+world: setup
+	$(BIN)/python benchmarks/world.py --out output/world
 
 view: setup
 	$(BIN)/view

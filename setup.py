@@ -11,14 +11,16 @@ PACKAGE = 'aerarm_ros'
 
 # Every bound has an upper end: a new major version is tried before it is let in.
 RUN_TIME = [
+    'argcomplete>=3.1,<4',
     'clarabel>=0.9,<0.12',
+    'jinja2>=3.1,<4',
     'lazy-loader>=0.4,<1',
     'lz4>=4,<5',
     'mcap>=1.2,<2',
     'mujoco>=3.1,<5',
     'plotly>=5.18,<8',
     'pyyaml>=6,<7',
-    'rosbags>=0.10,<0.12',
+    'rosbags>=0.11,<0.12',
     'scipy>=1.11,<2',
     'zstandard>=0.22,<1',
 ]
@@ -44,6 +46,7 @@ ROS_WHEELS = [
 EXECUTABLES = [
     'arm',
     'base_reaction',
+    'calibrator',
     'computed_torque',
     'demo',
     'excitation',
@@ -65,6 +68,7 @@ EXECUTABLES = [
     'recorder',
     'tool_path',
     'view',
+    'world_control',
 ]
 
 
@@ -148,7 +152,8 @@ setup(
     packages=find_packages(
         include=['aerarm_ros', 'aerarm_ros.*', 'aerarm_msgs_py', 'aerarm_msgs_py.*']
     ),
-    package_data={'aerarm_ros': ['py.typed'], 'aerarm_msgs_py': ['py.typed']},
+    # What pages are made of lies beside the modules that fill it in.
+    package_data={'': ['py.typed', '*.html', '*.css', '*.js']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (share(), ['package.xml']),
@@ -165,6 +170,9 @@ setup(
     extras_require={
         'ros': ROS_WHEELS,
         'spi': ['spidev>=3.5,<4'],
+        # Tables of many bags, and many computers for them.
+        'fleet': ['pyarrow>=14,<27'],
+        'ray': ['ray>=2.9,<3'],
         'view': VIEW,
         'mutants': ['mutmut>=3.8,<4'],
         'test': ['hypothesis', 'pytest'],

@@ -103,10 +103,18 @@ TOOL_GOAL = Topic('tool_goal', PointStamped, RELIABLE)
 PLAN_STATUS = Topic('plan_status', String, LATCHED)
 SET_POINT = Topic('set_point', JointState, RELIABLE)
 TOOL_TRAJECTORY = Topic('tool_trajectory', PoseStamped, RELIABLE)
+# A timed path of the tool in the odometry's frame: one transform a point.
+TOOL_MOTION = Topic('tool_motion', MultiDOFJointTrajectory, RELIABLE)
+# How far the base may move until the tool is out of reach: along x, y, z of the world, against them
+# [m], and the time until then at its present velocity [s].
+ARM_REACH = Topic('arm_reach', Float64MultiArray, NEWEST)
 TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
 IMU = Topic('imu', Imu, SENSOR)
 # Pose of the drone's body in the world, and its twist in body axes.
 ODOMETRY = Topic('odometry', Odometry, SENSOR)
+# Of an emulated drone: its true state, and what a camera or motion capture beside it makes of it.
+TRUE_ODOMETRY = Topic('true_odometry', Odometry, SENSOR)
+EXTERNAL_ODOMETRY = Topic('external_odometry', Odometry, SENSOR)
 # Thrust of each rotor [N] as effort, by the rotors' names; stamped as the odometry that it answers.
 ROTOR_COMMAND = Topic('rotor_command', JointState, NEWEST)
 # Where the drone shall hover, or go in time.
@@ -158,8 +166,12 @@ TOPICS = MappingProxyType(
             SET_POINT,
             TOOL_TRAJECTORY,
             TOOL_POSE,
+            TOOL_MOTION,
+            ARM_REACH,
             IMU,
             ODOMETRY,
+            TRUE_ODOMETRY,
+            EXTERNAL_ODOMETRY,
             ROTOR_COMMAND,
             FLIGHT_SET_POINT,
             FLIGHT_TRAJECTORY,

@@ -1,7 +1,7 @@
 """ROS 2 suite for a light four-joint arm that hangs under a drone.
 
 From Python, for any serial arm: `read_bag`, `from_arrays`, `identify`, `plan_excitation`,
-`load_robot` and `Dynamics`; `docs/reference/python.md` shows them.
+`load_identified`, `load_robot` and `Dynamics`; `docs/reference/python.md` shows them.
 """
 
 import lazy_loader
@@ -17,6 +17,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         'ros.library.identification': [
             'identify',
             'IdentifiedArm',
+            'IdentifiedModel',
+            'load_identified',
             'BagError',
             'from_arrays',
             'read_bag',

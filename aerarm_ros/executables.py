@@ -28,13 +28,24 @@ from aerarm_ros.ros.process.process_end import (
 # They have something to finish, and are ended before that by a signal. All others serve until
 # they are asked to end, so that a signal is how they end well, at any time.
 _TASKS = frozenset(
-    ('arm', 'demo', 'excitation', 'excitation_designer', 'experiment', 'identifier', 'motor_bench')
+    (
+        'arm',
+        'calibrator',
+        'demo',
+        'excitation',
+        'excitation_designer',
+        'experiment',
+        'identifier',
+        'motor_bench',
+    )
 )
 
 _HELP = ('-h', '--help')
+_COMPLETING = '_ARGCOMPLETE'  # of a shell that asks for completions
 # What most nodes import, and no help needs: together they take longer than all else.
 _HEAVY = ('mujoco', 'pinocchio')
-# What ROS 2 brings; `identifier`, `excitation_designer` and `experiment` run without it.
+# What ROS 2 brings; `calibrator`, `identifier`, `excitation_designer` and `experiment` run
+# without it.
 _ROS = re.compile(r'rclpy|rpyutils|ament_|ros|rcl_|[a-z]+_(msgs|srvs|interfaces)$')
 
 
@@ -51,7 +62,7 @@ def _run(name: str) -> int:
     status = 1  # of a traceback
     try:
         die_with_launch()
-        if any(argument in _HELP for argument in sys.argv[1:]):
+        if _COMPLETING in os.environ or any(argument in _HELP for argument in sys.argv[1:]):
             sys.modules.update((name, _Unloaded(name)) for name in _HEAVY)
         status = run(name)
     except KeyboardInterrupt:

@@ -151,7 +151,13 @@ def _missing_modules(arguments: Mapping[str, str]) -> Iterator[str]:
 
 
 SHARE = FindPackageShare('aerarm_ros')
-CONTROLLERS = ('gravity_compensation', 'computed_torque', 'impedance_control', 'kinematic_control')
+CONTROLLERS = (
+    'gravity_compensation',
+    'computed_torque',
+    'impedance_control',
+    'kinematic_control',
+    'world_control',
+)
 WAIT_FOR_A_PERSON = 600.0  # [s]
 # Exit status that asyncio's child watcher makes up for a process that it has not seen end.
 _UNKNOWN = 255

@@ -16,6 +16,7 @@ from pathlib import Path
 import rclpy
 from flight import identify, open_ros
 from flying.arm_model import ArmModel
+from flying.betaflight_program import HOW, BetaflightProgram, find_betaflight
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
 from flying.flight_page import write_page
@@ -26,7 +27,6 @@ from flying.flight_way import FlightWay, load_drone
 from rclpy.node import Node
 
 from aerarm_ros.autopilot.betaflight_flight import BetaflightSetup
-from aerarm_ros.autopilot.betaflight_program import HOW, BetaflightProgram, find_betaflight
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 DRONE = 'hexarotor'

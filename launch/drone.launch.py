@@ -9,6 +9,7 @@ from launch.actions import DeclareLaunchArgument, GroupAction
 from launch.conditions import IfCondition
 from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PythonExpression
 from launch_ros.actions import PushRosNamespace
+from launch_ros.parameter_descriptions import ParameterValue
 
 from aerarm_ros.launch_parts import (
     IMU_REMAPPING,
@@ -25,6 +26,11 @@ from aerarm_ros.launch_parts import (
 
 ON_PX4 = EqualsSubstitution(LaunchConfiguration('autopilot'), 'px4')
 BY_OURSELVES = EqualsSubstitution(LaunchConfiguration('autopilot'), 'flight_control')
+# What world_control answers to the drone must not be told to it.
+NOT_BY_REACTION = ParameterValue(
+    PythonExpression(["'", LaunchConfiguration('controller'), "' != 'world_control'"]),
+    value_type=bool,
+)
 ARGUMENTS = (
     controller_argument('gravity_compensation'),
     base_motion_argument('free'),
@@ -63,7 +69,12 @@ def generate_launch_description() -> LaunchDescription:
     reaction = node(
         'base_reaction',
         # Who feeds the arm forward picks from what it is told ahead of time.
-        {'lead': 0.06, **arm_parameters('base_motion'), **drone_parameter()},
+        {
+            'lead': 0.06,
+            'measured_motion': NOT_BY_REACTION,
+            **arm_parameters('base_motion'),
+            **drone_parameter(),
+        },
         remappings=[IMU_REMAPPING],
     )
     px4_imu = node('px4_imu', remappings=[IMU_REMAPPING], condition=IfCondition(ON_PX4))

@@ -10,6 +10,8 @@ from typing import NamedTuple
 from aerarm_msgs_py.bags import bag_information
 from aerarm_msgs_py.bags.bag_information import BagInformation, read_information
 from aerarm_msgs_py.storage.compressed_file import SUFFIX, BagFile, CompressedFile, decompressed
+from aerarm_msgs_py.storage.foreign_file import SUFFIXES as FOREIGN
+from aerarm_msgs_py.storage.foreign_file import ForeignFile
 from aerarm_msgs_py.storage.mcap_file import McapFile
 from aerarm_msgs_py.storage.read_limits import (
     BagError,
@@ -19,9 +21,6 @@ from aerarm_msgs_py.storage.read_limits import (
     ReadBudget,
     ReadLimits,
 )
-from aerarm_msgs_py.storage.ros1_file import SUFFIX as ROS1_SUFFIX
-from aerarm_msgs_py.storage.ros1_file import Ros1File
-from aerarm_msgs_py.storage.sqlite_file import SqliteFile
 
 
 class RecordedMessage(NamedTuple):
@@ -289,10 +288,8 @@ def _files_in(folder: Path) -> list[Path]:
 def _opened(path: Path, budget: ReadBudget) -> BagFile:
     if path.suffix == SUFFIX:
         return CompressedFile(path, budget, _opened)
-    if path.suffix == '.db3':
-        return SqliteFile(path, budget)
-    if path.suffix == ROS1_SUFFIX:
-        return Ros1File(path, budget)
+    if path.suffix in FOREIGN:
+        return ForeignFile(path, budget)
     return McapFile(path, budget)
 
 

@@ -152,6 +152,11 @@ class CdrReader:
             self._align(8)
         return np.frombuffer(self._take(8 * count), f'{self._order}f8').astype(np.float64)
 
+    def fixed_doubles(self, count: int) -> NDArray[np.float64]:
+        """Read some doubles that no length stands before."""
+        self._align(8)
+        return np.frombuffer(self._take(8 * count), f'{self._order}f8').astype(np.float64)
+
     def _number(self, code: str) -> int:
         self._align(4)
         return int(struct.unpack(self._order + code, self._take(4))[0])

@@ -157,10 +157,13 @@ class ReadBudget:
     ----------
     part_bytes
         Most bytes of one part.
+    scale
+        How much more than by default the limits allow.
     """
 
     def __init__(self, path: Path, size: int, limits: ReadLimits | None = None) -> None:
         limits = limits or ReadLimits()
+        self.scale = max(1.0, limits.ratio / ReadLimits().ratio)
         self._path, self._size, self._ratio = path, size, limits.ratio
         self._left = max(_FREE, limits.ratio * size)
         self.part_bytes = int(min(limits.part_bytes, max(_FREE, self._left / _PART_SHARE)))

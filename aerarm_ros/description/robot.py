@@ -216,7 +216,7 @@ def load_robot(
         more than one degree of freedom or carries no inertia; if the prefix can't be one.
     """
     check_prefix(prefix)
-    text, path = _read(urdf)
+    text, path = read_urdf(urdf)
     source = 'the URDF text' if path is None else str(path)
     try:
         document = UrdfDocument(text)
@@ -236,7 +236,14 @@ def load_robot(
     return Robot(model, joints, text, path, prefix)
 
 
-def _read(urdf: Path | str | None) -> tuple[str, Path | None]:
+def read_urdf(urdf: Path | str | None) -> tuple[str, Path | None]:
+    """Return the text of a URDF, and its file: of None the packaged one, of a text None.
+
+    Raises
+    ------
+    DescriptionError
+        If the file cannot be read.
+    """
     if isinstance(urdf, str) and urdf.lstrip().startswith('<'):
         return urdf.lstrip(), None
     path = resource('urdf', 'aerarm.urdf') if urdf is None else find_file(urdf)

@@ -12,6 +12,13 @@ from aerarm_ros.description.config_reader import DescriptionError
 
 LOAD_FRICTION = 'load_friction'
 """Attribute of <dynamics>: dry friction per torque that a gear passes on [-]."""
+DAMPING_BESIDE_LOAD, FRICTION_BESIDE_LOAD = 'damping_beside_load', 'friction_beside_load'
+"""Attributes of <dynamics> where `LOAD_FRICTION` is: what `damping` and `friction` are without it.
+
+Other programs read `damping` and `friction`, which include what grows with the usual load.
+"""
+CALIBRATED = 'calibrated geometry'
+"""What the comment in front of a calibrated URDF says."""
 LARGEST = 2**24
 """Most characters of a URDF."""
 
@@ -178,14 +185,21 @@ class UrdfDocument:
             )
         mimic = element.find('mimic')
         dynamics = element.find('dynamics')
+        known = [
+            beside if dynamics is not None and dynamics.get(beside) is not None else plain
+            for beside, plain in (
+                (DAMPING_BESIDE_LOAD, 'damping'),
+                (FRICTION_BESIDE_LOAD, 'friction'),
+            )
+        ]
         return UrdfJoint(
             name=name,
             kind=kind,
             parent=ends['parent'],
             child=ends['child'],
             mimics=None if mimic is None else mimic.get('joint', '?'),
-            damping=_number(dynamics, 'damping', f'{owner}, <dynamics>'),
-            friction=_number(dynamics, 'friction', f'{owner}, <dynamics>'),
+            damping=_number(dynamics, known[0], f'{owner}, <dynamics>'),
+            friction=_number(dynamics, known[1], f'{owner}, <dynamics>'),
             load_friction=_number(dynamics, LOAD_FRICTION, f'{owner}, <dynamics>'),
             has_limit=limit is not None,
         )

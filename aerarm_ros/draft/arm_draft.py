@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig, BoardConfig
-from aerarm_ros.description.config_reader import DescriptionError
+from aerarm_ros.description.config_reader import ConfigError, DescriptionError, read_yaml
 from aerarm_ros.description.drive_config import (
     GearConfig,
     JointConfig,
@@ -48,6 +48,52 @@ GEAR = 'guessed'
 OF_URDF = ('position_min', 'position_max', 'velocity_max', 'effort_max', 'viscous', 'coulomb')
 
 
+@dataclass(frozen=True, eq=False)
+class IdentifiedDrives:
+    """What an identification found of the drives.
+
+    Attributes
+    ----------
+    viscous, coulomb, rotor_inertia : (n,) ndarray
+        At the joints [Nms/rad], [Nm], [kg m^2].
+    """
+
+    viscous: Array
+    coulomb: Array
+    rotor_inertia: Array
+
+    @classmethod
+    def read(cls, path: Path, joint_names: Sequence[str]) -> IdentifiedDrives:
+        """Return what the identifier's estimate.yaml says of some joints.
+
+        Raises
+        ------
+        ConfigError
+            If the file cannot be read, is no estimate, or is that of another arm.
+        """
+        document = read_yaml(path)
+        try:
+            parameters = document['/**']['ros__parameters']
+            names = list(parameters['joint_names'])
+            columns = [
+                np.array(parameters[key], dtype=float)
+                for key in ('viscous', 'coulomb', 'rotor_inertia')
+            ]
+            shapes_fit = all(column.shape == (len(names),) for column in columns)
+        except (KeyError, TypeError, ValueError):
+            shapes_fit = False
+        if not shapes_fit or not np.isfinite(columns).all() or np.min(columns) < 0.0:
+            raise ConfigError(f'{path}: is no estimate: give the estimate.yaml of the identifier')
+        missing = [name for name in joint_names if name not in names]
+        if missing:
+            raise ConfigError(
+                f'{path}: has no joint {", ".join(missing)}, but {", ".join(names)}: give the '
+                'estimate of this arm'
+            )
+        order = [names.index(name) for name in joint_names]
+        return cls(*(column[order] for column in columns))
+
+
 @dataclass(frozen=True)
 class DriveDraft:
     """A joint, and which of its values are guesses.
@@ -58,10 +104,13 @@ class DriveDraft:
         Gains and acceleration limit are placeholders, to be replaced once the whole arm is known.
     guesses : frozenset of str
         Names of its fields.
+    rotor_is_known : bool
+        Whether the rotor inertia of its motor is no guess.
     """
 
     joint: JointConfig
     guesses: frozenset[str]
+    rotor_is_known: bool = False
 
     @classmethod
     def of(cls, robot: Robot, number: int, load: float) -> DriveDraft:
@@ -102,6 +151,23 @@ class DriveDraft:
         guesses = {field for field in JointConfig.__dataclass_fields__ if field != 'name'}
         guesses -= found.keys() - {key for key, value in found.items() if value is None}
         return cls(_joint(joint.name, number, known), frozenset(guesses))
+
+
+def with_identified(drive: DriveDraft, number: int, identified: IdentifiedDrives) -> DriveDraft:
+    """Return a drive with the friction and the rotor inertia that were identified."""
+    joint = drive.joint
+    rotor = float(identified.rotor_inertia[number])
+    motor = replace(joint.motor, name=f'of_{joint.name}')
+    # Zero where torque sensors sit behind the gears: the rotor is there all the same.
+    if rotor > 0.0:
+        motor = replace(motor, rotor_inertia=float(f'{rotor * joint.gear.ratio**2:.4g}'))
+    known = replace(
+        joint,
+        motor=motor,
+        viscous=float(f'{identified.viscous[number]:.4g}'),
+        coulomb=float(f'{identified.coulomb[number]:.4g}'),
+    )
+    return DriveDraft(known, drive.guesses - {'viscous', 'coulomb'}, rotor > 0.0)
 
 
 def require_turning(robot: Robot) -> None:
@@ -245,8 +311,8 @@ class RestPosture:
     posture
         (n,) [rad], to a tenth, within the limits.
     surroundings
-        Those wished for, clearances of 0.01 m if the arm is built closer, or no ground if even
-        these cannot be kept.
+        Those wished for, clearances of 0.01 m if the arm is built closer, no ground if even
+        these cannot be kept, or without check of clearances if there are no shapes to be read.
     problem
         Why clearances had to be cut or could not be looked at, or that no posture is clear; else
         ''.
@@ -274,6 +340,8 @@ class RestPosture:
                 break
             except ExcitationError as error:
                 self.problem = self.problem or str(error)
+        if self._checker is None:
+            self.surroundings = replace(surroundings, check_clearance=False)
         self.posture = self._search()
 
     def _search(self) -> Array:
@@ -353,13 +421,17 @@ class ArmDraft:
         Of the arm; that of the URDF if not given.
     package_directories : sequence of Path
         Where `package://` meshes are looked for, besides the folders above the URDF.
+    identified : IdentifiedDrives, optional
+        Friction and rotor inertias, instead of guesses.
 
     Attributes
     ----------
     config : ArmConfig
         Checked as a bridge checks it: the boards' frames hold its gains, its drives hold the arm.
     guesses : tuple of frozenset of str
-        Of each joint, the fields that the URDF does not say.
+        Of each joint, the fields that neither URDF nor estimate say.
+    known_rotors : tuple of bool
+        Of each joint, whether the rotor inertia of its motor is that of an estimate.
     excitation : ExcitationConfig
         About the home configuration.
     problem : str
@@ -372,12 +444,21 @@ class ArmDraft:
     """
 
     def __init__(
-        self, robot: Robot, name: str = '', package_directories: Sequence[Path] = ()
+        self,
+        robot: Robot,
+        name: str = '',
+        package_directories: Sequence[Path] = (),
+        identified: IdentifiedDrives | None = None,
     ) -> None:
         require_turning(robot)
         loads = largest_gravity_load(robot)
         drives = [DriveDraft.of(robot, number, float(load)) for number, load in enumerate(loads)]
+        if identified is not None:
+            drives = [
+                with_identified(drive, number, identified) for number, drive in enumerate(drives)
+            ]
         self.guesses = tuple(drive.guesses for drive in drives)
+        self.known_rotors = tuple(drive.rotor_is_known for drive in drives)
         joints = tuple(drive.joint for drive in drives)
         config = ArmConfig(
             name=name or re.sub(r'\W+', '_', str(robot.model.name)).strip('_') or 'arm',

@@ -15,6 +15,7 @@ MARK = '# guess'
 _COLUMN = 38  # of marks
 _WIDTH = 100
 _PLAIN = re.compile(r'[A-Za-z_][A-Za-z_0-9]*')
+_ROTOR = 'rotor_inertia'
 _PARTS = ('motor', 'gear')
 
 _HEAD = """\
@@ -92,11 +93,13 @@ def arm_text(draft: ArmDraft, source: str) -> str:
         for key in ('device', 'clock_hz', 'mode'):
             add(_line('    ', key, str(getattr(board, key)), MARK))
     lines += ['', 'motors:']
-    for name, motor in {joint.motor.name: joint.motor for joint in config.joints}.items():
+    pairs = zip(config.joints, draft.known_rotors, strict=True)
+    motors = {joint.motor.name: (joint.motor, is_known) for joint, is_known in pairs}
+    for name, (motor, rotor_is_known) in motors.items():
         values = [(item.name, getattr(motor, item.name)) for item in fields(MotorConfig)]
         add(f'  {name}:')
         lines += [
-            _line('    ', key, _number(value), MARK)
+            _line('    ', key, _number(value), '' if key == _ROTOR and rotor_is_known else MARK)
             for key, value in values
             if key not in ('name', 'thermal') and value is not None
         ]
@@ -132,10 +135,12 @@ _EXCITATION_ADVICE = {
     'held by its motors, and look at how its velocities ring.',
     'ramp_time': '[s] run-in and run-out along the trajectory.',
     'unchecked_pairs': "links that touch by construction, as 'one to other': never checked.",
+    'check_clearance': 'false moves the arm without any check of collisions: only if the URDF has '
+    'no collision shapes that can be read.',
 }
 _EXCITATION_GUESSES = (
     *('self_clearance', 'ground_clearance', 'ground_height', 'bias', 'highest_frequency'),
-    'unchecked_pairs',
+    *('unchecked_pairs', 'check_clearance'),
 )
 
 

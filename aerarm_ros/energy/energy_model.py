@@ -145,7 +145,8 @@ class EnergyModel:
     config : ArmConfig
         Drive train, resistances and power stage.
     robot : Robot
-        Links, and friction f_v, f_s.
+        Links, and friction f_v, f_s; that of the configuration for joints of which the URDF
+        states none.
     rotor_inertia : (n,) array_like, optional
         At the joints [kg m^2]; from the configuration if not given.
     load_friction : float or (n,) array_like, optional
@@ -180,7 +181,9 @@ class EnergyModel:
         inertia = config.column('reflected_inertia') if rotor_inertia is None else rotor_inertia
         self.dynamics = Dynamics(robot, inertia)
         self.load_friction = robot.load_friction if load_friction is None else load_friction
-        self._dry_and_viscous = robot.viscous, robot.coulomb
+        unstated = (robot.viscous == 0.0) & (robot.coulomb == 0.0)
+        self._viscous = np.where(unstated, config.column('viscous'), robot.viscous)
+        self._coulomb = np.where(unstated, config.column('coulomb'), robot.coulomb)
         self.friction = self.friction_of_width(friction_width)
 
     def carry(self, payload: npt.ArrayLike) -> None:
@@ -189,7 +192,8 @@ class EnergyModel:
 
     def friction_of_width(self, width: float) -> FrictionCompensation:
         """Return the same friction, spread over other velocities about rest [rad/s]."""
-        return FrictionCompensation(*self._dry_and_viscous, width, load_share=self.load_friction)
+        share = self.load_friction
+        return FrictionCompensation(self._viscous, self._coulomb, width, load_share=share)
 
     def friction_torque(self, dq: Array, ddq: Array, rigid: Array) -> Array:
         """Return the friction (..., n) [Nm] of a motion.

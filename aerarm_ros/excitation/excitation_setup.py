@@ -266,7 +266,13 @@ class ExcitationSetup:
     package_directories: tuple[Path, ...] = ()
 
     @classmethod
-    def of_arm(cls, robot: Robot, arm: ArmConfig, config: ExcitationConfig) -> ExcitationSetup:
+    def of_arm(
+        cls,
+        robot: Robot,
+        arm: ArmConfig,
+        config: ExcitationConfig,
+        package_directories: Sequence[Path] = (),
+    ) -> ExcitationSetup:
         """Return the setup of an arm whose drive train is configured."""
         return cls(
             robot,
@@ -274,6 +280,7 @@ class ExcitationSetup:
             MotionLimits.of_arm(arm),
             arm.column('reflected_inertia'),
             arm.column('torque_per_ampere'),
+            tuple(package_directories),
         )
 
     @classmethod
@@ -320,8 +327,13 @@ class ExcitationSetup:
         return EffortModel(self.robot, self.rotor_inertia, self.torque_per_ampere)
 
     @cached_property
-    def clearance(self) -> ClearanceChecker:
-        """Distances to keep; building it raises ExcitationError without collision shapes."""
+    def clearance(self) -> ClearanceChecker | None:
+        """Distances to keep, None if they are not to be checked.
+
+        Building it raises ExcitationError without collision shapes.
+        """
+        if not self.config.check_clearance:
+            return None
         return ClearanceChecker(
             self.robot,
             self.config.self_clearance,

@@ -294,6 +294,9 @@ class StopLimits:
         return zip(*(column.tolist() for column in columns), strict=True)
 
 
+_UNCHECKED = ('collisions are not checked: the arm may touch itself, its base or the ground',)
+
+
 class FeasibilityChecker:
     """Checks motions against joint limits, torque, motor current and clearance.
 
@@ -384,7 +387,7 @@ class FeasibilityChecker:
         margins = [*self._joint_margins(times, states), *near]
         if self._stops is not None:
             margins += self._stops.margins(motion)
-        return FeasibilityReport(margins, self.clearance.notes if self.clearance else ())
+        return FeasibilityReport(margins, self.clearance.notes if self.clearance else _UNCHECKED)
 
     def _joint_margins(self, times: Array, states: JointReference) -> list[LimitMargin]:
         position, velocity, acceleration = states

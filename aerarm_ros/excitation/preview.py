@@ -114,13 +114,13 @@ class ArmAnimation:
     Parameters
     ----------
     robot : the arm.
-    clearance : where its collision shapes come from.
+    clearance : where its collision shapes come from; None for an arm that has none.
     """
 
-    def __init__(self, robot: Robot, clearance: ClearanceChecker) -> None:
+    def __init__(self, robot: Robot, clearance: ClearanceChecker | None) -> None:
         self._robot = robot
         self._data = robot.model.createData()
-        self._bodies = self._merge_by_joint(clearance.shapes)
+        self._bodies = self._merge_by_joint([] if clearance is None else clearance.shapes)
         self._tool = self._farthest_frame()
 
     @property

@@ -196,6 +196,8 @@ class ExcitationConfig:
     ramp_time : run-in and run-out along the trajectory [s].
     unchecked_pairs : pairs of links whose distance is not checked, each as 'one to other': they
         touch by construction.
+    check_clearance : whether distances are checked at all; False for an arm without collision
+        shapes, which then moves without any check of collisions.
 
     Raises
     ------
@@ -215,6 +217,7 @@ class ExcitationConfig:
     highest_frequency: float = 2.0
     ramp_time: float = 2.0
     unchecked_pairs: tuple[str, ...] = ()
+    check_clearance: bool = True
 
     def __post_init__(self) -> None:
         for key in ('position_share', 'velocity_share', 'effort_share', 'transfer_share'):
@@ -226,6 +229,10 @@ class ExcitationConfig:
         check_range('excitation', 'ramp_time', self.ramp_time, 0.1, 60.0, 's')
         if self.ground_height is not None:
             check_range('excitation', 'ground_height', self.ground_height, -100.0, 100.0, 'm')
+        if not isinstance(self.check_clearance, bool):
+            raise ConfigError(
+                f'excitation: check_clearance must be true or false, not {self.check_clearance!r}'
+            )
         pairs = self.unchecked_pairs
         if not isinstance(pairs, list | tuple) or not all(isinstance(pair, str) for pair in pairs):
             raise ConfigError("excitation: unchecked_pairs must be a list of 'one to other'")

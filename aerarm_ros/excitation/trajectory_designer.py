@@ -159,6 +159,20 @@ class DesignSpecification:
         effort = self.setup.limits.effort
         return np.where(np.isfinite(effort), 0.01 * effort, 0.1)
 
+    def betters(self, found: Quality, other: Quality) -> bool:
+        """Return whether a trajectory is better than another one.
+
+        `both` trades condition number against deviations, and what it gains in one must not cost
+        the other: deviations never grow, and the condition number only where it stays below its
+        limit.
+        """
+        if not found.objective < other.objective:
+            return False
+        allowed = max(other.condition_number, self.condition_limit)
+        return self.objective != BOTH or (
+            found.log_deviation <= other.log_deviation and found.condition_number <= allowed
+        )
+
     def criterion(
         self,
         thesis: ConditionCriterion,
@@ -196,6 +210,8 @@ class TrajectoryDesigner:
     _REPORT_SAMPLES = 2000
     _RESTARTS = 4
     """Attempts if the solver's quadratic subproblem fails: a new one forgets the curvature."""
+    _TOWARD_START = (0.97, 0.93, 0.85, 0.75, 0.6, 0.4)
+    """Shares of the way from the start to the optimum tried if amplitudes do not repair it."""
     _REPAIR = (1.0, 0.995, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8)
     """Scales about the bias tried for a result that breaks a limit between its samples."""
 
@@ -271,17 +287,18 @@ class TrajectoryDesigner:
         began = time.monotonic()
         initial = self.initial(start, stop)
         iterates = FeasibleIterates()
-        optimum = self._optimise(self._basis.coefficients(initial.trajectory), iterates, stop)
+        begin = self._basis.coefficients(initial.trajectory)
+        optimum = self._optimise(begin, iterates, stop)
         # A search that was not let go on says nothing about the limits.
         stopped = optimum is None
         refusal: LimitMargin | None = None
-        for coefficients, remark in self._proposals(optimum, iterates):
+        for coefficients, remark in self._proposals(begin, optimum, iterates):
             trajectory = self._basis.trajectory(coefficients)
             report = self._check(trajectory)
             if report.feasible:
                 remark = _explain(remark, refusal)
                 result = self._result(trajectory, report, start, began, remark, stopped)
-                if result.quality.objective < initial.quality.objective:
+                if self.specification.betters(result.quality, initial.quality):
                     return result
             elif refusal is None and not stopped:
                 refusal = report.binding
@@ -294,7 +311,7 @@ class TrajectoryDesigner:
         return self._setup.checker.check_trajectory(trajectory, ramp_time, stop_early=True)
 
     def _proposals(
-        self, optimum: Array | None, iterates: FeasibleIterates
+        self, begin: Array, optimum: Array | None, iterates: FeasibleIterates
     ) -> Iterator[tuple[Array, str]]:
         """Yield coefficients to be checked, best first, and how they differ from the optimum."""
         if optimum is not None:
@@ -304,6 +321,13 @@ class TrajectoryDesigner:
             yield coefficients.reshape(self._basis.shape), f'{why} {number} steps'
         if optimum is None and iterates.last is not None:
             yield from self._shrunk(iterates.last.reshape(self._basis.shape), 'stopped early')
+        # The start keeps every limit, and so does what is near enough to it.
+        end = iterates.last if optimum is None else optimum
+        if end is None:
+            return
+        for share in self._TOWARD_START:
+            coefficients = begin + share * (end.reshape(self._basis.shape) - begin)
+            yield coefficients, f'{100.0 * share:.0f} % of the way to the optimum'
 
     def _shrunk(self, coefficients: Array, remark: str) -> Iterator[tuple[Array, str]]:
         """Yield coefficients with smaller and smaller amplitudes about the same bias."""

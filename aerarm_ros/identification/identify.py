@@ -22,6 +22,7 @@ from aerarm_ros.identification.identification_result import (
     IdentificationResult,
     Solution,
 )
+from aerarm_ros.identification.input_errors import find_input_errors
 from aerarm_ros.identification.joint_model import THESIS_TERMS, JointModel, TermKind
 from aerarm_ros.identification.model_choice.filter_choice import (
     EffortDelay,
@@ -36,6 +37,7 @@ from aerarm_ros.identification.model_choice.model_choice import AUTOMATIC, choos
 from aerarm_ros.identification.model_choice.simple_fit import SimpleFit
 from aerarm_ros.identification.plausibility import (
     bound_warnings,
+    coupling_warnings,
     error_warnings,
     joint_warnings,
 )
@@ -277,7 +279,11 @@ def identify(
         warnings += conditioner.warnings + excitation_warnings(thesis_base, level)
     with stopwatch.stage('assessment'):
         solutions = _assessed(estimates, bags, held_out)
-        warnings += _result_warnings(solutions, fit, bags) + held
+        errors = find_input_errors(level.robot, motion.level_bags, cad)
+        warnings += [error.warning for error in errors]
+        warnings += _result_warnings(solutions, fit, bags, cad) + held
+        if not errors:
+            warnings += coupling_warnings(solutions[RECOMMENDED], bags, fit.model.joint_names)
         pairs = zip(bags, solutions[RECOMMENDED].identification, strict=True)
         trends = [residual_trend(*pair) for pair in pairs]
         warnings += trend_warnings(trends, fit.model.joint_names)
@@ -396,14 +402,14 @@ def _solved(
 
 
 def _result_warnings(
-    solutions: dict[str, Solution], fit: ModelFit, bags: list[SampleColumns]
+    solutions: dict[str, Solution], fit: ModelFit, bags: list[SampleColumns], cad: ArmParameters
 ) -> list[str]:
     """Return what the estimates say about themselves and about their input."""
     recommended = solutions[RECOMMENDED]
     return [
         *recommended.estimate.notes,
-        *error_warnings(solutions, bags, fit.model.joint_names),
-        *joint_warnings(recommended, bags, fit.model.joint_names),
+        *error_warnings(solutions, bags, cad, fit.model.joint_names),
+        *joint_warnings(recommended, fit.model.joint_names),
     ]
 
 

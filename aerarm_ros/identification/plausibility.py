@@ -5,7 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.identification_result import Solution
+from aerarm_ros.identification.input_errors import torque_factors
 from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import SampleColumns
@@ -18,7 +21,6 @@ _USELESS = 90.0
 # The semidefinite program costs a few per cent of the least error, not several times it.
 _FAR_ABOVE = 3.0
 _LARGE = 10.0  # [%]
-_OPPOSITE = -0.5  # correlation of measured and drawn torque
 _OTHER_UNIT = 5.0  # factor between their sizes
 _AT_BOUND = 0.01  # share of a mass
 _CLEARLY_NEGATIVE = 3.0  # standard deviations
@@ -34,27 +36,34 @@ _CHECK = (
 
 
 def error_warnings(
-    solutions: Mapping[str, Solution], bags: list[SampleColumns], joints: tuple[str, ...]
+    solutions: Mapping[str, Solution],
+    bags: list[SampleColumns],
+    cad: ArmParameters,
+    joints: tuple[str, ...],
 ) -> list[str]:
     """Return what torque errors reveal of a wrong input.
 
     Parameters
     ----------
     solutions : mapping
-        By solver; 'cad', 'ols' and 'sdp' are there.
+        By solver; those of `solvers.ALWAYS` are there.
     bags : list of SampleColumns
         The identification bags.
+    cad : ArmParameters
     joints : tuple of str
     """
-    cad, ols, sdp = (
+    drawn, ols, sdp = (
         float(np.mean([bag.filtered for bag in solutions[name].identification]))
-        for name in ('cad', 'ols', 'sdp')
+        for name in ('cad_friction', 'ols', 'sdp')
     )
     warnings = []
-    if cad > _USELESS:
-        suspects = _suspects(solutions['cad'], bags, joints)
+    if drawn > _USELESS:
+        suspects = _suspects(bags, cad, joints)
         hint = f' ({"; ".join(suspects)})' if suspects else ''
-        warnings.append(f'the CAD model misses the measured torque by {cad:.0f} %{hint}: {_CHECK}')
+        warnings.append(
+            f'the CAD model with identified friction misses the measured torque by {drawn:.0f} %'
+            f'{hint}: {_CHECK}'
+        )
     if sdp > max(_LARGE, _FAR_ABOVE * ols):
         warnings.append(
             f'a physically consistent arm leaves {sdp:.1f} % of the torque unexplained, least '
@@ -64,21 +73,11 @@ def error_warnings(
     return warnings
 
 
-def joint_warnings(
-    recommended: Solution, bags: list[SampleColumns], joints: tuple[str, ...]
-) -> list[str]:
-    """Return which joints' torque is hardly explained, and what might explain it.
-
-    Parameters
-    ----------
-    recommended : Solution
-    bags : list of SampleColumns
-        The identification bags.
-    joints : tuple of str
-    """
+def joint_warnings(recommended: Solution, joints: tuple[str, ...]) -> list[str]:
+    """Return which joints' torque is hardly explained."""
     warnings = []
     errors, predicted = (
-        np.fmax.reduce([np.zeros(len(joints)), *(bag.per_joint_filtered for bag in part)])
+        _joint_errors(part, len(joints))
         for part in (recommended.identification, recommended.validation)
     )
     if far_off := _shares(joints, errors, errors > _FAR_OFF):
@@ -91,6 +90,23 @@ def joint_warnings(
             f'of the torque of some joints much is not predicted in validation ({far_off} of it): '
             'see what that motion asks for that the one of identification has not shown'
         )
+    return warnings
+
+
+def coupling_warnings(
+    recommended: Solution, bags: list[SampleColumns], joints: tuple[str, ...]
+) -> list[str]:
+    """Return which joints' residual follows another joint's motion.
+
+    Parameters
+    ----------
+    recommended : Solution
+    bags : list of SampleColumns
+        The identification bags.
+    joints : tuple of str
+    """
+    warnings = []
+    errors = _joint_errors(recommended.identification, len(joints))
     for joint, (driver, share) in _followed(recommended, bags).items():
         if driver is not None and share > _FOLLOWS and errors[joint] > _LARGE:
             pair = f'{joints[joint]}={joints[driver]}'
@@ -100,6 +116,11 @@ def joint_warnings(
                 f'other, give --coupled {pair}'
             )
     return warnings
+
+
+def _joint_errors(bags: list[BagAssessment], n: int) -> Array:
+    """Return the largest torque error of each joint on some bags, 0 where there is none [%]."""
+    return np.asarray(np.fmax.reduce([np.zeros(n), *(bag.per_joint_filtered for bag in bags)]))
 
 
 def _shares(joints: tuple[str, ...], errors: Array, told: npt.NDArray[np.bool_]) -> str:
@@ -201,23 +222,12 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
     return warnings
 
 
-def _suspects(cad: Solution, bags: list[SampleColumns], joints: tuple[str, ...]) -> list[str]:
+def _suspects(bags: list[SampleColumns], cad: ArmParameters, joints: tuple[str, ...]) -> list[str]:
     """Return joints whose torque runs against the drawing's or has another size."""
-    measured, drawn = (
-        np.vstack([values[bag.samples.kept] for values, bag in zip(group, bags, strict=True)])
-        for group in (
-            [bag.samples.tau for bag in bags],
-            [bag.prediction.filtered for bag in cad.identification],
-        )
-    )
     found = []
-    for joint, name in enumerate(joints):
-        size, expected = (float(np.linalg.norm(x[:, joint])) for x in (measured, drawn))
-        if min(size, expected) <= 0.0:
-            continue
-        along = float(measured[:, joint] @ drawn[:, joint]) / (size * expected)
-        if along < _OPPOSITE:
+    for name, factor in torque_factors(bags, cad, joints).items():
+        if factor < 0.0:
             found.append(f"{name}'s effort has the opposite sign")
-        elif size > _OTHER_UNIT * expected or expected > _OTHER_UNIT * size:
-            found.append(f"{name}'s effort is {size / expected:.2g} times as large")
+        elif not 1.0 / _OTHER_UNIT < factor < _OTHER_UNIT:
+            found.append(f"{name}'s effort is {factor:.2g} times as large")
     return found

@@ -126,6 +126,21 @@ class Kinematics:
         """Return the linear rows of the Jacobian, (3, n) [m]."""
         return self.jacobian(q)[:3]
 
+    def acceleration_bias(self, q: Array, dq: Array) -> Array:
+        """Return `dJ/dt dq`, (6,): the frame's acceleration where no joint accelerates.
+
+        Of its origin [m/s^2], then angular [rad/s^2], along the base's axes.
+
+        Parameters
+        ----------
+        q, dq : (n,) ndarray
+            [rad], [rad/s]
+        """
+        pin.forwardKinematics(self._model, self._data, q, dq, np.zeros_like(dq))
+        reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        motion = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, reference)
+        return np.array(motion.vector)
+
     def _placement(self, q: Array) -> Any:
         pin.framesForwardKinematics(self._model, self._data, q)
         return self._data.oMf[self._id]

@@ -1,7 +1,8 @@
 """The executables and nothing else, one a file: parameters -> pure object -> topics.
 
 - the boards and the arm: `hardware_bridge`, `fake_hardware` (emulated boards), `arm` (requests)
-- controllers: `gravity_compensation`, `computed_torque`, `impedance_control`, `kinematic_control`
+- controllers: `gravity_compensation`, `computed_torque`, `impedance_control`, `kinematic_control`,
+  `world_control`
 - the drone: `px4_imu` (what it does to the arm), `base_reaction` (what the arm does to it),
   `px4_feedforward`, `mavros_feedforward` (what its autopilot is told of that), `flight_control`
 - motions that cost little: `motion_planner`

@@ -28,6 +28,7 @@ from aerarm_ros.ros.process.process_end import (
     print_error,
     print_notice,
 )
+from aerarm_ros.ros.process.ros_arguments import complete
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
 
 NAME = 'arm'
@@ -54,6 +55,7 @@ _PROGRAMS = {
     'record': ('recorder', 'bag', 'NAME', 'record a bag of that name, until Ctrl-C'),
 }
 _HOME = 'home the arm instead if a zero is unknown: it must be in its home configuration'
+_CALIBRATE = 'drive through postures of a calibration, rest in each and record: THE ARM MOVES'
 _INIT = 'write a first configuration of an arm from its URDF'
 _COMMISSION = 'lead through the first power-on, joint by joint: THE ARM MOVES, after a question'
 _TIMEOUT = 20.0  # [s]
@@ -139,7 +141,7 @@ def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
     def ask() -> None:
         place = options.x, options.y, options.z
-        request.go(place, options.tolerance, options.timeout, _say_wait)
+        request.go(place, options.tolerance, options.timeout, _say_wait, options.frame)
         print('the tool is there', flush=True)
 
     return ask
@@ -165,6 +167,12 @@ def _commission(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     from aerarm_ros.ros.programs.commissioning_run import CommissioningRun
 
     return CommissioningRun(node, options).run
+
+
+def _calibrate(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    from aerarm_ros.ros.programs.calibrate_arm import CalibrateArm
+
+    return CalibrateArm(node, options).run
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -203,7 +211,14 @@ def make_parser() -> argparse.ArgumentParser:
     )
     command = add('tool', 'let the Cartesian controller that runs move the tool to a place', _tool)
     for axis in 'xyz':
-        command.add_argument(axis, type=finite_number, help="in the arm's base [m]")
+        command.add_argument(axis, type=finite_number, help='in the frame [m]')
+    command.add_argument(
+        '--frame',
+        choices=('base', 'world'),
+        default='base',
+        help="frame of the place: the arm's base, or the world of the drone's odometry, in which "
+        'world_control holds the tool (default: base)',
+    )
     command.add_argument(
         '--tolerance', type=positive_number, default=0.01, help='that is there [m]'
     )
@@ -220,6 +235,7 @@ def make_parser() -> argparse.ArgumentParser:
     command.add_argument('fault', metavar=FORM, help=f'NAME is one of {", ".join(FAULTS)}')
     command.add_argument('--bridge', metavar='NODE', default=_FAKE, help='its node name')
     _add_commission(add('commission', _COMMISSION, _commission))
+    _add_calibrate(add('calibrate', _CALIBRATE, _calibrate))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
     commands.add_parser(
         'completion', help='print what makes bash or zsh complete this and all other executables'
@@ -242,6 +258,25 @@ def _add_commission(command: argparse.ArgumentParser) -> None:
         f'--yes (default: {_FAKE})')  # fmt: skip
 
 
+def _add_calibrate(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add('--postures', type=int, default=40, metavar='N', help='number of postures (default: 40)')
+    add('--rest', type=positive_number, default=1.0, help='at rest in each posture [s] (default: '
+        '1)')  # fmt: skip
+    add('--span', type=positive_number, default=0.8, help="share of the joints' ranges to use "
+        '(default: 0.8)')  # fmt: skip
+    add('--sensors', nargs='+', default=[], metavar='TOPIC', help='topics of markers and poses to '
+        'record (default: all that are no output of this suite)')  # fmt: skip
+    add('--link', default='', metavar='NAME', help='that carries the markers (default: the last)')
+    add('--config', default='', metavar='FILE', help="the bridge's (default: packaged)")
+    add('--urdf', default='', metavar='FILE', help='of the arm (default: packaged)')
+    add('--excitation-config', default='', metavar='FILE', help='clearances and ground (default: '
+        'packaged)')  # fmt: skip
+    add('--out', default='', metavar='BAG', help='bag to record (default: calibration_DATE_TIME)')
+    add('--seed', type=int, default=0, help='of the choice of postures (default: 0)')
+    add('--dry-run', action='store_true', help='print the postures, and do not move')
+
+
 def _add_init(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add('urdf', type=Path, help='of the arm')
@@ -258,6 +293,8 @@ def _add_init(command: argparse.ArgumentParser) -> None:
     )
     add('--package-directory', type=Path, action='append', default=[], metavar='FOLDER',
         help='for package:// meshes')  # fmt: skip
+    add('--estimate', type=Path, metavar='FILE', help="estimate.yaml of the identifier: friction "
+        'and rotor inertias that were found, instead of guesses')  # fmt: skip
     add('--overwrite', action='store_true', help='replace files that exist')
 
 
@@ -314,26 +351,26 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
     os.execv(sys.executable, [*command, '--ros-args', '-p', given, '--', *arguments[begin:]])
 
 
-def _completion(parser: argparse.ArgumentParser) -> str:
-    """Return what makes a shell complete this and, when they are first asked, all the others."""
-    from aerarm_ros.ros.process.completion import lazy_script, parser_script
+def _completion() -> str:
+    """Return what makes bash or zsh ask each executable for completions."""
+    from argcomplete.shell_integration import shellcode
 
-    others = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))
-    others.remove(NAME)
-    return f'# eval "$({NAME} completion)"\n{parser_script(parser)}\n{lazy_script(others)}'
+    names = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))
+    return f'# eval "$({NAME} completion)"\n{shellcode(names)}'
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command; 0 if what was asked was done."""
     arguments = list(sys.argv[1:] if args is None else args)
     parser = make_parser()
+    complete(parser)
     given = remove_ros_args(['', *arguments])[1:]
     if not given:
         parser.print_help()
         parser.exit()
     options = parser.parse_args(given)
     if options.command == 'completion':
-        print(_completion(parser))
+        print(_completion())
         return 0
     if options.command == 'init':
         return _init(options)

@@ -13,9 +13,8 @@ from typing import Any
 import rclpy
 
 from aerarm_ros.excitation.design_file import TrajectoryFile, describe_margins
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.player import CommandLaw, ExcitationPlayer, FeedForwardLaw, VelocityLaw
-from aerarm_ros.excitation.settings import ExcitationError, load_excitation_config
+from aerarm_ros.excitation.settings import ExcitationError
 from aerarm_ros.excitation.trajectory import FourierTrajectory
 from aerarm_ros.motion.signals import Array, JointReference
 from aerarm_ros.ros.controllers.state_node import PlanTopic
@@ -24,7 +23,9 @@ from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
     REAL_TIME_PARAMETERS,
+    SURROUNDINGS,
     load_arm,
+    load_setup,
     prepare_thread,
 )
 from aerarm_ros.ros.playback.motion_playback import MotionPlayback
@@ -61,8 +62,7 @@ PARAMETERS = ParameterTable(
     *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
     *ARM_FILES,
-    Parameter('excitation_config', '', 'YAML file of surroundings and usable shares of the limits; '
-              'the packaged one if empty'),
+    *SURROUNDINGS,
 )  # fmt: skip
 
 
@@ -84,10 +84,9 @@ class ExcitationNode:
         self._node = rclpy.create_node(NAME)
         self._parameters = PARAMETERS.declare(self._node)
         arm, robot = load_arm(self._parameters)
-        config = load_excitation_config(self._parameters.excitation_config or None)
         self._names = arm.joint_names
         self._own_names = tuple(map(robot.own_name, self._names))  # of the trajectory's file
-        self._setup = ExcitationSetup.of_arm(robot, arm, config)
+        self._setup = load_setup(self._parameters, arm, robot)
         self._periods = self._parameters.periods or DEFAULT_PERIODS
         self._trajectory = self._get_trajectory()
         self._diagnostics = StateDiagnostics(

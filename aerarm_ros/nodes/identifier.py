@@ -7,12 +7,12 @@ identified.urdf, summary.json and report.html.
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, print_error
+from aerarm_ros.ros.process.offline import run_offline, without_ros_arguments
+from aerarm_ros.ros.process.process_end import USER_ERROR, print_error
 from aerarm_ros.ros.programs.identifier_options import identifier_parser
 
 if TYPE_CHECKING:
@@ -20,27 +20,18 @@ if TYPE_CHECKING:
 
 _NAME = 'identifier'
 _NOT_KEPT = 1  # limits of --verify
-_AGAIN = 1.0  # [s] longer than it takes to remove what was begun
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the identifier; return 0, 1 if limits were not kept, 2 if there is something to check."""
     parser = identifier_parser(_NAME, __doc__)
-    options = parser.parse_args(_without_ros_arguments(arguments))
-    if not options.bag and not options.model and not options.compare:
+    options = parser.parse_args(without_ros_arguments(arguments))
+    if not (options.bag or options.model or options.compare or options.each):
         parser.error(
-            'the following arguments are required: --bag, or --model and --payload, or --compare'
+            'the following arguments are required: --bag, or --each, or --model and '
+            '--payload, or --compare'
         )
-    interrupt = _Interrupt()
-    # SIGINT too: a shell that starts this in the background, or in a script, makes it ignored.
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
-        signal.signal(number, interrupt)
-    try:
-        return _run(options)
-    except KeyboardInterrupt:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        print(f'{_NAME}: interrupted, nothing was written', file=sys.stderr)
-        return INTERRUPTED
+    return run_offline(_NAME, lambda: _run(options))
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -50,13 +41,16 @@ def _run(options: argparse.Namespace) -> int:
     from aerarm_msgs_py.storage.read_limits import BagError
     from aerarm_ros.description.config_reader import ConfigError, DescriptionError
     from aerarm_ros.identification.errors import IdentificationError
+    from aerarm_ros.ros.programs.fleet_run import FleetRun
     from aerarm_ros.ros.programs.identifier_compare import CompareRun
     from aerarm_ros.ros.programs.identifier_run import IdentifierRun, PayloadRun
 
     try:
-        run: IdentifierRun | CompareRun
+        run: IdentifierRun | CompareRun | FleetRun
         if options.compare:
             run = CompareRun(options)
+        elif options.each:
+            run = FleetRun(options)
         else:
             run = (PayloadRun if options.model else IdentifierRun)(options)
         print(run.execute())
@@ -70,32 +64,6 @@ def _run(options: argparse.Namespace) -> int:
 def _report(error: object) -> int:
     print_error(_NAME, error)
     return USER_ERROR
-
-
-class _Interrupt:
-    """Handler of the signals that interrupt: asked twice, it raises once."""
-
-    def __init__(self) -> None:
-        self._is_asked = False
-
-    def __call__(self, number: int, frame: Any) -> None:
-        if self._is_asked and number != signal.SIGALRM:
-            return  # what was begun is being removed
-        self._is_asked = True
-        # What is raised inside a callback of an extension module, or while an object is destroyed,
-        # is lost. So it is raised again, unless the program has ended by then.
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
-        raise KeyboardInterrupt
-
-
-def _without_ros_arguments(arguments: Sequence[str] | None) -> list[str]:
-    """Return the arguments without those that a launch file appends for ROS."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    while '--ros-args' in given:
-        start = given.index('--ros-args')
-        end = given.index('--', start) + 1 if '--' in given[start:] else len(given)
-        del given[start:end]
-    return given
 
 
 if __name__ == '__main__':

@@ -28,8 +28,6 @@ from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.energy.energy_model import EnergyModel
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.planner.motion_plan import ENERGY, OBJECTIVES, MotionPlan, PlanError, PlanSettings
@@ -44,7 +42,12 @@ from aerarm_ros.ros.controllers.controller_parameters import (
 from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
-from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, load_arm
+from aerarm_ros.ros.parameters.shared_parameters import (
+    ARM_FILES,
+    SURROUNDINGS,
+    load_arm,
+    load_setup,
+)
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.states.state_stream import StateSampler
@@ -76,8 +79,7 @@ PLANNER_PARAMETERS = (
               's', 0.0, 10.0, live=True),
     *ENERGY_PARAMETERS,
     *ARM_FILES,
-    Parameter('excitation_config', '', 'YAML file of clearances and surroundings; the packaged one '
-              'if empty'),
+    *SURROUNDINGS,
 )  # fmt: skip
 
 
@@ -89,8 +91,7 @@ def plan_settings(values: SimpleNamespace) -> dict[str, object]:
 def make_planner(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> MotionPlanner:
     """Return the planner; raises ValueError with what to check."""
     model = EnergyModel(config, robot, values.rotor_inertia or None, load_share(values, robot))
-    surroundings = load_excitation_config(values.excitation_config or None)
-    setup = ExcitationSetup.of_arm(robot, config, surroundings)
+    setup = load_setup(values, config, robot)
     planner = MotionPlanner(model, setup, PlanSettings(**plan_settings(values)))  # type: ignore[arg-type]
     payload = getattr(values, PAYLOAD)
     if len(payload):

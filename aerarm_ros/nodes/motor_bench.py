@@ -19,10 +19,9 @@ from aerarm_msgs_py.storage.read_limits import BagError
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.config_reader import config_path
 from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, bench_checker
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.feasibility import StopLimits
 from aerarm_ros.excitation.player import ExcitationPlayer, VelocityLaw
-from aerarm_ros.excitation.settings import ExcitationError, load_excitation_config
+from aerarm_ros.excitation.settings import ExcitationError
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.motor_bench.motor_bench import KnownMass, MotorBench
@@ -40,7 +39,9 @@ from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
     REAL_TIME_PARAMETERS,
+    SURROUNDINGS,
     load_arm,
+    load_setup,
     prepare_thread,
 )
 from aerarm_ros.ros.playback.bench_recording import BenchRecording, MotorReadings
@@ -86,7 +87,7 @@ PARAMETERS = ParameterTable(
     *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
     *ARM_FILES,
-    Parameter('excitation_config', '', 'YAML file of the surroundings; the packaged if empty'),
+    *SURROUNDINGS,
 )  # fmt: skip
 
 
@@ -113,8 +114,7 @@ class MotorBenchNode:
         # What is measured is told, and written, by the names that the arm has in its files.
         self._config = load_arm_config(values.config or None)
         names = self._config.joint_names
-        surroundings = load_excitation_config(values.excitation_config or None)
-        self._setup = ExcitationSetup.of_arm(self._robot, arm, surroundings)
+        self._setup = load_setup(values, arm, self._robot)
         joints = [self._robot.own_name(name) for name in values.joints]
         unknown = [name for name in joints if name not in names]
         if unknown:

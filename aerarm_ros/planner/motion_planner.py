@@ -275,7 +275,7 @@ class MotionPlanner:
             DriveTerm(self._model, self._effort_max, price, penalty),
             LimitTerm(self._limits, penalty),
         ]
-        if looks_around:
+        if looks_around and self._setup.clearance is not None:
             terms.append(ClearanceTerm(self._setup.clearance, penalty))
         return terms
 

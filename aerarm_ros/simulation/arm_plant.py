@@ -383,6 +383,19 @@ class ArmPlant:
         inertial[-1] = pi
         self.parameters = replace(self.parameters, inertial_parameters=inertial)
 
+    def link_pose(self, link: str) -> tuple[Array, Array]:
+        """Return rotation (3, 3) and place (3,) [m] of a moving link's frame in the world.
+
+        Raises
+        ------
+        KeyError
+            If there is no moving link of that name.
+        """
+        # The joints' positions are those after the last sub-step, the engine's poses before it.
+        mujoco.mj_kinematics(self._model, self._data)
+        body = self._data.body(self._body_name(link))
+        return np.array(body.xmat).reshape(3, 3), np.array(body.xpos)
+
     def step(self) -> None:
         """Advance by one sub-step."""
         self._applied[:] = self._effort
@@ -407,6 +420,10 @@ class ArmPlant:
     def _last_link(self) -> int:
         """Return the engine's number of the last link."""
         return int(self._model.jnt_bodyid[-1])
+
+    def _body_name(self, link: str) -> str:
+        """Return the engine's name of a link."""
+        return link
 
     def _set_gravity(self) -> None:
         """Let the engine's gravity be what nobody carries."""

@@ -14,7 +14,7 @@ from aerarm_ros.model.inertia import joined
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantParameters
 from aerarm_ros.simulation.base_profile import BaseProfile, BaseState
-from aerarm_ros.simulation.sensors import RandomDrift
+from aerarm_ros.simulation.sensors import BandLimitedNoise, RandomDrift
 
 
 class Rotors:
@@ -169,6 +169,9 @@ class FreeBasePlant(ArmPlant):
     def _engine_model(self, robot: Robot) -> Any:
         return _with_free_base(robot, super()._engine_model(robot), self._body)
 
+    def _body_name(self, link: str) -> str:
+        return f'arm_{link}'
+
     def _set_gravity(self) -> None:
         # Whoever carries the arm's weight carries it in the world.
         self._model.opt.gravity = (1.0 - self._support) * GRAVITY
@@ -306,7 +309,7 @@ class FlyingPlant(FreeBasePlant):
         position: ArrayLike,
         drone: DroneConfig,
         rotor_timeout: float = 0.2,
-        gust: RandomDrift | None = None,
+        gust: RandomDrift | BandLimitedNoise | None = None,
     ) -> None:
         self.drone = drone
         self.rotors = Rotors(drone, SUBSTEP, rotor_timeout)

@@ -7,6 +7,7 @@ from math import exp, sqrt
 from typing import Generic, TypeVar
 
 import numpy as np
+from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from aerarm_ros.motion.signals import Array
 
@@ -118,6 +119,50 @@ class RandomDrift:
             self._noise = self._drive * self._random.standard_normal((_BLOCK, 3))
             self._next = 0
         self.value = self._decay * self.value + self._noise[self._next]
+        self._next += 1
+        return self.value
+
+
+class BandLimitedNoise:
+    """White noise of three independent axes through a Butterworth filter of second order.
+
+    Parameters
+    ----------
+    deviation : float
+        Standard deviation of each axis, in any unit.
+    cutoff : float
+        [Hz]
+    period : float
+        Of `update` [s].
+    random : numpy.random.Generator
+    """
+
+    def __init__(
+        self, deviation: float, cutoff: float, period: float, random: np.random.Generator
+    ) -> None:
+        self._filter = butter(2, cutoff, fs=1.0 / period, output='sos')
+        length = round(10.0 / (cutoff * period))
+        answer = sosfilt(self._filter, np.eye(1, length)[0])
+        self._drive = deviation / float(np.sqrt(answer @ answer))
+        self._random = random
+        self._state = 0.0 * sosfilt_zi(self._filter)[..., np.newaxis].repeat(3, axis=2)
+        self._next = 0
+        self._values: Array = np.empty((0, 3))
+        for _ in range(1 + length // _BLOCK):  # until it has forgotten where it began
+            self._draw()
+        self._next = len(self._values)
+        self.value: Array = self._values[-1]
+
+    def _draw(self) -> None:
+        noise = self._drive * self._random.standard_normal((_BLOCK, 3))
+        self._values, self._state = sosfilt(self._filter, noise, axis=0, zi=self._state)
+        self._next = 0
+
+    def update(self) -> Array:
+        """Return the value (3,) a period later."""
+        if self._next == len(self._values):
+            self._draw()
+        self.value = self._values[self._next]
         self._next += 1
         return self.value
 

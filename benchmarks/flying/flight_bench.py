@@ -55,6 +55,8 @@ class FlightBench:
         law: dict[str, object] = {
             'base_motion': case.base,
             'path_tolerance': 10.0,
+            # Motions as they are: what they do to a drone is what is measured.
+            'rotor_share': 0.0,
             'observer_gain': 0.0,
             **arm.law,
             **dict(case.law),

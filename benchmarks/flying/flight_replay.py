@@ -19,7 +19,8 @@ _COLOURS = '#3b82c4', '#d9722e'
 class _Skeleton:
     """Lines of a drone and its arm."""
 
-    def __init__(self, drone: DroneConfig) -> None:
+    def __init__(self, drone: DroneConfig, larger: float) -> None:
+        self._larger = larger
         robot = load_robot()
         self._joints = [Kinematics(robot, link) for link in (*robot.link_names, 'tool0')]
         self._mount = np.array(drone.mount.position)
@@ -33,15 +34,20 @@ class _Skeleton:
         """Return points (M, 3) in the world, place and lean drawn larger than they are."""
         arm = [np.zeros(3), *(joint.position(q) for joint in self._joints)]
         points = np.vstack([self._frame, self._mount + np.array(arm) @ self._turn.T])
-        lean = Rotation.from_rotvec(LARGER * Rotation.from_quat(attitude).as_rotvec())
+        lean = Rotation.from_rotvec(self._larger * Rotation.from_quat(attitude).as_rotvec())
         known = ~np.isnan(points[:, 0])
-        points[known] = lean.apply(points[known]) + LARGER * place
+        points[known] = lean.apply(points[known]) + self._larger * place
         return points
 
 
-def replay(flights: Mapping[str, FlightRecord], drone: DroneConfig) -> go.Figure:
-    """Return the animation of some flights of one drone, one over the other."""
-    skeleton = _Skeleton(drone)
+def replay(
+    flights: Mapping[str, FlightRecord], drone: DroneConfig, larger: float = LARGER
+) -> go.Figure:
+    """Return the animation of some flights of one drone, one over the other.
+
+    Their places and leans are drawn `larger` times as large as they are.
+    """
+    skeleton = _Skeleton(drone, larger)
     end = min(record.times[-1] for record in flights.values())
     times = np.arange(-1.0, end, _PERIOD)
     frames = [

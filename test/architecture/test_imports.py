@@ -35,6 +35,7 @@ ALLOWED = {
     'energy': {'control', 'model', 'description'},
     'excitation': {'pages', 'model', 'description', 'realtime'},
     'identification': {'energy', 'pages', 'model', 'description'},
+    'calibration': {'excitation', 'identification', 'pages', 'model', 'description'},
     'online': {'identification', 'control', 'model', 'description'},
     'simulation': {'model', 'description'},
     'hardware': {'simulation', 'model', 'description'},
@@ -45,6 +46,7 @@ ALLOWED = {
         *('pages', 'model', 'description'),
     },
     'planner': {'energy', 'excitation', 'control', 'model', 'description'},
+    'world': {'flight', 'control', 'model', 'description'},
 }
 # Where ROS is: executables, and what they are made of. They may import every pure package.
 ROS_PACKAGES = ('nodes', 'ros')

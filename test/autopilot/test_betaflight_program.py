@@ -1,5 +1,6 @@
 """The firmware itself, where it is built: set up, armed, and turned by its sticks."""
 
+import sys
 import time
 from pathlib import Path
 
@@ -8,8 +9,10 @@ import pytest
 
 from aerarm_ros.autopilot.betaflight_flight import BetaflightSetup
 from aerarm_ros.autopilot.betaflight_link import BetaflightLink
-from aerarm_ros.autopilot.betaflight_program import HOW, BetaflightProgram, find_betaflight
 from aerarm_ros.description.drone_config import load_drone_config
+
+sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
+from flying.betaflight_program import HOW, BetaflightProgram, find_betaflight
 
 DRONE = load_drone_config()
 SETUP = BetaflightSetup()

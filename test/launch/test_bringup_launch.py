@@ -10,6 +10,7 @@ CONTROLLERS = [
     'computed_torque',
     'impedance_control',
     'kinematic_control',
+    'world_control',
 ]
 
 

@@ -36,6 +36,7 @@ SERVING: Mapping[str, Sequence[str]] = {
     'gravity_compensation': (),
     'impedance_control': (),
     'kinematic_control': (),
+    'world_control': (),
     'base_reaction': (),
     'motion_planner': (),
     'payload_estimator': (),

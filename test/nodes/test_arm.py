@@ -1,6 +1,7 @@
 """The command line to the bridge, against the real bridge on emulated boards."""
 
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -172,6 +173,9 @@ def test_alone_it_prints_its_help_and_it_completes(tmp_path: Path) -> None:
     status, text = ask()
     assert (status, text.startswith('usage: arm')) == (0, True)
     status, script = ask('completion')
-    lines = 'COMP_WORDS=(arm go --t); COMP_CWORD=2; _arm; echo "${COMPREPLY[@]}"'
-    done = subprocess.run(['bash', '-c', f'{script}\n{lines}'], capture_output=True, text=True)
+    arm = f'arm() {{ {sys.executable} -m aerarm_ros.executables arm "$@"; }}'
+    lines = 'COMP_LINE="arm go --t"; COMP_POINT=10; _python_argcomplete arm; echo "${COMPREPLY[@]}"'
+    done = subprocess.run(
+        ['bash', '-c', f'{script}\n{arm}\n{lines}'], capture_output=True, text=True
+    )
     assert done.stdout.split() == ['--timeout', '--tolerance']

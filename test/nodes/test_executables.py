@@ -77,6 +77,8 @@ sys.exit(getattr(executables, name)())
 @pytest.mark.parametrize(
     ('arguments', 'status', 'said'),
     [
+        (['calibrator', '--help'], 0, ''),
+        (['calibrator', '--bag', 'none.csv'], USER_ERROR, 'there is no bag none.csv'),
         (['identifier', '--help'], 0, ''),
         (['identifier', '--bag', 'none.csv'], USER_ERROR, 'there is no bag none.csv'),
         (['excitation_designer', '--help'], 0, ''),

@@ -55,7 +55,9 @@ def test_all_files_are_there(run: tuple[str, Path]) -> None:
     assert [path.name for path in out.parent.iterdir()] == ['result']
     assert str(out / 'report.html') in output
     assert 'identification: used 0.0 .. 20.0 s of 20.0 s (joint_command)' in output
-    assert [line.split()[0] for line in output.splitlines()[3:7]] == ['cad', 'ols', 'wls', 'sdp']
+    assert [line.split()[0] for line in output.splitlines()[3:8]] == [
+        *('cad', 'cad_friction', 'ols', 'wls', 'sdp')
+    ]
 
 
 def test_summary_tells_what_was_found(run: tuple[str, Path]) -> None:
@@ -102,7 +104,7 @@ def test_a_payload_is_weighed_and_slow_solvers_run_on_demand(
     assert len(payload['inertial_parameters']) == 40
     summary = json.loads((out / 'summary.json').read_text())
     assert summary['payload']['mass'] == payload['payload']['mass']
-    assert set(summary['solvers']) == {'cad', 'ols', 'huber', 'sdp'}
+    assert set(summary['solvers']) == {'cad', 'cad_friction', 'ols', 'huber', 'sdp'}
     assert 'carried by link4' in (out / 'report.html').read_text()
 
 
@@ -180,7 +182,7 @@ def test_truth_holdout_and_options(bags: Path, tmp_path: Path, robot: Robot) -> 
     assert summary['conditioning']['cutoff'] == 4.0
     (held_out,) = summary['solvers']['sdp']['validation']
     assert held_out['bag'] == 'identification [last 40 %]'
-    assert len(summary['inertial_torque_error']) == 8
+    assert len(summary['inertial_torque_error']) == 10
 
 
 def test_renamed_and_amperes(bags: Path, tmp_path: Path, robot: Robot) -> None:

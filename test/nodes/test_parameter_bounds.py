@@ -13,7 +13,7 @@ NUMERIC = {
     RosParameter.Type.DOUBLE_ARRAY,
 }
 # They have options instead of parameters.
-PROGRAMS = {'arm', 'demo', 'excitation_designer', 'experiment', 'identifier'}
+PROGRAMS = {'arm', 'calibrator', 'demo', 'excitation_designer', 'experiment', 'identifier'}
 # NODE.PARAMETER of those for which any number is right, and why.
 UNBOUNDED: dict[str, str] = {}
 

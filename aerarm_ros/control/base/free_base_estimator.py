@@ -80,6 +80,9 @@ class AnswerCorrection:
         [Hz]; well below the arm's motion.
     bias : float
         Of the accelerometer, at most [m/s^2].
+    trust_min : float
+        Least trust, 0 to 1. Wind that the drone's controller answers makes the prediction look
+        wrong: where wind is stronger than what the arm does, the model is the better witness.
 
     Attributes
     ----------
@@ -104,11 +107,12 @@ class AnswerCorrection:
         If the cutoff isn't positive, or the bias negative.
     """
 
-    def __init__(self, cutoff: float = 0.3, bias: float = 0.2) -> None:
+    def __init__(self, cutoff: float = 0.3, bias: float = 0.2, trust_min: float = 0.0) -> None:
         self.cutoff = positive('cutoff', cutoff)
         self._time_constant = 1.0 / (2.0 * np.pi * self.cutoff)
         self._band_time = 1.0 / (2.0 * np.pi * _BAND_TOP)
         self._bias = non_negative_number('bias', bias) * _LINEAR
+        self._trust_min = min(non_negative_number('trust_min', trust_min), 1.0)
         self.reset()
 
     sustained_cutoff = 1.0 / (2.0 * np.pi * _BIAS_TIME)
@@ -165,7 +169,9 @@ class AnswerCorrection:
         floor = _TRUST_FLOOR**2
         self._product = self._product + share * (x * y + floor - self._product)
         self._power = self._power + share * (x * x + floor - self._power)
-        self.trust = np.minimum(np.maximum(self._product / self._power, 0.0), _TRUST_MAX)
+        self.trust = np.minimum(
+            np.maximum(self._product / self._power, self._trust_min), _TRUST_MAX
+        )
 
 
 def _limited(acceleration: Array) -> Array:

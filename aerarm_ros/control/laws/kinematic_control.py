@@ -158,26 +158,55 @@ class VelocityResolution:
         self, jacobian: Array, velocity: Array, preferred: Array, low: Array, high: Array
     ) -> Array:
         """Solve, fixing one joint after the other at the bound it violates most."""
-        result = self._inverse.of(jacobian)
-        self.least_singular_value = result.least
-        dq: Array = result.inverse @ velocity + result.null_space @ preferred
-        excess = np.maximum(dq - high, low - dq)
-        if excess.max() <= 0.0:
-            return dq
-        free = jacobian.copy()
-        fixed = np.zeros_like(preferred)
-        is_free = np.ones(len(preferred), dtype=bool)
-        while np.any(excess > 0.0):
-            worst = int(np.argmax(excess))
-            fixed[worst] = min(max(dq[worst], low[worst]), high[worst])
-            is_free[worst] = False
-            free[:, worst] = 0.0
-            result = self._inverse.of(free)
-            wanted = np.where(is_free, preferred, 0.0)
-            dq = result.inverse @ (velocity - jacobian @ fixed) + result.null_space @ wanted
-            dq = np.where(is_free, dq, fixed)
-            excess = np.where(is_free, np.maximum(dq - high, low - dq), -np.inf)
+        dq, self.least_singular_value = resolve_within(
+            self._inverse, jacobian, velocity, preferred, low, high
+        )
         return dq
+
+
+def resolve_within(
+    inverse: DampedInverse,
+    jacobian: Array,
+    task: Array,
+    preferred: Array,
+    low: Array,
+    high: Array,
+) -> tuple[Array, float]:
+    """Return joint rates (n,) of a task, each within its bounds, and the least singular value.
+
+    A joint beyond a bound is fixed there and the others take over its part, the one that exceeds
+    its bound most first (Flacco, De Luca, Khatib 2012). Velocities and accelerations alike.
+
+    Parameters
+    ----------
+    inverse : DampedInverse
+    jacobian : (m, n) ndarray
+    task : (m,) ndarray
+        Wanted rate of the task.
+    preferred : (n,) ndarray
+        What the joints do where the task leaves them free.
+    low, high : (n,) ndarray
+    """
+    result = inverse.of(jacobian)
+    least = result.least
+    rates: Array = result.inverse @ task + result.null_space @ preferred
+    excess = np.maximum(rates - high, low - rates)
+    if excess.max() <= 0.0:
+        return rates, least
+    free = jacobian.copy()
+    fixed = np.zeros_like(preferred)
+    is_free = np.ones(len(preferred), dtype=bool)
+    while np.any(excess > 0.0):
+        worst = int(np.argmax(excess))
+        fixed[worst] = min(max(rates[worst], low[worst]), high[worst])
+        is_free[worst] = False
+        free[:, worst] = 0.0
+        result = inverse.of(free)
+        wanted = np.where(is_free, preferred, 0.0)
+        rates = result.inverse @ (task - jacobian @ fixed) + result.null_space @ wanted
+        rates = np.where(is_free, rates, fixed)
+        excess = np.where(is_free, np.maximum(rates - high, low - rates), -np.inf)
+    return rates, least
 
 
 class CartesianMotionControl:

@@ -56,12 +56,29 @@ class TargetFollower:
 
     def take_over(self, q: Array) -> None:
         """Stay where the tool is at `q` (n,) [rad] until a target comes."""
-        self._p = self._kinematics.position(q)
-        self._v = np.zeros(3)
-        self._target = self._p
+        self.start(self._kinematics.position(q))
+
+    def start(self, p: Array, velocity: Array | None = None, target: Array | None = None) -> None:
+        """Go on from a place (3,) [m] and a velocity (3,) [m/s], none if not given, to a target.
+
+        Without a target the place is where the tool stays.
+        """
+        self._p = p
+        self._v = np.zeros(3) if velocity is None else velocity
+        self._target = p if target is None else target
         self._target_velocity = np.zeros(3)
         self._target_time: float | None = None
         self._moving_until = -np.inf
+
+    @property
+    def place(self) -> Array:
+        """Present place of the reference (3,) [m]."""
+        return self._p
+
+    @property
+    def velocity(self) -> Array:
+        """Present velocity of the reference (3,) [m/s]."""
+        return self._v
 
     def set_target(self, p: npt.ArrayLike, now: float) -> None:
         """Take the target `p` (3,) [m], in the base frame, valid at `now` [s].

@@ -105,6 +105,9 @@ class TrajectoryFollower:
     tolerances : FollowerTolerances
     interpolation : str
         'cubic' or 'quintic', for trajectories.
+    govern : callable
+        Returns a motion as it is executed, its path at a lower pace where that is needed; it may
+        reject it (RejectedInputError). Streamed points and stops are not governed.
 
     Attributes
     ----------
@@ -125,7 +128,9 @@ class TrajectoryFollower:
         limits: JointLimits,
         tolerances: FollowerTolerances,
         interpolation: str = 'quintic',
+        govern: Callable[[FollowedMotion], FollowedMotion] = lambda motion: motion,
     ) -> None:
+        self._govern = govern
         if interpolation not in ('cubic', 'quintic'):
             raise ValueError(f"interpolation = {interpolation!r} must be 'cubic' or 'quintic'")
         self.interpolation = interpolation
@@ -194,7 +199,7 @@ class TrajectoryFollower:
             self._stream(trajectory, now, now - begin)
         else:
             motion, zero = self._goal(trajectory, now, begin)
-            self._replace(motion, now, zero, 'moving')
+            self._replace(self._govern(motion), now, zero, 'moving')
         self._used = tolerances or self._tolerances
 
     def check_goal(
@@ -221,7 +226,7 @@ class TrajectoryFollower:
         if self._moves():
             stop = self._stop(now)
             path = joined(stop, rest_to_rest_path(stop.evaluate(stop.duration).q, q, self._limits))
-        self._replace(path, now, now, 'moving')
+        self._replace(self._govern(path), now, now, 'moving')
 
     def stop(self, now: float, reason: str, q: Array | None = None) -> None:
         """Stop and hold: at `q` (n,) [rad], or as soon as the motion can stop on its path."""

@@ -16,7 +16,7 @@ from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantParameters, 
 from aerarm_ros.simulation.backlash_plant import BacklashPlant
 from aerarm_ros.simulation.base_profile import BaseProfile
 from aerarm_ros.simulation.flying_plant import FlyingPlant, MovingBasePlant
-from aerarm_ros.simulation.sensors import RandomDrift
+from aerarm_ros.simulation.sensors import BandLimitedNoise, RandomDrift
 
 
 def mount_on_base(
@@ -50,7 +50,7 @@ def mount_on_drone(
     robot: Robot,
     drone: DroneConfig,
     rotor_timeout: float,
-    gust: RandomDrift | None = None,
+    gust: RandomDrift | BandLimitedNoise | None = None,
 ) -> FlyingPlant:
     """Put the arm of emulated boards, as it is, under a drone.
 

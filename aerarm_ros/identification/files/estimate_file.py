@@ -296,6 +296,27 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
     return Estimate(str(parameters.get('solver', '')), model, theta)
 
 
+def estimated_arm(path: Path) -> tuple[tuple[str, ...], Array]:
+    """Return the joints of an estimate, and gravity (3,) in the base frame [m/s^2].
+
+    Raises
+    ------
+    ConfigError
+        If the file can't be read.
+    IdentificationError
+        If it is no estimate.
+    """
+    document = read_yaml(path)
+    try:
+        parameters = document['/**']['ros__parameters']
+        gravity = np.array(parameters['gravity_in_base'], dtype=float).reshape(3)
+        return tuple(map(str, parameters['joint_names'])), gravity
+    except (KeyError, TypeError, ValueError):
+        raise IdentificationError(
+            f'{path}: is no estimate: give the estimate.yaml of the identifier'
+        ) from None
+
+
 def joint_terms(parameters: Mapping[str, Any], n: int) -> list[dict[JointTerm, float]]:
     """Return each joint's terms and their coefficients, without couplings.
 

@@ -12,7 +12,11 @@ import pinocchio as pin
 from scipy.linalg import eigh
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.description.urdf_document import LOAD_FRICTION
+from aerarm_ros.description.urdf_document import (
+    DAMPING_BESIDE_LOAD,
+    FRICTION_BESIDE_LOAD,
+    LOAD_FRICTION,
+)
 from aerarm_ros.identification.files.estimate_file import NO_FRICTION
 from aerarm_ros.identification.joint_model import COUPLED, TermKind
 from aerarm_ros.identification.regression.regression import SampleColumns
@@ -197,6 +201,23 @@ def numbers_text(values: npt.ArrayLike) -> str:
 _REMAINING = 0.9  # of what can be taken off a link at most: the rest must stay a body
 
 
+@dataclass(frozen=True, eq=False)
+class LoadFriction:
+    """Friction with a part that grows with the load.
+
+    Attributes
+    ----------
+    share : (n,) ndarray
+        Dry friction per torque that the gears pass on [-].
+    viscous, coulomb : (n,) ndarray
+        The rest [Nms/rad], [Nm].
+    """
+
+    share: Array
+    viscous: Array
+    coulomb: Array
+
+
 @dataclass(frozen=True)
 class IdentifiedUrdf:
     """A URDF text, and what the user should know of it."""
@@ -206,7 +227,11 @@ class IdentifiedUrdf:
 
 
 def identified_urdf(
-    robot: Robot, inertial: Array, viscous: Array, coulomb: Array, load: Array | None = None
+    robot: Robot,
+    inertial: Array,
+    viscous: Array,
+    coulomb: Array,
+    load: LoadFriction | None = None,
 ) -> IdentifiedUrdf:
     """Return the URDF with other inertial and friction values.
 
@@ -223,8 +248,8 @@ def identified_urdf(
         Of the moving links, thesis (3.3).
     viscous, coulomb : (n,) ndarray
         For `<dynamics damping friction>` [Nms/rad], [Nm].
-    load : (n,) ndarray, optional
-        Dry friction per torque that the gears pass on, beside these, for `load_friction` [-].
+    load : LoadFriction, optional
+        The same friction as these, in the form that this package's programs read.
     """
     text = robot.urdf_text
     root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
@@ -247,14 +272,16 @@ def identified_urdf(
         for other in fixed:
             _remove_inertial(links[other])
         _set_inertial(links[name], own)
-        share = 0.0 if load is None else load[index]
-        _set_dynamics(joints[robot.joint_names[index]], viscous[index], coulomb[index], share)
+        joint = joints[robot.joint_names[index]]
+        _set_dynamics(joint, viscous[index], coulomb[index])
+        if load is not None and load.share[index]:
+            _set_load_friction(joint, load, index)
     # The serializer's blank before '/>' would show up in every line of a comparison.
     written = ET.tostring(root, encoding='unicode').replace(' />', '/>')
-    return IdentifiedUrdf(_before_root(text) + written + '\n', tuple(warnings))
+    return IdentifiedUrdf(before_root(text) + written + '\n', tuple(warnings))
 
 
-def _before_root(text: str) -> str:
+def before_root(text: str) -> str:
     """Return declaration and comments in front of the root, which the tree doesn't have."""
     starts: list[int] = []
     parser = expat.ParserCreate()
@@ -380,15 +407,22 @@ def _remove_inertial(link: ET.Element) -> None:
         link.remove(inertial)
 
 
-def _set_dynamics(joint: ET.Element, damping: float, friction: float, load: float) -> None:
+def _set_dynamics(joint: ET.Element, damping: float, friction: float) -> None:
     dynamics = joint.find('dynamics')
     if dynamics is None:
         dynamics = ET.SubElement(joint, 'dynamics')
     dynamics.set('damping', repr(float(damping)))
     dynamics.set('friction', repr(float(friction)))
-    dynamics.attrib.pop(LOAD_FRICTION, None)  # of the URDF that this was
-    if load:
-        dynamics.set(LOAD_FRICTION, repr(float(load)))
+    for key in (LOAD_FRICTION, DAMPING_BESIDE_LOAD, FRICTION_BESIDE_LOAD):
+        dynamics.attrib.pop(key, None)  # of the URDF that this was
+
+
+def _set_load_friction(joint: ET.Element, load: LoadFriction, index: int) -> None:
+    dynamics = joint.find('dynamics')
+    assert dynamics is not None
+    dynamics.set(LOAD_FRICTION, repr(float(load.share[index])))
+    dynamics.set(DAMPING_BESIDE_LOAD, repr(float(load.viscous[index])))
+    dynamics.set(FRICTION_BESIDE_LOAD, repr(float(load.coulomb[index])))
 
 
 def identified_mjcf(

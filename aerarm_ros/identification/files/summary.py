@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from aerarm_ros.identification.assessment import BagAssessment, BagDemand, ResidualTrend
+from aerarm_ros.identification.files.export_errors import ExportError
 from aerarm_ros.identification.identification_result import (
     IdentificationResult,
     Solution,
@@ -24,6 +25,7 @@ def summarise(
     truth: Sequence[InertialTorqueError] = (),
     payload: Payload | None = None,
     facts: Mapping[str, BagFacts] | None = None,
+    exports: Sequence[ExportError] = (),
 ) -> dict[str, Any]:
     """Return the summary: torque errors in percent, times in seconds.
 
@@ -37,6 +39,8 @@ def summarise(
     payload : Payload, optional
     facts : mapping, optional
         Name of a bag to what else is known of it.
+    exports : sequence of ExportError
+        How well each written file predicts torque.
     """
     summary: dict[str, Any] = {
         'robot': result.robot.model.name,
@@ -64,6 +68,7 @@ def summarise(
         'seconds': {**seconds, 'total': sum(seconds.values())},
         'solvers': {name: _solver(solution) for name, solution in result.solutions.items()},
         'bags': {name: asdict(known) for name, known in (facts or {}).items()},
+        'exports': [asdict(error) for error in exports],
         'warnings': list(result.warnings),
     }
     if payload is not None:

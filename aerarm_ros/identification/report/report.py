@@ -10,6 +10,8 @@ import numpy as np
 from aerarm_ros.energy.energy_model import EnergyBalance
 from aerarm_ros.identification.arm_parameters import inertia_boxes
 from aerarm_ros.identification.files.estimate_comparison import EstimateChange, EstimateComparison
+from aerarm_ros.identification.files.export_errors import ExportError
+from aerarm_ros.identification.geometry_error import geometry_text
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.recording.recording import BagFacts, DesiredVelocity
@@ -28,6 +30,7 @@ from aerarm_ros.identification.report.report_tables import (
     energy_table,
     error_table,
     excitation_table,
+    export_table,
     friction_tables,
     joint_error_table,
     parameter_table,
@@ -258,6 +261,8 @@ class ReportExtras:
         Name of a bag to where its energy went.
     resistances : mapping
         Name of a joint to the resistance that this was computed with [ohm], as text.
+    exports : sequence of ExportError
+        How well each written file predicts torque.
     """
 
     desired: Mapping[str, DesiredVelocity] = field(default_factory=dict)
@@ -267,6 +272,7 @@ class ReportExtras:
     facts: Mapping[str, BagFacts] = field(default_factory=dict)
     energy: Mapping[str, EnergyBalance] = field(default_factory=dict)
     resistances: Mapping[str, str] = field(default_factory=dict)
+    exports: Sequence[ExportError] = ()
 
 
 def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
@@ -284,9 +290,22 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
         names += [bag.samples.name for bag in (*result.identification, *result.validation)]
         body.append(grouped_warnings(result.warnings, names))
     body += [
-        section('Torque errors', paragraph(_metric(result), 'note'), error_table(result)),
+        section(
+            'Torque errors',
+            paragraph(_metric(result), 'note'),
+            error_table(result),
+            paragraph(geometry_text(result), 'note'),
+        ),
         section('Torque errors joint by joint', joint_error_table(result)),
     ]
+    if extras.exports:
+        body.append(
+            section(
+                'Torque errors of the written files',
+                paragraph(_EXPORTS, 'note'),
+                export_table(result, extras.exports),
+            )
+        )
     if extras.truth_errors:
         body.append(
             section(
@@ -347,6 +366,7 @@ _THESIS = (
 )
 _SOLVERS = {
     'cad': 'as drawn',
+    'cad_friction': 'links and rotors as drawn, with identified friction',
     'ols': 'ordinary least squares on the base parameters',
     'wls': "the same weighted by each joint's noise",
     'huber': 'as sdp, with outliers weighted down',
@@ -362,6 +382,11 @@ _ENERGY = (
     'resistances; friction, lifting and motion by the identified model; work that it does not '
     'explain; braking energy that the power stage burns; what the boards take. They add up to what '
     'the supply gave. From filtered torque, so that ripple above the cut-off is left out.'
+)
+_EXPORTS = (
+    'What a usual reader of each file gets, predicting the same bags, filtered. Formats differ in '
+    'what they have a place for: no format but estimate.yaml knows offsets and friction of other '
+    'forms than (2.6), URDF knows no rotors, URDF and SDF no gravity.'
 )
 _TRUTH = (
     'Torque that links and rotors need along each motion, against that of the true parameters '
@@ -439,19 +464,24 @@ def _headline(result: IdentificationResult) -> str:
     role = 'validation' if recommended.validation else 'identification'
     worst = max(range(len(bags)), key=lambda index: bags[index].filtered)
     found = bags[worst]
-    cad = bags_of(result.solutions['cad'])
-    cad_error = [bag.filtered for part, bag in cad if part == role][worst]
+    cad_error, drawn_error = (
+        [bag.filtered for part, bag in bags_of(result.solutions[name]) if part == role][worst]
+        for name in ('cad', 'cad_friction')
+    )
     which = f'{found.bag} ({role})'
     if len(bags) > 1:
         which += f', the worst of {len(bags)} {role} bags'
     better = (
-        f', {cad_error / found.filtered:.1f} times less' if 0 < found.filtered < cad_error else ''
+        f' ({drawn_error / found.filtered:.1f} times as much)'
+        if 0 < found.filtered < drawn_error
+        else ''
     )
     consistent = recommended.estimate.physically_consistent
     return (
         f'Torque error on {which}: {found.filtered:.2f} % filtered '
         f'({found.filtered_measured:.2f} % with only the measured one filtered, {found.raw:.2f} % '
-        f'raw) with the identified model, {cad_error:.2f} % filtered with the CAD model{better}. '
+        f'raw) with the identified model; {cad_error:.2f} % filtered with the CAD model, '
+        f'{drawn_error:.2f} % with the CAD model and identified friction{better}. '
         f'The identified model is {"" if consistent else "not "}physically consistent.'
     )
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from aerarm_ros.energy.energy_model import EnergyBalance
 from aerarm_ros.identification.assessment import BagAssessment
+from aerarm_ros.identification.files.export_errors import ExportError
 from aerarm_ros.identification.files.summary import term_text
 from aerarm_ros.identification.identification_result import (
     IdentificationResult,
@@ -56,6 +57,13 @@ def error_table(result: IdentificationResult) -> Html:
         ]
         rows.append(row)
     return table(headings, rows, best=[list(result.solutions).index('sdp')])
+
+
+def export_table(result: IdentificationResult, exports: Sequence[ExportError]) -> Html:
+    """Return the errors (5.3) of each written file on every bag."""
+    bags = [f'{bag.bag} ({role}) [%]' for role, bag in bags_of(result.recommended)]
+    rows: list[list[object]] = [[e.file, e.contents, *e.filtered] for e in exports]
+    return table(['file', 'as read by', *bags], rows)
 
 
 def joint_error_table(result: IdentificationResult) -> Html:

@@ -46,6 +46,7 @@ from aerarm_ros.ros.parameters.shared_parameters import (
     load_arm,
     load_drone,
 )
+from aerarm_ros.world.rotor_governor import RotorGovernor
 
 
 def inertia_message(header: Header, mass: float, centre: Array, inertia: Array) -> InertiaStamped:
@@ -186,6 +187,15 @@ FOLLOWER_PARAMETERS = grouped(
         'allow_partial_joints_goal',
         True,
         'trajectories may name some of the joints: the others stay where they are',
+    ),
+    Parameter(
+        'rotor_share',
+        0.7,
+        "share of each rotor's range that a motion may use: what would need more is slowed along "
+        'its path, under the drone of drone_file; 0 lets every motion be as it is',
+        '',
+        0.0,
+        1.0,
     ),
     Parameter('stream_timeout', 0.1, 'silence after which a stream brakes', 's', 0.005, 10.0),
 )
@@ -349,7 +359,12 @@ class ControlledArm:
             values.goal_time or np.inf,
             values.stream_timeout,
         )
-        return TrajectoryFollower(self.limits, tolerances, values.interpolation)
+        if self.drone is None or values.rotor_share == 0.0:
+            return TrajectoryFollower(self.limits, tolerances, values.interpolation)
+        whole = self.whole_body(values, self.drone)
+        gravity = self.robot.gravity_in_base
+        governor = RotorGovernor(whole, self.drone, gravity, values.rotor_share)
+        return TrajectoryFollower(self.limits, tolerances, values.interpolation, governor.govern)
 
 
 def payload_problem(changes: Mapping[str, Any]) -> str:

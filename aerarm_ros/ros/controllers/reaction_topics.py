@@ -41,8 +41,8 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     load_share,
 )
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
-from aerarm_ros.ros.states.flight_stream import RotorCommands, checked_odometry, decoded_odometry
-from aerarm_ros.ros.states.state_stream import base_header
+from aerarm_ros.ros.states.flight_stream import RotorCommands, checked_odometry
+from aerarm_ros.ros.states.state_stream import base_header, decoded_odometry
 
 MOUNT, CENTRE = 'mount', 'centre'
 LOAD_PARAMETERS = grouped(
@@ -50,6 +50,9 @@ LOAD_PARAMETERS = grouped(
     Parameter('load_rate', 250.0, 'how often it is published', 'Hz', 1.0, 500.0),
     Parameter('lead', 0.0, 'how far ahead of the newest state it is, by planned_motion where that '
               "comes: the rotors' lag and the delay of the link", 's', 0.0, 0.09, live=True),
+    Parameter('measured_motion', True, 'whether the measured motion of the joints is told where '
+              'planned_motion does not come; false under world_control, whose reaction to the '
+              'drone, fed forward, would close a loop through it'),
     Parameter('acceleration_at', MOUNT, "whose acceleration: that of the arm's base_link, or of "
               "the drone's centre of mass, in body axes", choices=(MOUNT, CENTRE)),
 )  # fmt: skip
@@ -86,7 +89,7 @@ class LoadTopics:
         self._model = ArmLoadModel(arm.robot)
         arm.load(self._model.dynamics, values)
         self._names = arm.config.joint_names
-        self.forecast = ArmForecast(arm.config.n, values.lead)
+        self.forecast = ArmForecast(arm.config.n, values.lead, values.measured_motion)
         self._drone = arm.drone
         self._base, self._body = arm.robot.base_link, arm.robot.full_name(BODY_LINK)
         self._at_centre = values.acceleration_at == CENTRE

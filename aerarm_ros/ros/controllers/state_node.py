@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from builtin_interfaces.msg import Duration
+from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -149,6 +150,7 @@ class StateNode:
     """
 
     answers_every_state = True  # a derived node may have a rate of its own
+    takes_odometry = False
     states_waiting = 1  # at most; with more, none is left out, however late it is
 
     def __init__(self, name: str, parameters: ParameterTable) -> None:
@@ -178,6 +180,7 @@ class StateNode:
             self._rotor_names(),
             self.states_waiting,
             self.base.uses_imu,
+            self.takes_odometry,
             self.answers_every_state,
         )
         self.answers = self._stream.answers
@@ -191,6 +194,13 @@ class StateNode:
 
     def connect(self) -> None:
         """Make publishers and subscriptions."""
+
+    def take_imu(self, sample: ImuSample, now: float) -> None:
+        """Take an IMU sample that came at `now` [s]; may raise RejectedInputError."""
+        self.base.offer(sample, now)
+
+    def take_odometry(self, message: Odometry, now: float) -> None:
+        """Take an odometry that came at `now` [s]; may raise RejectedInputError."""
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
         """Act on a state, and call `count_answer` if that is an answer."""
@@ -283,6 +293,9 @@ class StateNode:
         samples = self._stream.imu_samples()
         thrusts = self._stream.rotor_command()
         before_ns, stamp_ns = self.stamp_ns, newest[0] if newest is not None else self.stamp_ns
+        odometry = self._stream.odometry()
+        if odometry is not None and before_ns:
+            self._try(partial(self.take_odometry, odometry), before_ns)
         late = []
         for sample, lead_ns in samples:
             if lead_ns <= 0 or round(1e9 * sample.stamp) >= stamp_ns:
@@ -309,7 +322,7 @@ class StateNode:
         return () if drone is None else drone.rotor_names
 
     def _offer(self, sample: ImuSample, now_ns: int) -> None:
-        self._try(partial(self.base.offer, sample), now_ns)
+        self._try(partial(self.take_imu, sample), now_ns)
 
     def _try(self, action: Callable[[float], None], now_ns: int) -> None:
         try:

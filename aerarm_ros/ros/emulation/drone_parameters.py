@@ -6,9 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.topics import Topic
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
 from aerarm_ros.simulation.flying_plant import FlyingPlant, FreeBasePlant
 from aerarm_ros.simulation.sensors import (
+    BandLimitedNoise,
     DelayedSensor,
     FaultyImu,
     ImuErrors,
@@ -20,7 +23,8 @@ from aerarm_ros.simulation.sensors import (
 )
 
 _GUST_PERIOD = 1e-3  # [s]
-_IMU_SEED, _ODOMETRY_SEED, _GUST_SEED = range(3)
+_TRUE_RATE = 250.0  # [Hz]
+_IMU_SEED, _ODOMETRY_SEED, _GUST_SEED, _EXTERNAL_SEED = range(4)
 
 CONTACT = 'contact_force', 'contact_link'
 
@@ -71,9 +75,34 @@ DRONE_PARAMETERS = grouped(
         10.0,
     ),
     Parameter(
+        'external_odometry_rate',
+        0.0,
+        'messages a second on external_odometry, as of a camera or motion capture; 0 for none',
+        'Hz',
+        0.0,
+        1000.0,
+    ),
+    Parameter('external_odometry_delay', 0.0, 'age of such a message', 's', 0.0, 0.5),
+    Parameter(
+        'external_odometry_noise',
+        [0.0, 0.0, 0.0, 0.0],
+        'its standard deviations of position, velocity, attitude and angular velocity',
+        'm, m/s, rad, rad/s',
+        0.0,
+        10.0,
+    ),
+    Parameter(
         'gust_force', 0.0, 'standard deviation of the wind on the drone, each axis', 'N', 0.0, 1e3
     ),
     Parameter('gust_time', 1.0, 'time in which the wind changes', 's', 0.01, 100.0),
+    Parameter(
+        'gust_cutoff',
+        0.0,
+        'the wind is noise below this frequency instead (second order); 0 for gust_time',
+        'Hz',
+        0.0,
+        100.0,
+    ),
     Parameter(
         'contact_force',
         [],
@@ -116,11 +145,32 @@ def odometry(values: SimpleNamespace, plant: FlyingPlant) -> DelayedSensor[Odome
     )
 
 
-def gust(values: SimpleNamespace) -> RandomDrift | None:
+def other_odometry(
+    values: SimpleNamespace, plant: FlyingPlant
+) -> list[tuple[Topic, DelayedSensor[OdometryReading]]]:
+    """Return the true odometry and, if there is one, the external one, with their topics."""
+    true = DelayedSensor(lambda: plant.odometry, _TRUE_RATE, values.period)
+    found = [(topics.TRUE_ODOMETRY, true)]
+    if values.external_odometry_rate:
+        errors = OdometryErrors(*_numbers(values, 'external_odometry_noise', 4))
+        noisy = NoisyOdometry(errors, _seed(values, _EXTERNAL_SEED))
+        external = DelayedSensor(
+            lambda: noisy.apply(plant.odometry),
+            values.external_odometry_rate,
+            values.period,
+            values.external_odometry_delay,
+        )
+        found.append((topics.EXTERNAL_ODOMETRY, external))
+    return found
+
+
+def gust(values: SimpleNamespace) -> RandomDrift | BandLimitedNoise | None:
     """Return the wind, None where there is none."""
     if values.gust_force == 0.0:
         return None
     random = np.random.default_rng(_seed(values, _GUST_SEED))
+    if values.gust_cutoff:
+        return BandLimitedNoise(values.gust_force, values.gust_cutoff, _GUST_PERIOD, random)
     return RandomDrift(values.gust_force, values.gust_time, _GUST_PERIOD, random)
 
 

@@ -33,6 +33,7 @@ from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
 from aerarm_ros.ros.bridge.hardware_bridge import Command, World
 from aerarm_ros.ros.emulation import drone_parameters
 from aerarm_ros.ros.emulation.drone_parameters import CONTACT, DRONE_PARAMETERS
+from aerarm_ros.ros.emulation.emulated_sensors import SENSOR_PARAMETERS, EmulatedSensors
 from aerarm_ros.ros.emulation.emulated_world import (
     LAG,
     PACE_PARAMETERS,
@@ -42,16 +43,18 @@ from aerarm_ros.ros.emulation.emulated_world import (
 from aerarm_ros.ros.emulation.emulation_parameters import EMULATION_PARAMETERS, plant_parameters
 from aerarm_ros.ros.emulation.flying_drone import EmulatedDrone, FlyingDrone
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.parameters.shared_parameters import load_drone
+from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone
 from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
 from aerarm_ros.simulation.flying_plant import FlyingPlant
+from aerarm_ros.simulation.made_geometry import MadeGeometry
 
 PARAMETERS = ParameterTable(
     # An emulated arm needs no commissioning.
     *(replace(p, default='') if p is COMMISSIONING_PARAMETER else p for p in BRIDGE_PARAMETERS),
     *PACE_PARAMETERS,
     *EMULATION_PARAMETERS,
+    *SENSOR_PARAMETERS,
     *DRONE_PARAMETERS,
 )
 
@@ -78,6 +81,8 @@ class EmulatedArm(World):
         self.boards: EmulatedTransport | None = None
         self._made: Callable[[Sequence[float]], PlantParameters] | None = None
         self._drone: EmulatedDrone | None = None
+        self._geometry: MadeGeometry | None = None
+        self._sensors: EmulatedSensors | None = None
         self._time: EmulatedWorld | None = None
         self._now = 0.0
         self._awake_until = 0.0
@@ -105,6 +110,8 @@ class EmulatedArm(World):
                 f'{", ".join(config.joint_names)}'
             )
         seed = None if values.seed < 0 else values.seed
+        drawn = robot
+        config, robot = self._as_made(config, robot)
         self._made = partial(
             plant_parameters, config, robot, seed, values.backlash, values.backlash_wear
         )
@@ -117,9 +124,13 @@ class EmulatedArm(World):
             profile=profile,
         )
         self._destroy_drone()
-        self._drone = self._make_drone(config, robot, transport)
+        self._drone = self._make_drone(config, drawn, robot, transport)
+        self._sensors = EmulatedSensors(self.bridge, transport.plant, robot.link_names[-1], values)
         if values.truth_file:
-            text = yaml.safe_dump(transport.plant.true_parameters(), sort_keys=False)
+            truth = transport.plant.true_parameters()
+            if self._geometry is not None:
+                truth['geometry'] = self._geometry.as_dict()
+            text = yaml.safe_dump(truth, sort_keys=False)
             try:
                 write_whole(Path(values.truth_file), text)
             except OSError as error:
@@ -130,11 +141,29 @@ class EmulatedArm(World):
             FaultRequest.parse(values.fault, len(transport.boards)).apply(transport)
         return transport
 
+    def _as_made(self, config: ArmConfig, robot: Robot) -> tuple[ArmConfig, Robot]:
+        """Return configuration and arm by which the emulated hardware is made."""
+        values = self.bridge.values
+        if values.hardware_config or values.hardware_urdf:
+            own = SimpleNamespace(**vars(values))
+            own.config = values.hardware_config or values.config
+            own.urdf = values.hardware_urdf or values.urdf
+            config, robot = load_arm(own)
+            if values.encoders:
+                config = config.with_encoders(values.encoders)
+        self._geometry = None
+        if values.geometry_seed < 0:
+            return config, robot
+        self._geometry = made = MadeGeometry.of(robot, values.geometry_seed)
+        return made.config(config), made.robot
+
     def _make_drone(
-        self, config: ArmConfig, robot: Robot, transport: EmulatedTransport
+        self, config: ArmConfig, drawn: Robot, robot: Robot, transport: EmulatedTransport
     ) -> EmulatedDrone | None:
         values = self.bridge.values
-        profile, drone = values.base_motion_profile, load_drone(values, config, robot)
+        profile, drone = values.base_motion_profile, load_drone(values, config, drawn)
+        if drone is not None and self._geometry is not None:
+            drone = self._geometry.drone(drone)
         if drone is None:
             if values.contact_force:
                 raise ValueError(_NO_DRONE)
@@ -153,7 +182,8 @@ class EmulatedArm(World):
         plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
         plant.touch(*drone_parameters.contact(values, plant))
         sensors = (drone_parameters.imu(values, plant), drone_parameters.odometry(values, plant))
-        return FlyingDrone(self.bridge, plant, *sensors, LAG[values.pace], robot.prefix)
+        others = drone_parameters.other_odometry(values, plant)
+        return FlyingDrone(self.bridge, plant, *sensors, LAG[values.pace], robot.prefix, others)
 
     @property
     def _flying(self) -> FlyingDrone | None:
@@ -213,6 +243,8 @@ class EmulatedArm(World):
         if self._drone is not None:
             # Before the arm moves on: the sample is of the time of its stamp.
             self._drone.update(self.bridge.mode, stamp_ns)
+        if self._sensors is not None:
+            self._sensors.update(stamp_ns)
         if self.boards is not None:
             self.boards.advance(now + self.bridge.values.period)
         if self._time is not None:
@@ -266,6 +298,9 @@ class EmulatedArm(World):
             self._time = None
 
     def _destroy_drone(self) -> None:
+        if self._sensors is not None:
+            self._sensors.destroy()
+            self._sensors = None
         if self._drone is not None:
             self._drone.destroy()
             self._drone = None

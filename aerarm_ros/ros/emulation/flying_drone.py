@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from math import inf
 from typing import Any
 
@@ -14,6 +15,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
+from aerarm_msgs_py.topics import Topic
 from aerarm_ros.description.drone_urdf import BODY_LINK, IMU_LINK
 from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.hardware.emulation.emulated_transport import AnswerWatch
@@ -112,6 +114,8 @@ class FlyingDrone(EmulatedDrone):
         Odometry messages that may be without an answer: see `AnswerWatch`.
     prefix
         Before the names of its frames.
+    others
+        Odometry on other topics, which nobody is waited for to answer.
     """
 
     def __init__(
@@ -122,6 +126,7 @@ class FlyingDrone(EmulatedDrone):
         odometry: DelayedSensor[OdometryReading],
         lag: int,
         prefix: str = '',
+        others: Sequence[tuple[Topic, DelayedSensor[OdometryReading]]] = (),
     ) -> None:
         super().__init__(node, plant, imu, prefix + IMU_LINK)
         self._flight = plant
@@ -132,6 +137,10 @@ class FlyingDrone(EmulatedDrone):
         self._told.header.frame_id = prefix + WORLD_FRAME
         self._told.child_frame_id = prefix + BODY_LINK
         self._told_ns = 0
+        self._others = [
+            (node.create_publisher(topic.type, topic.name, topic.offered), sensor)
+            for topic, sensor in others
+        ]
         self._commands = RotorCommands(node, plant.drone.rotor_names, self._reject)
         self._watch = AnswerWatch(odometry.period_ns, lag)
         self._logger = node.get_logger()
@@ -169,6 +178,10 @@ class FlyingDrone(EmulatedDrone):
         """Publish what is due, and take the newest rotor command."""
         super().update(mode, stamp_ns)
         odometry = self._odometry.update(stamp_ns)
+        for publisher, sensor in self._others:
+            reading = sensor.update(stamp_ns)
+            if reading is not None and publisher.get_subscription_count():
+                publisher.publish(self._filled(Odometry(), *reading))
         self.look()
         if odometry is not None:
             self._tell(*odometry)
@@ -178,6 +191,8 @@ class FlyingDrone(EmulatedDrone):
         self._told_ns = 0
         self._imu.restart()
         self._odometry.restart()
+        for _, sensor in self._others:
+            sensor.restart()
 
     def is_behind(self) -> bool:
         """Whether the last odometry still needs an answer of who answered those before."""
@@ -212,19 +227,25 @@ class FlyingDrone(EmulatedDrone):
     def destroy(self) -> None:
         """Destroy publishers and subscription."""
         super().destroy()
-        self._node.destroy_publisher(self._odometry_publisher)
+        for publisher in (self._odometry_publisher, *(other for other, _ in self._others)):
+            self._node.destroy_publisher(publisher)
         self._commands.destroy()
 
     def _tell(self, stamp_ns: int, reading: OdometryReading) -> None:
-        position, attitude, velocity, rate = reading
-        message, pose, twist = self._told, self._told.pose.pose, self._told.twist.twist
         self._told_ns = stamp_ns
+        self._odometry_publisher.publish(self._filled(self._told, stamp_ns, reading))
+
+    def _filled(self, message: Odometry, stamp_ns: int, reading: OdometryReading) -> Odometry:
+        position, attitude, velocity, rate = reading
+        pose, twist = message.pose.pose, message.twist.twist
+        message.header.frame_id = self._told.header.frame_id
+        message.child_frame_id = self._told.child_frame_id
         message.header.stamp = to_time(stamp_ns)
         fill_vector(pose.position, position)
         fill_quaternion(pose.orientation, attitude)
         fill_vector(twist.linear, velocity)
         fill_vector(twist.angular, rate)
-        self._odometry_publisher.publish(message)
+        return message
 
     def _reject(self, reason: str) -> None:
         self._rejections += 1

@@ -206,10 +206,10 @@ def plan_excitation(
             'acceleration_limit is for an arm without motors and gears: else they limit it'
         )
     robot = urdf if isinstance(urdf, Robot) else _robot(urdf, arm, lock)
+    folders = tuple(Path(folder) for folder in package_directories)
     if arm is not None:
-        setup = ExcitationSetup.of_arm(robot, arm, settings)
+        setup = ExcitationSetup.of_arm(robot, arm, settings, folders)
     else:
-        folders = tuple(Path(folder) for folder in package_directories)
         setup = ExcitationSetup.of_robot(robot, settings, folders, acceleration_limit)
     specification = DesignSpecification(setup, fundamental, harmonics, seed=seed)
     return PlannedExcitation(specification, _designed(specification, seconds), periods)
@@ -236,6 +236,6 @@ def _designed(specification: DesignSpecification, seconds: float) -> DesignResul
             start += 1
             continue
         start += 1
-        if found.quality.objective < best.quality.objective:
+        if specification.betters(found.quality, best.quality):
             best = found
     return best

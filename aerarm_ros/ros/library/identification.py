@@ -16,6 +16,8 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
 from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.files.estimate_file import estimated_arm, read_estimate
+from aerarm_ros.identification.files.export_errors import export_errors
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identification_result import IdentificationResult
@@ -45,6 +47,78 @@ from aerarm_ros.ros.programs.identifier_bags import (
     repeated_bags,
 )
 from aerarm_ros.ros.programs.identifier_run import RESULT_FILES, terminal_table, write_result
+
+
+class IdentifiedModel:
+    """The whole model of an arm: links, rotors, friction, gravity.
+
+    Parameters
+    ----------
+    robot : Robot
+        Under the gravity of the model; its links are replaced by those of the estimate.
+    estimate : Estimate
+
+    Attributes
+    ----------
+    robot : Robot
+        With the links of the estimate.
+    estimate : Estimate
+    """
+
+    def __init__(self, robot: Robot, estimate: Estimate) -> None:
+        self.robot = robot.with_inertial_parameters(estimate.inertial)
+        self.estimate = estimate
+        self._regressor = Regressor(robot)
+
+    def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
+        """Return the torque of the whole model, thesis (3.5): links, rotors, friction.
+
+        Parameters
+        ----------
+        q, dq, ddq : (n,) or (M, n) array_like
+            [rad], [rad/s], [rad/s^2]
+
+        Returns
+        -------
+        (n,) or (M, n) ndarray
+            [Nm]
+
+        Raises
+        ------
+        ValueError
+            If the shapes differ, or are not those of this arm.
+        """
+        motion = [np.asarray(values, dtype=float) for values in (q, dq, ddq)]
+        shape = motion[0].shape
+        n = self.robot.n
+        is_known = shape[-1:] == (n,) and len(shape) <= 2
+        if not is_known or any(values.shape != shape for values in motion):
+            shapes = ', '.join(str(values.shape) for values in motion)
+            raise ValueError(f'q, dq and ddq have the shapes {shapes}: give ({n},) or (M, {n})')
+        rows = [values.reshape(-1, n) for values in motion]
+        links = self._regressor.stack_rigid(*rows) @ self.estimate.inertial.ravel()
+        torque = self.estimate.model.torque(self.estimate.theta, links, rows[1], rows[2])
+        return torque.reshape(shape)
+
+
+def load_identified(folder: str | os.PathLike[str]) -> IdentifiedModel:
+    """Return the whole model that an identification has written into a folder.
+
+    Parameters
+    ----------
+    folder : path
+        With `estimate.yaml` and `identified.urdf`.
+
+    Raises
+    ------
+    ConfigError, DescriptionError, IdentificationError
+        If a file cannot be read, or is not what the identifier has written.
+    """
+    path = Path(folder) / 'estimate.yaml'
+    joints, gravity = estimated_arm(path)
+    urdf = Path(folder) / 'identified.urdf'
+    robot = load_robot(urdf, gravity_in_base=gravity, joint_names=joints)
+    return IdentifiedModel(robot, read_estimate(path, robot))
 
 
 class IdentifiedArm:
@@ -96,18 +170,7 @@ class IdentifiedArm:
         ValueError
             If the shapes differ, or are not those of this arm.
         """
-        motion = [np.asarray(values, dtype=float) for values in (q, dq, ddq)]
-        shape = motion[0].shape
-        n = self.result.robot.n
-        is_known = shape[-1:] == (n,) and len(shape) <= 2
-        if not is_known or any(values.shape != shape for values in motion):
-            shapes = ', '.join(str(values.shape) for values in motion)
-            raise ValueError(f'q, dq and ddq have the shapes {shapes}: give ({n},) or (M, {n})')
-        rows = [values.reshape(-1, n) for values in motion]
-        inertial = self.estimate.inertial.ravel()
-        links = Regressor(self.robot).stack_rigid(*rows) @ inertial
-        torque = self.estimate.model.torque(self.estimate.theta, links, rows[1], rows[2])
-        return torque.reshape(shape)
+        return IdentifiedModel(self.result.robot, self.estimate).torque(q, dq, ddq)
 
     @property
     def errors(self) -> list[BagAssessment]:
@@ -127,7 +190,7 @@ class IdentifiedArm:
 
     def as_dict(self) -> dict[str, object]:
         """Return the figures of `summary.json`."""
-        return summarise(self.result, self._seconds)
+        return summarise(self.result, self._seconds, exports=export_errors(self.result))
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write what the identifier writes: YAML, URDF, MJCF, SDF, summary.json and report.html.
@@ -143,7 +206,8 @@ class IdentifiedArm:
             If it can't be written, or holds something else.
         """
         with ResultDirectory(Path(folder), 'save(folder)', RESULT_FILES) as directory:
-            write_result(self.result, directory, ReportExtras())
+            extras = ReportExtras(exports=export_errors(self.result))
+            write_result(self.result, directory, extras)
             directory.write_json(MARKER, self.as_dict())
         return directory.target
 

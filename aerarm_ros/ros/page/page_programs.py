@@ -87,9 +87,15 @@ class ChildProgram:
             shutil.rmtree(self._logs, ignore_errors=True)
 
 
-CONTROLLERS = ('computed_torque', 'gravity_compensation', 'kinematic_control', 'impedance_control')
+CONTROLLERS = (
+    'computed_torque',
+    'gravity_compensation',
+    'kinematic_control',
+    'impedance_control',
+    'world_control',
+)
 RANDOM = 'random motion'
-_CARTESIAN = ('kinematic_control', 'impedance_control')
+_CARTESIAN = ('kinematic_control', 'impedance_control', 'world_control')
 _TOOL_SPEED = 0.8  # [m/s] at the whole speed limit
 # A name of a bag, and no way out of the folder.
 _NAME = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]{0,60}')

@@ -5,13 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from html import escape
 
 import viser
 from rclpy.node import Node
 
 from aerarm_ros.commissioning.commissioning import Prompt
+from aerarm_ros.pages.html_text import Html
 from aerarm_ros.ros.executors import this_domain
+from aerarm_ros.ros.page.view_diagnostics import elements
 from aerarm_ros.ros.page.view_panel import ViewPanel, indented
 from aerarm_ros.ros.requests.commissioning_client import CommissioningClient, EmulatedPerson
 
@@ -207,19 +208,17 @@ class ViewCommissioning:
             button.disabled = not is_asked or now - self._since < _READING
         self._words.content = indented(self._text(runs, prompt))
 
-    def _text(self, runs: bool, prompt: Prompt | None) -> str:
-        lines = [escape(line) for line in self._procedure.news[-_LINES:]]
+    def _text(self, runs: bool, prompt: Prompt | None) -> Html:
+        lines = list(self._procedure.news[-_LINES:])
         if runs:
             step = prompt.text if prompt is not None else 'The bridge measures...'
-            lines.append(f'<b>{escape(step)}</b>')
+            lines.append(elements().bold(step))
         passed, outcome = self._procedure.outcome
         if outcome:
-            color = '#2b8a3e' if passed else '#c92a2a'
-            lines.append(f'<b style="color:{color}">{escape(outcome)}</b>')
+            lines.append(elements().outcome(passed, outcome, ''))
         elif self._procedure.record:
-            lines.append(f'record: {escape(self._procedure.record)}')
-        # A path has no place to break at, and would widen the panel.
-        return f'<div style="overflow-wrap:anywhere">{"<br>".join(lines)}</div>'
+            lines.append(f'record: {self._procedure.record}')
+        return Html(elements().lines(lines))
 
     def _toggle(self) -> None:
         if self._procedure.runs:

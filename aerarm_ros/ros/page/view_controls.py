@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from html import escape
 
 import numpy as np
 import viser
@@ -88,12 +87,15 @@ class PageMotion:
         return True, f'on the way, {duration:.1f} s'
 
     def aim(self, place: Sequence[float]) -> tuple[bool, str]:
-        """Send the tool to a place (3,) [m] in the base; returns as `go`."""
+        """Send the tool to a place (3,) [m] in the base; returns as `go`.
+
+        Under world_control the tool is held where that place is in the world.
+        """
         if not self._is_heard(topics.TOOL_TRAJECTORY.name):
-            return False, 'no controller follows the tool: start kinematic_control'
+            return False, 'no controller follows the tool: start kinematic_control or world_control'
         message = PoseStamped()
         message.header.frame_id = self._base
-        message.pose.orientation.w = 1.0
+        message.pose.orientation.w = 0.0  # any orientation
         p = message.pose.position
         p.x, p.y, p.z = (float(x) for x in place)
         self._targets.publish(message)
@@ -286,7 +288,7 @@ class ViewControls:
         ):
             button.label = stop if program.runs else start
             button.disabled = program.is_ending
-            words.content = indented(escape(program.last_words()))
+            words.content = indented(program.last_words())
         if now - self._looked >= _LOOK_PERIOD:
             self._looked = now
             files = self._programs.trajectories()

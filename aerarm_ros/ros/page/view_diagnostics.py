@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
+from pathlib import Path
+from typing import Any
 
-LEVELS = ('OK', 'WARN', 'ERROR', 'STALE')
-_ERROR, _STALE = 2, 3
+from aerarm_ros.pages.html_text import Html, macros
+
+_ERROR, _STALE = 2, 3  # of the levels in view.html
 _WAY_OUT = 'way out'
-_COLORS = ('#2b8a3e', '#b06000', '#c92a2a', '#868e96')
 _STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
 _TIMING_KEY = re.compile(rf'(.+) ({"|".join(map(re.escape, _STATISTICS))}) \[us\]')
 # Column of the motors' table: what its keys on /diagnostics end with.
@@ -21,7 +22,11 @@ _MOTOR_COLUMNS = {
     'reduced in': 'time to reduction [s]',
     'power': 'power [W]',
 }
-_CELL = 'style="padding:1px 6px;text-align:right"'
+
+
+def elements() -> Any:
+    """Return the macros of `view.html`."""
+    return macros(Path(__file__).with_name('view.html'))
 
 
 @dataclass(frozen=True)
@@ -81,39 +86,37 @@ class ViewDiagnostics:
         ]
         return next(filter(None, texts), '')
 
-    def timing_html(self, now: float) -> str:
+    def timing_html(self, now: float) -> Html:
         """Return a table of the quantiles [us] in all statuses, '' if none has any."""
         tables = [
-            f'<b>{escape(name)}</b> {_badge(self._level(status, now))}{_timing_table(rows)}'
-            f'<div>{escape(_counts(status.values))}</div>'
+            (name, self._level(status, now), _cells(rows), _counts(status.values))
             for name, status in self._present(now)
             if (rows := timing_rows(status.values))
         ]
-        return ''.join(tables)
+        return Html(elements().tables(tables, 'us', _STATISTICS))
 
-    def motors_html(self, now: float) -> str:
+    def motors_html(self, now: float) -> Html:
         """Return a table of temperatures and torque limits, '' if no status has any."""
+        heads = [f'{name} {end[end.index("[") :]}' for name, end in _MOTOR_COLUMNS.items()]
         tables = [
-            f'<b>{escape(name)}</b> {_badge(self._level(status, now))}{_motor_table(rows)}'
+            (name, self._level(status, now), rows.items(), None)
             for name, status in self._present(now)
             if (rows := motor_rows(status.values))
         ]
-        return ''.join(tables)
+        return Html(elements().tables(tables, '', heads))
 
-    def status_html(self, now: float) -> str:
+    def status_html(self, now: float) -> Html:
         """Return one line for every status."""
         lines = [
-            f'<div>{_badge(self._level(status, now))} <b>{escape(name)}</b> '
-            f'{escape(status.message)}</div>'
-            for name, status in self._present(now)
+            (name, self._level(status, now), status.message) for name, status in self._present(now)
         ]
-        return ''.join(lines) or '<i>nothing on /diagnostics yet</i>'
+        return Html(elements().statuses(lines))
 
     def _level(self, status: ViewStatus, now: float) -> int:
         if now - status.received > self._stale_after:
             return _STALE
         # Anybody can publish there, and any byte.
-        return status.level if status.level < len(LEVELS) else _ERROR
+        return status.level if status.level <= _STALE else _ERROR
 
     def _present(self, now: float) -> list[tuple[str, ViewStatus]]:
         statuses = sorted(self._statuses.items())
@@ -137,33 +140,9 @@ def motor_rows(values: Mapping[str, str]) -> dict[str, list[str]]:
     return {joint: [values.get(f'{joint} {end}', '') for end in ends] for joint in joints}
 
 
-def _motor_table(rows: Mapping[str, Sequence[str]]) -> str:
-    heads = [f'{name} {end[end.index("[") :]}' for name, end in _MOTOR_COLUMNS.items()]
-    return _table(_row('th', '', heads) + ''.join(_row('td', *row) for row in rows.items()))
-
-
-def _timing_table(rows: Mapping[str, Mapping[str, str]]) -> str:
-    head = _row('th', 'us', _STATISTICS)
-    body = ''.join(
-        _row('td', name, [row.get(statistic, '') for statistic in _STATISTICS])
-        for name, row in rows.items()
-    )
-    return _table(head + body)
-
-
-def _table(rows: str) -> str:
-    table = f'<table style="border-collapse:collapse;font-size:0.85em">{rows}</table>'
-    return f'<div style="overflow-x:auto">{table}</div>'  # a panel may be narrow
-
-
-def _row(tag: str, name: str, cells: Sequence[str]) -> str:
-    numbers = ''.join(f'<{tag} {_CELL}>{escape(cell)}</{tag}>' for cell in cells)
-    return f'<tr><td>{escape(name)}</td>{numbers}</tr>'
+def _cells(rows: Mapping[str, Mapping[str, str]]) -> list[tuple[str, list[str]]]:
+    return [(name, [row.get(key, '') for key in _STATISTICS]) for name, row in rows.items()]
 
 
 def _counts(values: Mapping[str, str]) -> str:
     return ', '.join(f'{k}: {v}' for k, v in values.items() if not _TIMING_KEY.fullmatch(k))
-
-
-def _badge(level: int) -> str:
-    return f'<b style="color:{_COLORS[level]}">{LEVELS[level]}</b>'

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from html import escape
 
 import viser
+
+from aerarm_ros.pages.html_text import Html
+from aerarm_ros.ros.page.view_diagnostics import elements
 
 # Does what it is named; returns whether that succeeded, and what to tell. May block.
 Ask = Callable[[str], tuple[bool, str]]
@@ -108,11 +110,7 @@ class ViewPanel:
         shown = mode or 'waiting for a bridge'
         color = _MODE_COLORS.get(mode, '#495057')
         title = f'{shown} \N{MIDDLE DOT} {self._name}'
-        way = f'<br>To recover: {escape(way_out)}' if way_out else ''
-        self._mode.content = indented(
-            f'<div class="arm-mode" data-title="{escape(title)}" style="color:{color}">'
-            f'{escape(shown)}</div>{escape(states)}{way}'
-        )
+        self._mode.content = indented(elements().mode(shown, title, color, states, way_out))
         step = _STEP.search(way_out)
         self._step = step[1] if step else ''
         self._next.visible = bool(self._step)
@@ -121,24 +119,23 @@ class ViewPanel:
         for action, button in self._buttons.items():
             button.visible = mode in _BUTTONS[action][1] and (emulated or action != 'put_back')
 
-    def show_diagnostics(self, motors: str, timing: str, statuses: str) -> None:
-        """Show three pieces of HTML, already escaped."""
-        self._motors.content = indented(motors or '<i>no temperatures on /diagnostics yet</i>')
-        timing = timing or '<i>no timing statistics on /diagnostics yet</i>'
-        self._timing.content = indented(timing)
+    def show_diagnostics(self, motors: Html, timing: Html, statuses: Html) -> None:
+        """Show three pieces of HTML."""
+        missing = elements().missing
+        self._motors.content = indented(motors or missing('no temperatures'))
+        self._timing.content = indented(timing or missing('no timing statistics'))
         self._diagnostics.content = indented(statuses)
 
     def tell(self, done: bool, word: str, text: str) -> None:
         """Show what came of something, in colour."""
-        color = '#2b8a3e' if done else '#c92a2a'
-        self._answer.content = indented(f'<b style="color:{color}">{word}</b> {escape(text)}')
+        self._answer.content = indented(elements().outcome(done, word, text))
 
     def answer(self, action: str) -> None:
         """Do what a button says, and show what came of it."""
         if not action:
             return
         is_stop = action == 'e_stop'
-        self._answer.content = indented(f'<b>{"stopping" if is_stop else escape(action)}...</b>')
+        self._answer.content = indented(elements().bold(f'{"stopping" if is_stop else action}...'))
         done, text = self._ask(action)
         if is_stop:
             self.tell(done, 'STOPPED' if done else 'NOT STOPPED', text)
@@ -146,6 +143,6 @@ class ViewPanel:
             self.tell(done, action if done else f'{action} refused:', text)
 
 
-def indented(html: str) -> str:
-    """Return HTML with the margin that the page gives to everything else."""
-    return f'<div style="padding:0 0.8em 0.3em">{html}</div>'
+def indented(content: str) -> str:
+    """Return a text, or HTML, with the margin that the page gives to everything else."""
+    return str(elements().indented(content))

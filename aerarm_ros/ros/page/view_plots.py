@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from html import escape
 
 import numpy as np
 import viser
@@ -16,6 +15,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.page.view_diagnostics import elements
 from aerarm_ros.ros.states.state_stream import StateSampler
 
 
@@ -359,11 +359,7 @@ def _color(k: int) -> str:
 
 def _legend(names: Sequence[str]) -> str:
     """Return which colour is whose, once for all plots."""
-    colors = ''.join(
-        f'<b style="color:{_color(k)};margin-right:1em">{escape(name)}</b>'
-        for k, name in enumerate(names)
-    )
-    return f'<div style="padding:0 0.8em">{colors} dashed: reference</div>'
+    return str(elements().legend([(_color(k), name) for k, name in enumerate(names)]))
 
 
 def _line(label: str, stroke: str, dash: tuple[int, ...] = ()) -> viser.uplot.Series:

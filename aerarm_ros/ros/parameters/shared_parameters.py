@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,8 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.realtime.scheduling import (
     freeze_garbage_collector,
     keep_cpus_awake,
@@ -30,6 +33,27 @@ ARM_FILES = grouped(
     Parameter('tf_prefix', '', 'before the names of all links and joints on topics, as left_: for '
               'several arms in one tf tree. Files and parameters name them without it'),
 )  # fmt: skip
+
+
+SURROUNDINGS = (
+    Parameter('excitation_config', '', 'YAML file of surroundings and usable shares of the limits; '
+              'the packaged one if empty'),
+    Parameter('package_directories', [''], 'folders in which package:// meshes of the URDF are '
+              'looked for, besides those above it'),
+)  # fmt: skip
+
+
+def load_setup(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> ExcitationSetup:
+    """Return the checks of an arm's motions that the values of `SURROUNDINGS` describe.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read or used.
+    """
+    surroundings = load_excitation_config(values.excitation_config or None)
+    folders = [Path(folder) for folder in values.package_directories if folder]
+    return ExcitationSetup.of_arm(robot, config, surroundings, folders)
 
 
 def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:

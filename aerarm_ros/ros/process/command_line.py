@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import shutil
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -10,9 +11,13 @@ from inspect import cleandoc
 
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.ros_arguments import (
+    FILE,
+    PARAMETER,
+    REMAP,
     GivenParameter,
     RosArguments,
     UsageError,
+    complete,
 )
 
 _HELP = ('-h', '--help')
@@ -70,11 +75,14 @@ class CommandLine:
                     lines.append(_wrap(parameter.description, width, 6, 6))
         return '\n'.join(lines)
 
-    def completion(self) -> str:
-        """Return what makes a shell complete the parameters' names."""
-        from aerarm_ros.ros.process.completion import node_script
-
-        return node_script(self.name, list(self._parameters.values()))
+    def complete(self) -> None:
+        """Answer a shell that asks for completions: the options of ROS, parameters behind -p."""
+        parser = argparse.ArgumentParser(prog=self.name)
+        parser.add_argument('--ros-args', action='store_true')
+        rules = [f'{name}:=' for name in self._parameters]
+        for options, choices in ((PARAMETER, rules), (REMAP, None), ((FILE,), None)):
+            parser.add_argument(*options, action='append', choices=choices)
+        complete(parser)
 
     def check(self, arguments: RosArguments) -> list[str]:
         """Return warnings of what is probably a mistake.

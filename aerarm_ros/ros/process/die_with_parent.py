@@ -1,15 +1,8 @@
-"""Becomes another program that is ended as soon as its parent process is gone.
+"""The end of a process with the process that started it.
 
-Usage: python die_with_parent.py PARENT_PID PROGRAM [ARGUMENT...]
-
-A command of this package that ROS's launch has started does the same for itself: see
-`die_with_launch`.
-
-A parent that is killed (SIGKILL, out of memory) cannot stop its children. Linux can: the
-signal asked for here stays asked for when this program replaces itself by the other one. It
-is asked for after the fork, in a program of its own, because code run between fork and exec
-(`preexec_fn`) may hang where the parent has threads, and one with ROS has. Only the standard
-library is used, so that Python starts in 20 ms.
+A parent that is killed (SIGKILL, out of memory) cannot stop its children. Linux can. Each command
+of this package asks for that as the first thing it does, if its environment names the parent: code
+run between fork and exec (`preexec_fn`) may hang where a parent has threads, as one with ROS has.
 """
 
 import ctypes
@@ -18,7 +11,8 @@ import signal
 import sys
 
 _PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
-# Process id of the launch that starts a process; set by `aerarm_ros/launch_parts.py`.
+# Process id of the launch, or other process, that starts a process: set by
+# `aerarm_ros/launch_parts.py` and by `NodeProcess`.
 LAUNCH_PID = 'AERARM_ROS_LAUNCH_PID'
 
 
@@ -66,11 +60,3 @@ def die_with_launch() -> None:
             die_with_parent(int(launch))
         except ProcessLookupError:
             sys.exit(128 + signal.SIGTERM)
-
-
-if __name__ == '__main__':
-    try:
-        die_with_parent(int(sys.argv[1]))
-    except ProcessLookupError:
-        sys.exit(128 + signal.SIGTERM)
-    os.execv(sys.argv[2], sys.argv[2:])

@@ -27,7 +27,7 @@ from aerarm_ros.ros.process.process_end import (
     StopSignals,
     print_error,
 )
-from aerarm_ros.ros.process.ros_arguments import COMPLETION, RosArguments, UsageError
+from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
 
 # The first of these that is set tells ROS where, and without any it does not start.
 Result = TypeVar('Result')
@@ -167,13 +167,11 @@ def _run_node(
 def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) -> int | None:
     """Answer a command line that starts no node; return its exit status, None if one shall."""
     name = command_line.name
+    command_line.complete()
     try:
         arguments = RosArguments(sys.argv[1:] if args is None else args)
         if command_line.asks_help(arguments):
             _print_help(command_line.help())
-            return 0
-        if COMPLETION in arguments.plain:
-            print(command_line.completion())
             return 0
         for warning in command_line.check(arguments):
             print(f'{name}: warning: {warning}', file=sys.stderr, flush=True)

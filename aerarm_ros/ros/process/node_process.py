@@ -15,13 +15,13 @@ from types import TracebackType
 from typing import IO
 
 from aerarm_ros.description.resources import resource
+from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 
 # [s] Far longer than any node's own shut-down (a bag's last chunk, the boards' last frames), which
 # takes 0.3 s alone and more than 10 s beside 20 busy programs: what is killed must hang, for a
 # recorder that is killed loses the end of its bag.
 STOP_TIMEOUT = 60.0
 _TAIL = 65536  # [bytes] a page looks at it many times a second, and logs grow for days
-_LAUNCHER = Path(__file__).with_name('die_with_parent.py')
 
 
 _LOG_CHOICES = ('ROS_LOG_DIR', 'ROS_HOME', 'HOME')
@@ -84,15 +84,13 @@ class NodeProcess:
         log: Path | None = None,
     ) -> None:
         self.name = name
-        # The launcher alone needs no packages: -I -S.
-        command = [sys.executable, '-I', '-S', str(_LAUNCHER), str(os.getpid())]
-        command += [sys.executable, '-m', 'aerarm_ros.executables', name, *arguments]
+        command = [sys.executable, '-m', 'aerarm_ros.executables', name, *arguments]
         command += parameter_arguments(parameters or {})
         self.log = log
         self._stream: IO[bytes] | None = log.open('wb') if log else None
         self._process = subprocess.Popen(
             command,
-            env=ros_environment(environment),
+            env=ros_environment(environment) | {LAUNCH_PID: str(os.getpid())},
             stdin=subprocess.DEVNULL,
             stdout=self._stream,
             stderr=subprocess.STDOUT if self._stream else None,

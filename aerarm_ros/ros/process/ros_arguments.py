@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,48 +16,40 @@ import yaml
 from aerarm_ros.description.config_reader import LOADER, ConfigError, plain_data, read_plain
 from aerarm_ros.ros.process.process_end import USER_ERROR
 
-COMPLETION = '--completion'
-"""Option that prints what makes a shell complete a command line."""
+COMPLETING = '_ARGCOMPLETE'
+"""Variable by which a shell asks a program for completions, in place of running it."""
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answer a shell that asks for completions, and end the process; else do nothing."""
+    if COMPLETING in os.environ:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
 
 
 class OneLineParser(argparse.ArgumentParser):
     """Names a wrong argument and the way to the help, in place of the whole usage.
 
-    Asked for with `COMPLETION`, it prints what makes a shell complete all this.
+    Its words are completed where they are parsed.
     """
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self.add_argument(COMPLETION, action=_Completion, help=argparse.SUPPRESS)
+    def parse_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> argparse.Namespace:
+        """Parse arguments; see argparse."""
+        complete(self)
+        return super().parse_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
         """End the process."""
         self.exit(USER_ERROR, f'{self.prog}: {message}: see {self.prog} --help\n')
 
 
-class _Completion(argparse.Action):
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **{**kwargs, 'nargs': 0, 'default': argparse.SUPPRESS})
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        from aerarm_ros.ros.process.completion import parser_script
-
-        print(parser_script(parser))
-        parser.exit()
-
-
-_PARAMETER = ('-p', '--param')
-
-
-_REMAP = ('-r', '--remap')
-
-
-_FILE = '--params-file'
-
-
+PARAMETER = ('-p', '--param')
+REMAP = ('-r', '--remap')
+FILE = '--params-file'
 _SECTION = 'ros__parameters'
-
-
 ANY_NODE = '/**'
 
 
@@ -101,7 +94,7 @@ class GivenParameter:
     @property
     def is_for_any_node(self) -> bool:
         """Whether a file gives it to nodes whatever their name."""
-        return self.node.endswith('*') and self.source not in _PARAMETER
+        return self.node.endswith('*') and self.source not in PARAMETER
 
     def is_for(self, node: str) -> bool:
         """Tell whether the node with this full name takes it."""
@@ -137,11 +130,11 @@ class RosArguments:
         self._remaps: list[str] = []
         self.parameters: list[GivenParameter] = []
         for option, value in groups:
-            if option in _REMAP:
+            if option in REMAP:
                 self._remaps.append(value)
-            elif option in _PARAMETER:
+            elif option in PARAMETER:
                 self.parameters.append(_parameter_of_rule(value))
-            elif option == _FILE:
+            elif option == FILE:
                 self.parameters += _parameters_of_file(value)
 
     def full_name(self, name: str) -> str:

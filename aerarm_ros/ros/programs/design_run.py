@@ -103,7 +103,7 @@ def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
         robot = load_robot(
             options.urdf, gravity_in_base=arm.gravity_in_base, joint_names=arm.joint_names
         )
-        return ExcitationSetup.of_arm(robot, arm, config)
+        return ExcitationSetup.of_arm(robot, arm, config, options.package_directory)
     robot = load_robot(options.urdf, locked=options.locked)
     return ExcitationSetup.of_robot(robot, config, options.package_directory, **given)
 
@@ -179,7 +179,7 @@ class DesignRun:
             if isinstance(outcome, InfeasibleError):
                 self._print(f'{NAME}: a start was given up: {outcome}')
                 continue
-            if outcome.quality.objective < best.quality.objective:
+            if self._specification.betters(outcome.quality, best.quality):
                 best = outcome
                 self._save(best, options.out, self._specification)
             self._report(outcome, best, random)

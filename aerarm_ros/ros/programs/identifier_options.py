@@ -38,6 +38,27 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         'estimate.yaml of the arm: only what --payload shows is identified, without --bag',
     ),
     (
+        '--each',
+        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'BAG'},
+        'identify each bag by itself, into one table: bags, folders of them, a pattern in quotes, '
+        'a .txt file with one path a line; the same --out goes on where it was ended',
+    ),
+    (
+        '--workers',
+        {'type': int, 'default': 0, 'metavar': 'N'},
+        'processes for --each (default: one for each CPU)',
+    ),
+    (
+        '--worker-memory',
+        {'type': float, 'default': 4.0, 'metavar': 'GIB'},
+        'memory of each process for --each; 0 for no limit (default: %(default)g)',
+    ),
+    (
+        '--ray',
+        {'default': '', 'metavar': 'ADDRESS'},
+        "run --each on the Ray cluster of this address; 'local' starts one on this computer",
+    ),
+    (
         '--holdout',
         {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
         'validate on this last share of each --bag',
@@ -182,14 +203,14 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         {
             'nargs': '+',
             'choices': (
-                *('cad', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', 'sdp'),
-                'output_error',
+                *('cad', 'cad_friction', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic'),
+                *('sdp', 'output_error'),
             ),
             'default': [],
             'metavar': 'NAME',
         },
-        'besides cad, ols and sdp: wls (default), huber, entropic, output_error, slsqp, annealing '
-        '(the last two take seconds)',
+        'besides cad, cad_friction, ols and sdp: wls (default), huber, entropic, output_error, '
+        'slsqp, annealing (the last two take seconds)',
     ),
 )
 

@@ -24,7 +24,9 @@ from aerarm_ros.identification.files.estimate_file import (
     read_estimate,
     read_gravity,
 )
+from aerarm_ros.identification.files.export_errors import ExportError, export_errors
 from aerarm_ros.identification.files.identified_robot import (
+    LoadFriction,
     equivalent_friction,
     identified_mjcf,
     identified_sdf,
@@ -78,7 +80,8 @@ def write_result(
     directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
     load = estimate.joint_values(TermKind.LOAD.value)
     beside = equivalent_friction(estimate, result.identification, beside_load=True)
-    urdf = identified_urdf(result.robot, estimate.inertial, *beside, load)
+    friction = (viscous, coulomb, LoadFriction(load, *beside))
+    urdf = identified_urdf(result.robot, estimate.inertial, *friction)
     told = (*urdf.warnings, *unwritten(estimate))
     result.warnings.extend(text for text in told if text not in result.warnings)
     directory.write('identified.urdf', urdf.text)
@@ -92,7 +95,24 @@ def write_result(
     return told
 
 
+_NAME_WIDTH = 13
 _ROLES = ('identification', 'validation')
+
+
+def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) -> str:
+    """Return the torque error of each written file, the worst of the judged (last) bags."""
+    lines = [f'Torque error of the written files [%], filtered, on {_names(judged)}']
+    width = max((len(error.file) for error in exports), default=0)
+    for error in exports:
+        worst = max(error.filtered[-len(judged) :])
+        lines.append(f'{error.file.ljust(width)}  {worst:6.2f}  {error.contents}')
+    return '\n'.join(lines)
+
+
+def _names(judged: Sequence[Recording]) -> str:
+    if len(judged) == 1:
+        return judged[0].name
+    return f'the worst of {len(judged)} bags'
 
 
 def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) -> str:
@@ -109,14 +129,14 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
     width = max(22, *(len(text) for heading in bags for text in heading)) + 2
     lines = ['Torque error [%], filtered / only the measured one filtered (raw)']
     for row in zip(*bags, strict=True):
-        lines.append(' ' * 10 + ''.join(text.rjust(width) for text in row))
+        lines.append(' ' * _NAME_WIDTH + ''.join(text.rjust(width) for text in row))
     for name, solution in result.solutions.items():
         cells = [
             f'{bag.filtered:.2f} / {bag.filtered_measured:.2f} ({bag.raw:.2f})'.rjust(width)
             for bag in (*solution.identification, *solution.validation)
         ]
         consistent = '' if solution.estimate.physically_consistent else '  not a physical arm'
-        lines.append(name.ljust(10) + ''.join(cells) + consistent)
+        lines.append(name.ljust(_NAME_WIDTH) + ''.join(cells) + consistent)
     if result.gravity is not None and result.gravity.tilt > 0.0:
         degrees = math.degrees(result.gravity.tilt)
         lines.append(f'gravity: {degrees:.2f} degrees off the stated direction, taken as found')
@@ -259,6 +279,7 @@ class IdentifierRun:
         self._arm = RecordedArm(options, paths)
         self._limits = read_limits(options.verify) if options.verify else {}
         self._verdict: Verdict | None = None
+        self._exports: Sequence[ExportError] = ()
 
     @property
     def passed(self) -> bool:
@@ -278,15 +299,37 @@ class IdentifierRun:
         with ResultDirectory(options.out or default, files=RESULT_FILES) as directory:
             identification, validation = self._read()
             result = self._identify(identification, validation)
+            tell(result.warnings)
             payload = self._payload(result)
             self._write(result, payload, directory)
         tell_replaced(directory)
         lines = [terminal_table(result, self._arm.facts())]
+        lines.append(exports_text(self._exports, validation or identification))
         if payload is not None:
             lines.append(f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg')
         if self._verdict is not None:
             lines.append(self._verdict.text)
         return '\n'.join(lines) + f'\nReport: {directory.target / "report.html"}'
+
+    def identified(self) -> tuple[IdentificationResult, float, float]:
+        """Identify without writing anything.
+
+        Returns
+        -------
+        result : IdentificationResult
+        start : float
+            When the first bag began [s since 1970].
+        seconds : float
+            Time that reading and identification took.
+
+        Raises
+        ------
+        IdentificationError, BagError
+            If a bag can't be identified from.
+        """
+        identification, validation = self._read()
+        result = self._identify(identification, validation)
+        return result, identification[0].start, sum(self._stopwatch.seconds.values())
 
     def _read(self) -> tuple[list[Recording], list[Recording]]:
         with self._stopwatch.stage('reading'):
@@ -332,7 +375,6 @@ class IdentifierRun:
             self._arm.robot, self._arm.config, identification, validation, chosen, self._stopwatch
         )
         result.warnings[:0] = self._arm.messages
-        tell(result.warnings)
         return result
 
     def _payload(self, result: IdentificationResult) -> Payload | None:
@@ -354,8 +396,10 @@ class IdentifierRun:
         with self._stopwatch.stage('writing'):
             extras = replace(self._extras(result), payload=payload)
             tell(write_result(result, directory, extras))
+        self._exports = extras.exports
+        seconds = self._stopwatch.seconds
         summary = summarise(
-            result, self._stopwatch.seconds, extras.truth_errors, payload, extras.facts
+            result, seconds, extras.truth_errors, payload, extras.facts, extras.exports
         )
         if self._limits:
             self._verdict = judge(result, self._limits)
@@ -370,7 +414,13 @@ class IdentifierRun:
         energy = bag_energies(config, result) if config else {}
         joints = config.joints if config else ()
         used = {joint.name: joint.motor.resistance_text for joint in joints}
-        extras = ReportExtras(desired, facts=self._arm.facts(), energy=energy, resistances=used)
+        extras = ReportExtras(
+            desired,
+            facts=self._arm.facts(),
+            energy=energy,
+            resistances=used,
+            exports=export_errors(result),
+        )
         if self._options.truth is None:
             return extras
         truth = load_truth(self._options.truth, result.fit.model)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.draft.arm_draft import ArmDraft
+from aerarm_ros.draft.arm_draft import ArmDraft, IdentifiedDrives
 from aerarm_ros.draft.draft_text import MARK, arm_text, excitation_text
 from aerarm_ros.excitation.design_file import write_design
 from aerarm_ros.excitation.settings import load_excitation_config
@@ -19,7 +19,8 @@ class InitRun:
     Parameters
     ----------
     options : argparse.Namespace
-        `urdf`, `name`, `out`, `locked`, `gravity`, `package_directory` and `overwrite`.
+        `urdf`, `name`, `out`, `locked`, `gravity`, `package_directory`, `estimate` and
+        `overwrite`.
 
     Raises
     ------
@@ -30,7 +31,12 @@ class InitRun:
     def __init__(self, options: argparse.Namespace) -> None:
         self._urdf: Path = options.urdf
         robot = load_robot(options.urdf, gravity_in_base=options.gravity, locked=options.locked)
-        self._draft = ArmDraft(robot, options.name, options.package_directory)
+        identified = None
+        if options.estimate is not None:
+            identified = IdentifiedDrives.read(options.estimate, robot.joint_names)
+        self._is_guessed = identified is None
+        self._folders: list[Path] = options.package_directory
+        self._draft = ArmDraft(robot, options.name, self._folders, identified)
         self._mass = float(robot.inertial_parameters[:, 0].sum())
         name = self._draft.config.name
         self._arm_file = options.out / f'{name}.yaml'
@@ -55,20 +61,31 @@ class InitRun:
         print(f'{self._urdf}: {len(joints)} joints, {self._mass:.2f} kg move: {", ".join(joints)}')
         print(
             f'{self._arm_file}: {len(draft.config.boards)} boards; {text.count(MARK)} values that '
-            'no URDF says are marked as guesses, with how to find each'
+            f'no URDF{"" if self._is_guessed else " and no estimate"} says are marked as guesses, '
+            'with how to find each'
         )
         print(f'{self._excitation_file}: where an excitation may go')
         if draft.problem:
             config = draft.excitation
-            print(
-                f'arm init: warning: {draft.problem}. Written were self_clearance '
-                f'{config.self_clearance:g}, ground_clearance {config.ground_clearance:g} and '
-                f'ground_height {"null" if config.ground_height is None else config.ground_height}'
+            written = (
+                f'self_clearance {config.self_clearance:g}, ground_clearance '
+                f'{config.ground_clearance:g} and ground_height '
+                f'{"null" if config.ground_height is None else config.ground_height}'
             )
+            if not config.check_clearance:
+                written = 'check_clearance: false, so motions are NOT checked for collisions'
+            print(f'arm init: warning: {draft.problem}. Written were {written}')
         print(f"""On emulated boards it runs now, each line in a terminal of its own:
   fake_hardware --ros-args {self._parameters()}
   arm home --wait-before unhomed --wait ready
-  excitation --ros-args {self._parameters()} -p excitation_config:={self._excitation_file}""")
+  excitation --ros-args {self._parameters()} -p excitation_config:={self._excitation_file}\
+{self._package_parameter()}""")
 
     def _parameters(self) -> str:
         return f'-p config:={self._arm_file} -p urdf:={self._urdf}'
+
+    def _package_parameter(self) -> str:
+        if not self._folders:
+            return ''
+        folders = ', '.join(f'"{folder.resolve()}"' for folder in self._folders)
+        return f" -p 'package_directories:=[{folders}]'"

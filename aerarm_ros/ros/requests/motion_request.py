@@ -184,6 +184,10 @@ class SetPointRequest:
         self._mode = message.data
 
 
+BASE, WORLD = 'base', 'world'
+_BASE_LINK = 'base_link'
+
+
 class ToolRequest:
     """Publishes a tool target, and listens to where the tool goes.
 
@@ -212,19 +216,22 @@ class ToolRequest:
         tolerance: float,
         timeout: float,
         on_wait: Callable[[str], None] = lambda _: None,
+        frame: str = BASE,
     ) -> None:
         """Send the tool to a place and wait until it is there.
 
         Parameters
         ----------
         place
-            (3,) [m] in the arm's base.
+            (3,) [m] in the frame.
         tolerance
             How near it must come [m].
         timeout
             Longest time for a controller to be found, and again for the way [s].
         on_wait
             Told what is waited for.
+        frame
+            BASE, the arm's base, or WORLD, the frame of the drone's odometry.
 
         Raises
         ------
@@ -234,11 +241,15 @@ class ToolRequest:
         """
         self._find(timeout, on_wait)
         assert self._pose is not None
+        self._require_frame(frame, self._pose.header.frame_id)
         self._rejections.begin(timeout)
         message = PoseStamped(header=self._pose.header)
         p = message.pose.position
         p.x, p.y, p.z = (float(x) for x in place)
-        message.pose.orientation.w = 1.0
+        if frame == BASE:  # in the world, zeros leave the orientation to the arm
+            message.pose.orientation.w = 1.0
+        else:
+            message.pose.orientation.w = 0.0
         self._publisher.publish(message)
 
         def distance() -> float:
@@ -258,6 +269,18 @@ class ToolRequest:
                 f'{self._mode}'
             )
 
+    def _require_frame(self, wanted: str, given: str) -> None:
+        if wanted == WORLD and given.endswith(_BASE_LINK):
+            raise ArmClientError(
+                f'the controller that runs moves the tool in {given}: start world_control, or '
+                'leave out --frame world'
+            )
+        if wanted == BASE and not given.endswith(_BASE_LINK):
+            raise ArmClientError(
+                f'the controller that runs holds the tool in {given}: give the place there, with '
+                '--frame world'
+            )
+
     def _find(self, timeout: float, on_wait: Callable[[str], None]) -> None:
         """Wait until a controller tells where the tool is, and takes a target."""
 
@@ -265,7 +288,7 @@ class ToolRequest:
             told = self._pose is not None and bool(self._mode)
             return told and self._publisher.get_subscription_count() > 0
 
-        what = f'kinematic_control or impedance_control in {this_domain()}'
+        what = f'kinematic_control, impedance_control or world_control in {this_domain()}'
         if not spin_until(self._node, is_there, min(timeout, 1.0)):
             on_wait(what)
             if not spin_until(self._node, is_there, timeout):

@@ -19,7 +19,7 @@ from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_state import OdometrySample
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.states.answers import Answers
-from aerarm_ros.ros.states.state_stream import to_imu_sample
+from aerarm_ros.ros.states.state_stream import decoded_odometry, to_imu_sample
 
 
 class RotorCommands:
@@ -135,15 +135,6 @@ class FlightStream:
     def destroy(self) -> None:
         """Destroy the subscriptions."""
         self._reader.destroy()
-
-
-def decoded_odometry(payload: bytes, reject: Callable[[str], None]) -> Odometry | None:
-    """Return the odometry of a serialized message, None if it is none, which is reported."""
-    try:
-        return deserialize_message(payload, Odometry)
-    except RuntimeError as error:  # RMWError: no message at all
-        reject(f'odometry: {error}')
-        return None
 
 
 def checked_odometry(

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
@@ -161,6 +162,8 @@ class StateStream:
         oldest first, and each IMU sample with the first state that came after it.
     imu
         Whether IMU samples are wanted. They end a wait, and must be taken then.
+    odometry
+        Whether the odometry is wanted, likewise.
     answered
         Whether each state wants an answer, see `Answers`.
     """
@@ -173,6 +176,7 @@ class StateStream:
         rotors: Sequence[str] = (),
         depth: int = 1,
         imu: bool = True,
+        odometry: bool = False,
         answered: bool = True,
     ) -> None:
         self.answers = Answers(needed=answered)
@@ -185,6 +189,8 @@ class StateStream:
         if self._gives_all:
             given = [topic.queued(depth) for topic in given]
         self._imu_place = 1 if imu else None
+        self._odometry_place = len(given) if odometry else None
+        given += [topics.ODOMETRY] if odometry else []
         self._rotors_place = len(given)
         self._reader = RawReader(node, *given, *([topics.ROTOR_COMMAND] if rotors else []))
         self._early: deque[RawMessage] = deque(maxlen=depth)
@@ -268,6 +274,13 @@ class StateStream:
                 samples.append((sample, self._received_ns - info['received_timestamp']))
         return samples
 
+    def odometry(self) -> Odometry | None:
+        """Return the newest odometry that waits, None if there is none."""
+        if self._odometry_place is None:
+            return None
+        raw = self._reader.take_newest(self._odometry_place)
+        return None if raw is None else decoded_odometry(raw[0], self._reject)
+
     def rotor_command(self) -> RotorThrusts | None:
         """Return the newest command of the rotors, None if none waits."""
         if self._rotors is None:
@@ -304,6 +317,15 @@ class StateStream:
                 'tf_prefix'
             )
             return None
+
+
+def decoded_odometry(payload: bytes, reject: Callable[[str], None]) -> Odometry | None:
+    """Return the odometry of a serialized message, None if it is none, which is reported."""
+    try:
+        return deserialize_message(payload, Odometry)
+    except RuntimeError as error:  # RMWError: no message at all
+        reject(f'odometry: {error}')
+        return None
 
 
 def to_imu_sample(message: Imu) -> ImuSample:

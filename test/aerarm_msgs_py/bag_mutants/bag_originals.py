@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from mcap.writer import CompressionType
 from mcap.writer import Writer as PackageWriter
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
@@ -83,6 +84,7 @@ def originals(folder: Path) -> list[OriginalBag]:
     ):
         files = _rosbags(folder / name.replace(' ', '_'), 200, storage, mode)
         made.append(OriginalBag(name, files, False))
+    made.append(OriginalBag('ROS 1', _ros1(folder / 'ros1.bag', 200), False))
     return made
 
 
@@ -136,3 +138,17 @@ def _rosbags(folder: Path, count: int, storage: StoragePlugin, mode: Compression
         for message in messages(count):
             writer.write(channels[message.topic], message.log_time, message.payload)
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def _ros1(path: Path, count: int) -> Files:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    writer = Ros1Writer(path)
+    writer.chunk_threshold = 10_000
+    writer.set_compression(Ros1Writer.CompressionFormat.BZ2)
+    with writer:
+        noetic = get_typestore(Stores.ROS1_NOETIC)
+        channels = [writer.add_connection(t.name, t.type, typestore=noetic) for t in TOPICS]
+        for message in messages(count):
+            payload = store.cdr_to_ros1(message.payload, JOINT_STATE)
+            writer.write(channels[message.topic], message.log_time, payload)
+    return {path.name: path.read_bytes()}

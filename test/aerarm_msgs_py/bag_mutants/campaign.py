@@ -68,12 +68,12 @@ def run(count: int, seed: int, first: int, folder: Path) -> dict[str, object]:
 
 
 def _written(folder: Path, files: dict[str, bytes]) -> Path:
-    """Write a bag's files into an empty folder, and return it."""
+    """Write a bag's files into an empty folder, and return it, or the one file of ROS 1."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     for name, content in files.items():
         (folder / name).write_bytes(content)
-    return folder
+    return next(folder.glob('*.bag'), folder)
 
 
 def main() -> int:

@@ -100,9 +100,11 @@ def _run(
     before = resource.getrusage(resource.RUSAGE_SELF)
     outcome = _outcome(path, original, checked, forged, finished)
     after = resource.getrusage(resource.RUSAGE_SELF)
+    reader = resource.getrusage(resource.RUSAGE_CHILDREN)  # of files that rosbags reads
     time = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    time += reader.ru_utime + reader.ru_stime
     grown = (after.ru_maxrss - before.ru_maxrss) / 1024
-    result = TrialResult(outcome, time, after.ru_maxrss / 1024, grown)
+    result = TrialResult(outcome, time, (after.ru_maxrss + reader.ru_maxrss) / 1024, grown)
     os.write(out, json.dumps(asdict(result)).encode())
     os._exit(0)
 

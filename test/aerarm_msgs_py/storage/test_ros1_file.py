@@ -1,8 +1,6 @@
 """Bags of ROS 1, written by another program, sound and damaged."""
 
 import bz2
-import contextlib
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -70,30 +68,26 @@ def test_fields_may_be_empty(tmp_path: Path) -> None:
     np.testing.assert_array_equal(series.effort, numbers()[:, 2])
 
 
-@pytest.mark.parametrize('compression', FORMATS)
-def test_a_bag_without_its_end_is_read_up_to_there(tmp_path: Path, compression: str) -> None:
-    bag = write(tmp_path / 'a.bag', compression)
+def test_a_bag_without_its_end_must_be_indexed_first(tmp_path: Path) -> None:
+    bag = write(tmp_path / 'a.bag')
     data = bag.read_bytes()
     bag.write_bytes(data[: len(data) // 2])
-    with pytest.warns(BagWarning, match='ends within a record'):
-        contents = read_contents(bag, '/joint_states')
-    series = contents.joint_states['/joint_states']
-    assert contents.damaged
-    assert contents.expected is None
-    assert 0.3 * COUNT < len(series) < 0.6 * COUNT
-    np.testing.assert_array_equal(series.position, numbers()[: len(series), 0])
+    with pytest.raises(BagError, match='cannot be read: Bag index looks damaged.*rosbag reindex'):
+        read_joint_states(bag)
 
 
-def test_damage_costs_its_chunk(tmp_path: Path) -> None:
+def test_damage_costs_what_lies_behind_it(tmp_path: Path) -> None:
     bag = write(tmp_path / 'a.bag', 'bz2')
     data = bytearray(bag.read_bytes())
     second = data.index(b'BZh9', data.index(b'BZh9') + 4)
     data[second + 200] ^= 0xFF
     bag.write_bytes(data)
-    with pytest.warns(BagWarning, match='damaged chunk') as told:
+    with pytest.warns(BagWarning, match=r'is damaged .*: only its first \d+ messages are') as told:
         contents = read_contents(bag, '/joint_states')
     assert any('messages of /joint_states are missing' in str(w.message) for w in told)
-    assert 0.8 * COUNT < len(contents.joint_states['/joint_states']) < COUNT
+    series = contents.joint_states['/joint_states']
+    assert 0 < len(series) < COUNT
+    np.testing.assert_array_equal(series.position, numbers()[: len(series), 0])
 
 
 def test_it_says_what_it_is_not(tmp_path: Path) -> None:
@@ -104,31 +98,15 @@ def test_it_says_what_it_is_not(tmp_path: Path) -> None:
         read_joint_states(write(tmp_path / 'c.bag'), '/imu')
 
 
-def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
+def test_a_bomb_ends_in_one_error(tmp_path: Path) -> None:
     """Four hundred megabytes of nothing in a few hundred bytes."""
-    size = 400_000_000
-    compressor = bz2.BZ2Compressor()
-    packed = b''.join(compressor.compress(bytes(10**6)) for _ in range(5)) + compressor.flush()
-    bag = tmp_path / 'a.bag'
-    write(bag)
-    with bag.open('ab') as stream:
-        fields = (b'op=\x05', b'compression=bz2', b'size=' + size.to_bytes(4, 'little'))
-        header = b''.join(len(x).to_bytes(4, 'little') + x for x in fields)
-        for part in (header, packed):
-            stream.write(len(part).to_bytes(4, 'little') + part)
-    with pytest.warns(BagWarning, match='claims to hold 400000000 bytes'):
-        assert len(read_joint_states(bag)) == COUNT
-
-
-def test_any_change_of_a_byte_is_survived(tmp_path: Path) -> None:
-    bag = write(tmp_path / 'a.bag')
-    sound = bag.read_bytes()[: 4200 + 20_000]
-    random = np.random.default_rng(0)
-    for _ in range(100):
-        data = bytearray(sound)
-        place = int(random.integers(13, len(data)))
-        data[place] = int(random.integers(256))
-        bag.write_bytes(data)
-        with warnings.catch_warnings(), contextlib.suppress(BagError):
-            warnings.simplefilter('ignore', BagWarning)
-            assert len(read_joint_states(bag)) <= COUNT
+    bag = write(tmp_path / 'a.bag', 'bz2')
+    data = bag.read_bytes()
+    first = data.index(b'BZh9')
+    bomb = bz2.compress(bytes(400_000_000))
+    second = data.index(b'BZh9', first + 4)
+    assert len(bomb) < second - first
+    # Its length stays: what follows the stream's end is ignored.
+    bag.write_bytes(data[:first] + bomb + data[first + len(bomb) :])
+    with pytest.raises(BagError, match='takes more memory to read than a file of its size may'):
+        read_joint_states(bag)

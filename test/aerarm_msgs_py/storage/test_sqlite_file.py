@@ -76,22 +76,37 @@ def test_only_tables_are_read(database: Path, table: str) -> None:
         connection.execute('DROP TABLE messages')
         connection.execute(table)
     connection.close()
-    with pytest.raises(BagError, match='has no table messages: is it a bag'):
+    with pytest.raises(BagError, match='missing tables'):
         read_joint_states(database)
 
 
-@pytest.mark.parametrize('table', ['messages', 'topics'])
-def test_tables_that_compute_are_refused(database: Path, table: str) -> None:
+@pytest.mark.parametrize('computed', ['data AS (zeroblob(60000000))', 'data AS (zeroblob(9000))'])
+def test_tables_that_compute_end_in_one_error(database: Path, computed: str) -> None:
     """Of a few bytes a row they make as many as they like."""
     with sqlite3.connect(database) as connection:
-        connection.execute(f'DROP TABLE {table}')
+        connection.execute('DROP TABLE messages')
         connection.execute(
-            f'CREATE TABLE {table} (id INTEGER PRIMARY KEY, topic_id, timestamp, type, name AS '
-            '(hex(zeroblob(30000000))), data AS (zeroblob(60000000)))'
+            f'CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, timestamp, {computed})'
         )
-        connection.execute(f'INSERT INTO {table} (type) VALUES (1)')
+        connection.execute(
+            'INSERT INTO messages (topic_id, timestamp) WITH RECURSIVE r(k) AS '
+            '(SELECT 1 UNION ALL SELECT k + 1 FROM r LIMIT 100000) SELECT 1, k FROM r'
+        )
     connection.close()
-    with pytest.raises(BagError, match=f'computes columns of its table {table}, no bag does'):
+    with pytest.raises(BagError, match='more (memory|time) to read than|more than 100 times its'):
+        read_joint_states(database)
+
+
+def test_names_that_compute_end_in_one_error(database: Path) -> None:
+    with sqlite3.connect(database) as connection:
+        connection.execute('DROP TABLE topics')
+        connection.execute(
+            'CREATE TABLE topics (id INTEGER PRIMARY KEY, type, serialization_format, '
+            'offered_qos_profiles, type_description_hash, name AS (hex(zeroblob(30000000))))'
+        )
+        connection.execute('INSERT INTO topics (type) VALUES (1)')
+    connection.close()
+    with pytest.raises(BagError, match='cannot be read|more memory to read than'):
         read_joint_states(database)
 
 
@@ -116,12 +131,9 @@ def test_values_of_other_kinds_are_left_out_and_said(database: Path) -> None:
         assert len(read_joint_states(database)) == 497
 
 
-def test_a_damaged_page_costs_what_lies_behind_it(database: Path, recording) -> None:
+def test_a_damaged_page_ends_in_one_error(database: Path) -> None:
     content = bytearray(database.read_bytes())
     content[len(content) // 2 : len(content) // 2 + 4096] = bytes(4096)
     database.write_bytes(content)
-    with pytest.warns(BagWarning, match=r'is damaged .*only its first \d+ messages are read'):
-        found = read_joint_states(database)
-    assert 0 < len(found) < 500
-    expected = recording.numbers(500)[: len(found), 0]
-    np.testing.assert_array_equal(found.position, expected)
+    with pytest.raises(BagError, match='malformed; copy it again, or repair it'):
+        read_joint_states(database)

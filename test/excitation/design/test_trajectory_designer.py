@@ -169,3 +169,40 @@ def test_infeasible_limits_name_the_one_that_binds(setup: ExcitationSetup) -> No
 def test_wrong_specifications_are_refused(setup: ExcitationSetup, change: dict) -> None:
     with pytest.raises(ExcitationError):
         DesignSpecification(setup, **change)
+
+
+def test_what_is_gained_in_one_must_not_cost_the_other(
+    designer: TrajectoryDesigner, designed: DesignResult
+) -> None:
+    """The objective alone would take a lower condition number for larger deviations."""
+    specification, start = designer.specification, Quality(1.0, 50.0, 20.0, -1.0)
+    assert specification.betters(Quality(0.5, 30.0, 10.0, -1.1), start)
+    assert specification.betters(Quality(0.5, 30.0, 10.0, -1.0), start)
+    assert not specification.betters(Quality(0.5, 30.0, 10.0, -0.9), start)
+    assert not specification.betters(Quality(0.5, 51.0, 10.0, -1.6), start)
+    assert not specification.betters(start, start)
+    # Below its limit the condition number is free.
+    limit = specification.condition_limit
+    low = Quality(1.0, 0.8 * limit, 10.0, -1.0)
+    assert specification.betters(Quality(0.9, 0.9 * limit, 10.0, -1.1), low)
+    scaled = replace(specification, objective=SCALED)
+    assert scaled.betters(Quality(0.5, 51.0, 10.0, -0.9), start)
+    assert specification.betters(designed.quality, designer.initial(0).quality)
+
+
+def test_an_optimum_that_no_amplitude_repairs_still_helps(
+    designer: TrajectoryDesigner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its bias is outside of the limits, so that smaller amplitudes about it do not help."""
+    start = designer.initial(0)
+    begin = designer._basis.coefficients(start.trajectory)
+    optimum = begin.copy()
+    optimum[1:] *= 1.2
+    optimum[0, 1] += 10.0
+    monkeypatch.setattr(designer, '_optimise', lambda *_: optimum)
+    tried = []
+    check = designer._check
+    monkeypatch.setattr(designer, '_check', lambda t: tried.append(t) or check(t))
+    assert designer.design(0).report.feasible
+    nearest = min(np.abs(designer._basis.coefficients(t) - begin).max() for t in tried)
+    assert nearest == pytest.approx(4.0)

@@ -62,13 +62,13 @@ def test_bounds_that_hold_an_estimate(result: IdentificationResult) -> None:
 
 
 def test_a_joint_that_only_validation_fails_to_predict(result: IdentificationResult) -> None:
-    solution, bags = result.recommended, result.identification
+    solution = result.recommended
     joints = result.robot.joint_names
-    assert joint_warnings(solution, bags, joints) == []
+    assert joint_warnings(solution, joints) == []
     poor = [replace(b, per_joint_filtered=np.array([1, 2, 35, 4])) for b in solution.validation]
-    (text,) = joint_warnings(replace(solution, validation=poor), bags, joints)
+    (text,) = joint_warnings(replace(solution, validation=poor), joints)
     assert 'not predicted in validation (joint3 35 % of it)' in text
-    assert joint_warnings(replace(solution, validation=[]), bags, joints) == []
+    assert joint_warnings(replace(solution, validation=[]), joints) == []
 
 
 def test_friction_that_takes_all_of_the_load(result: IdentificationResult) -> None:

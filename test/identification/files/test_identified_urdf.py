@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.files.identified_robot import identified_urdf
+from aerarm_ros.identification.files.identified_robot import LoadFriction, identified_urdf
 from aerarm_ros.model.inertia import (
     from_pseudo_inertia,
     is_physically_consistent,
@@ -52,13 +52,18 @@ def test_round_trip(name: str, example_urdf: Callable[[str], Path]) -> None:
     inertial = heavier(robot)
     fv, fs = np.linspace(0.1, 0.2, robot.n), np.linspace(0.3, 0.4, robot.n)
     load = np.linspace(0.0, 0.05, robot.n)
-    written = identified_urdf(robot, inertial, fv, fs, load)
+    beside = LoadFriction(load, 0.5 * fv, 0.5 * fs)
+    written = identified_urdf(robot, inertial, fv, fs, beside)
     assert not written.warnings
     again = load_robot(written.text, locked=locked)
     assert np.array_equal(again.load_friction, load)
+    loaded = load > 0.0
+    assert np.array_equal(again.viscous, np.where(loaded, 0.5 * fv, fv))
+    assert np.array_equal(again.coulomb, np.where(loaded, 0.5 * fs, fs))
     # Another identification that found none.
     none = identified_urdf(again, inertial, fv, fs)
-    assert not load_robot(none.text, locked=locked).load_friction.any()
+    again = load_robot(none.text, locked=locked)
+    assert not again.load_friction.any()
     scale = np.abs(inertial).max(axis=1, keepdims=True)
     assert np.allclose(again.inertial_parameters / scale, inertial / scale, atol=1e-12)
     assert np.array_equal(again.viscous, fv)

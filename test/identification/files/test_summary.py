@@ -17,7 +17,7 @@ def test_keys_and_values(result: IdentificationResult) -> None:
     assert (thesis['columns'], thesis['rank']) == (48, 30)
     assert (used['columns'], used['rank']) == (52, 32)
     assert 20.0 < thesis['condition_number'] < 150.0
-    assert set(summary['solvers']) == {'cad', 'ols', 'wls', 'sdp'}
+    assert set(summary['solvers']) == {'cad', 'cad_friction', 'ols', 'wls', 'sdp'}
     for solver in summary['solvers'].values():
         for role, bag in (('identification', 'bag1'), ('validation', 'bag2')):
             (entry,) = solver[role]

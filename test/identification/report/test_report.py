@@ -116,9 +116,9 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
     assert html.count('Plotly.newPlot(') == 12
     assert '"name":"desired"' in html
     text = ' '.join(page.texts)
-    sdp, cad = (result.solutions[name].validation[0].filtered for name in ('sdp', 'cad'))
+    sdp, cad = (result.solutions[name].validation[0].filtered for name in ('sdp', 'cad_friction'))
     assert f'Torque error on bag2 (validation): {sdp:.2f} % filtered' in text
-    assert f'{cad / sdp:.1f} times less' in text
+    assert f'{cad:.2f} % with the CAD model and identified friction ({cad / sdp:.1f} times' in text
     assert '1.0 .. 25.0 s of 26.0 s (motion)' in page.texts
     for column in result.fit.model.columns:
         assert column in page.texts
@@ -183,7 +183,7 @@ def test_only_solvers_that_ran_are_explained(result: IdentificationResult) -> No
         (metric,) = re.findall(r'Thesis \(5\.3\).*?identified\.urdf\.', text)
         return re.findall(r'(\w+): ', metric.partition('as recorded.')[2])
 
-    assert explained(result) == ['cad', 'ols', 'wls', 'sdp']
+    assert explained(result) == ['cad', 'cad_friction', 'ols', 'wls', 'sdp']
     sdp = result.solutions['sdp']
     every = {name: result.solutions.get(name, sdp) for name in SOLVERS}
     assert explained(replace(result, solutions=every)) == list(SOLVERS)

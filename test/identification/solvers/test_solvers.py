@@ -45,7 +45,7 @@ def test_limits_are_those_of_cad(result: IdentificationResult) -> None:
 def test_slow_ones_run_if_asked_for_and_tell(result: IdentificationResult) -> None:
     told: list[str] = []
     estimates = solve_all(result.fit, result.cad, result.identification, ['slsqp'], told.append)
-    assert list(estimates) == ['cad', 'ols', 'slsqp', 'sdp']
+    assert list(estimates) == ['cad', 'cad_friction', 'ols', 'slsqp', 'sdp']
     assert told == ['slsqp']
 
 
@@ -61,7 +61,7 @@ def test_one_that_cannot_solve_is_left_out_and_named(result: IdentificationResul
 
 
 def test_an_unknown_solver_is_refused(result: IdentificationResult) -> None:
-    with pytest.raises(IdentificationError, match='choose among cad, ols'):
+    with pytest.raises(IdentificationError, match='choose among cad, cad_friction'):
         solve_all(result.fit, result.cad, names=['magic'])
 
 

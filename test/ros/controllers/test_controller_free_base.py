@@ -129,10 +129,11 @@ def test_rotor_commands_are_heard_and_those_of_others_refused(make) -> None:
         hear(node, tell(sent, thrust), lambda r=reason: r in node.diagnostics.last_rejection)
 
 
-def test_a_payload_reaches_both_models(make) -> None:
+def test_a_payload_reaches_every_model(make) -> None:
     node = make(base_motion='free', drone_file=DRONE)
     mass = node.base.whole.mass
     node.arm.carry([0.2, 0.02, 0.0, 0.0, 1e-4, 0.0, 2.1e-3, 0.0, 0.0, 2.1e-3])
     assert node.base.whole.mass == pytest.approx(mass + 0.2)
-    (law,) = [model for model in node.arm._models if model is not node.base.whole]
+    law, governor = [model for model in node.arm._models if model is not node.base.whole]
     assert law.whole.mass == pytest.approx(mass + 0.2)
+    assert governor.mass == pytest.approx(mass + 0.2)

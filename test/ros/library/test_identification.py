@@ -49,7 +49,9 @@ def test_it_says_what_it_is_worth(arm: IdentifiedArm) -> None:
     assert arm.errors[0].filtered < 0.2 * arm.result.solutions['cad'].validation[0].filtered
     assert f'{arm.errors[0].filtered:.2f} % filtered' in repr(arm)
     text = arm.summary()
-    assert [line.split()[0] for line in text.splitlines()[3:7]] == ['cad', 'ols', 'wls', 'sdp']
+    assert [line.split()[0] for line in text.splitlines()[3:8]] == [
+        *('cad', 'cad_friction', 'ols', 'wls', 'sdp')
+    ]
     assert arm.as_dict()['joints'] == ['joint1', 'joint2', 'joint3', 'joint4']
     assert set(arm.parameters) == set(arm.estimate.model.columns)
     page = HTMLParser()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_ros.ros.process import die_with_parent
+from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 PARENT = """
@@ -55,13 +55,15 @@ def test_a_killed_parent_leaves_no_child(
     assert not is_up or 'cycles' in log.read_text()
 
 
-def test_nothing_starts_for_a_parent_that_has_gone(tmp_path: Path) -> None:
+def test_nothing_starts_for_a_parent_that_has_gone() -> None:
     gone = subprocess.Popen([sys.executable, '-c', ''])
     gone.wait()
-    command = [sys.executable, die_with_parent.__file__, str(gone.pid)]
-    run = subprocess.run([*command, '/bin/touch', str(tmp_path / 'started')])
-    assert run.returncode == 128 + signal.SIGTERM
-    assert not list(tmp_path.iterdir())
+    run = subprocess.run(
+        [sys.executable, '-m', 'aerarm_ros.executables', 'recorder', '--help'],
+        env={**os.environ, LAUNCH_PID: str(gone.pid)},
+        stdout=subprocess.PIPE,
+    )
+    assert (run.returncode, run.stdout) == (128 + signal.SIGTERM, b'')
 
 
 def test_ctrl_c_of_a_terminal_does_not_reach_it(ros_domain: dict[str, str], tmp_path: Path) -> None:

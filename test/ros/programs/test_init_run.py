@@ -1,15 +1,24 @@
 """`arm init`: its files, what it says, what it refuses; no node runs."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from xml.etree import ElementTree
 
+import numpy as np
 import pytest
+import yaml
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
-from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.energy.energy_model import EnergyModel
+from aerarm_ros.excitation.feasibility import FeasibilityReport
+from aerarm_ros.excitation.settings import ExcitationError, load_excitation_config
+from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.nodes.arm import main
 from aerarm_ros.ros.bridge.hardware_bridge import World
+from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_setup
 
 URDF = str(resource('config', 'examples', 'three_joints.urdf'))
 
@@ -60,3 +69,106 @@ def test_no_real_motor_is_driven_by_guesses(tmp_path: Path) -> None:
     nothing: Any = None
     with pytest.raises(ValueError, match='three_joints is for emulated boards'):
         World().make_transport(config, nothing, nothing)
+
+
+def _without_collision(folder: Path) -> str:
+    tree = ElementTree.parse(URDF)
+    for link in tree.getroot().findall('link'):
+        for shape in link.findall('collision'):
+            link.remove(shape)
+    path = folder / 'bare.urdf'
+    tree.write(path)
+    return str(path)
+
+
+def _with_meshes(folder: Path) -> tuple[str, Path]:
+    """Return a URDF whose shapes are `package://` meshes, and the folder that holds the package."""
+    packages = folder / 'elsewhere'
+    (packages / 'shapes').mkdir(parents=True)
+    corners = '\n'.join(f'v {x} {y} {z}' for x in (0, 0.02) for y in (0, 0.02) for z in (0, 0.02))
+    faces = 'f 1 2 3\nf 2 4 3\nf 5 7 6\nf 6 7 8\nf 1 5 2\nf 3 4 7\n'
+    (packages / 'shapes' / 'cube.obj').write_text(f'{corners}\n{faces}')
+    tree = ElementTree.parse(URDF)
+    for geometry in tree.getroot().iterfind('link/collision/geometry'):
+        geometry.clear()
+        ElementTree.SubElement(geometry, 'mesh', filename='package://shapes/cube.obj')
+    path = folder / 'urdf' / 'meshes.urdf'
+    path.parent.mkdir()
+    tree.write(path)
+    return str(path), packages
+
+
+def _values(folder: Path, urdf: str, *packages: str) -> SimpleNamespace:
+    return SimpleNamespace(
+        config=str(folder / 'three_joints.yaml'),
+        urdf=urdf,
+        tf_prefix='',
+        excitation_config=str(folder / 'three_joints_excitation.yaml'),
+        package_directories=[*packages, ''],
+    )
+
+
+def _plan(values: SimpleNamespace) -> FeasibilityReport:
+    setup = load_setup(values, *load_arm(values))
+    trajectory, report = setup.random_trajectory(0.2, 0.2, 2).draw_feasible(1, setup.checker, 2.0)
+    setup.planner.plan(trajectory, 1, np.array(setup.config.bias))
+    return report
+
+
+def test_an_arm_without_collision_shapes_is_drafted_and_moves(tmp_path: Path, capsys: Any) -> None:
+    urdf = _without_collision(tmp_path)
+    assert main(['init', urdf, '--out', str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert 'no <collision> shape' in printed
+    assert 'check_clearance: false, so motions are NOT checked for collisions' in printed
+    report = _plan(_values(tmp_path, urdf))
+    assert 'collisions are not checked' in ' '.join(report.notes)
+
+
+def test_meshes_of_packages_are_found_where_they_are_said_to_be(
+    tmp_path: Path, capsys: Any
+) -> None:
+    urdf, packages = _with_meshes(tmp_path)
+    folder = str(packages)
+    assert main(['init', urdf, '--out', str(tmp_path), '--package-directory', folder]) == 0
+    printed = capsys.readouterr().out
+    assert f'package_directories:=["{folder}"]' in printed
+    assert 'check_clearance' not in printed
+    values = _values(tmp_path, urdf, folder)
+    assert not [note for note in _plan(values).notes if 'not checked:' in note]
+    with pytest.raises(ExcitationError, match='package_directories'):
+        _plan(_values(tmp_path, urdf))
+
+
+def test_an_estimate_replaces_guesses(tmp_path: Path, capsys: Any) -> None:
+    estimate = tmp_path / 'estimate.yaml'
+    found = {
+        'joint_names': ['elbow', 'turn', 'shoulder'],
+        'viscous': [0.02, 0.03, 0.04],
+        'coulomb': [0.2, 0.4, 0.5],
+        'rotor_inertia': [0.02, 0.1, 0.0],
+    }
+    estimate.write_text(yaml.safe_dump({'/**': {'ros__parameters': found}}))
+    assert main(['init', URDF, '--out', str(tmp_path), '--estimate', str(estimate)]) == 0
+    assert 'no URDF and no estimate says' in capsys.readouterr().out
+    file = tmp_path / 'three_joints.yaml'
+    config = load_arm_config(file)
+    assert config.column('viscous') == pytest.approx([0.03, 0.04, 0.02])
+    assert config.column('coulomb') == pytest.approx([0.4, 0.5, 0.2])
+    inertia = config.column('reflected_inertia')
+    assert inertia[[0, 2]] == pytest.approx([0.1, 0.02], rel=1e-3)
+    assert inertia[1] > 0.0  # no motor is without a rotor: still a guess
+    marks = [line for line in file.read_text().splitlines() if 'rotor_inertia:' in line]
+    assert sorted('# guess' in line for line in marks) == [False, False, True]
+    robot = load_robot(Path(URDF), joint_names=config.joint_names)
+    motion = PolynomialPath.rest_to_rest(np.zeros(3), np.array([1.0, 0.0, 0.0]), 1.5)
+    friction = EnergyModel(config, robot).balance(motion).friction
+    assert friction[0] > 0.4  # at least the dry friction along 1 rad
+
+
+def test_an_estimate_of_another_arm_is_refused(tmp_path: Path, capsys: Any) -> None:
+    estimate = tmp_path / 'estimate.yaml'
+    found = {'joint_names': ['other'], 'viscous': [0.1], 'coulomb': [1.0], 'rotor_inertia': [0.0]}
+    estimate.write_text(yaml.safe_dump({'/**': {'ros__parameters': found}}))
+    assert main(['init', URDF, '--out', str(tmp_path), '--estimate', str(estimate)]) == 2
+    assert 'has no joint turn, shoulder, elbow, but other' in capsys.readouterr().err

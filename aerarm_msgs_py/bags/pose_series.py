@@ -1,0 +1,199 @@
+"""Positions, poses and inertial measurements out of a bag, by topic and frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerarm_msgs_py.bags.bag import Bag
+from aerarm_msgs_py.codecs.cdr import CdrReader
+from aerarm_msgs_py.storage.read_limits import BagError, ReadLimits
+
+Array = NDArray[np.float64]
+
+POINT = 'geometry_msgs/msg/PointStamped'
+POSE = 'geometry_msgs/msg/PoseStamped'
+TRANSFORM = 'geometry_msgs/msg/TransformStamped'
+TF = 'tf2_msgs/msg/TFMessage'
+ODOMETRY = 'nav_msgs/msg/Odometry'
+IMU = 'sensor_msgs/msg/Imu'
+KINDS = (POINT, POSE, TRANSFORM, TF, ODOMETRY, IMU)
+
+_MOST = 2_000_000  # values of all series: memory has an end
+_COVARIANCE = 9  # numbers of an Imu's covariances
+_ROW = 8 * 12  # bytes that a sample takes
+
+
+@dataclass(eq=False)
+class PoseSeries:
+    """Samples of one thing.
+
+    Attributes
+    ----------
+    name : str
+        The topic, of a TFMessage the child frame.
+    kind : str
+        Message type.
+    stamp, log_time : (T,) ndarray
+        Of the message's header, and of reception [s].
+    position : (T, 3) ndarray
+        [m]; NaN of an Imu.
+    quaternion : (T, 4) ndarray
+        x, y, z, w; NaN of a point.
+    angular_velocity, linear_acceleration : (T, 3) ndarray
+        [rad/s], [m/s^2]; NaN unless of an Imu.
+    """
+
+    name: str
+    kind: str
+    stamp: Array
+    log_time: Array
+    position: Array
+    quaternion: Array
+    angular_velocity: Array
+    linear_acceleration: Array
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.stamp)
+
+
+@dataclass
+class _Rows:
+    kind: str
+    rows: list[list[float]] = field(default_factory=list)
+
+
+def read_poses(
+    path: Path | str,
+    topics: Collection[str] = (),
+    frames: Collection[str] = (),
+    limits: ReadLimits | None = None,
+) -> dict[str, PoseSeries]:
+    """Read points, poses, transforms, odometry and inertial measurements.
+
+    Parameters
+    ----------
+    path
+        rosbag2 directory, .mcap or .db3 file.
+    topics
+        Topics of these types; all in the bag if empty.
+    frames
+        Child frames of TFMessages that are wanted; all if empty.
+    limits
+        What reading may take, whatever the bag holds.
+
+    Returns
+    -------
+    dict of str to PoseSeries
+        By topic, those of TFMessages by child frame; in the order of their stamps.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read, or holds more than fits into memory.
+    """
+    bag = Bag(path, limits)
+    wanted = {'/' + topic.lstrip('/') for topic in topics}
+    found: dict[str, _Rows] = {}
+    for block in bag.blocks(wanted or None):
+        decode = _DECODERS.get(block.type)
+        if decode is None:
+            continue
+        log_time = (block.log_time / 1e9).tolist()
+        for time, payload in zip(log_time, block.payloads, strict=True):
+            bag.budget.spend(_ROW)
+            try:
+                for name, row in decode(CdrReader(payload)):
+                    if name and frames and name not in frames:
+                        continue
+                    series = found.setdefault(name or block.topic, _Rows(block.type))
+                    series.rows.append([row[0], time, *row[1:]])
+            except ValueError as error:
+                raise BagError(
+                    f'topic {block.topic} of {path} cannot be decoded: {error}'
+                ) from error
+        if sum(len(series.rows) for series in found.values()) > _MOST:
+            raise BagError(f'{path} holds more than {_MOST} poses: cut it to the motion needed')
+    return {name: _series(name, rows) for name, rows in found.items()}
+
+
+def _series(name: str, rows: _Rows) -> PoseSeries:
+    values = np.array(rows.rows, dtype=float)
+    values = values[np.argsort(values[:, 0], kind='stable')]
+    kept = np.concatenate([[True], np.diff(values[:, 0]) > 0.0])
+    values = values[kept]
+    return PoseSeries(
+        name,
+        rows.kind,
+        values[:, 0],
+        values[:, 1],
+        values[:, 2:5],
+        values[:, 5:9],
+        values[:, 9:12],
+        values[:, 12:15],
+    )
+
+
+_NONE = [float('nan')]
+_Decoded = Iterator[tuple[str, list[float]]]
+
+
+def _header(reader: CdrReader) -> float:
+    stamp = reader.int32() + 1e-9 * reader.uint32()
+    reader.string()
+    return stamp
+
+
+def _doubles(reader: CdrReader, count: int) -> list[float]:
+    return reader.fixed_doubles(count).tolist()  # type: ignore[no-any-return]
+
+
+def _point(reader: CdrReader) -> _Decoded:
+    yield '', [_header(reader), *_doubles(reader, 3), *10 * _NONE]
+
+
+def _pose(reader: CdrReader) -> _Decoded:
+    yield '', [_header(reader), *_doubles(reader, 7), *6 * _NONE]
+
+
+def _transform(reader: CdrReader) -> _Decoded:
+    stamp = _header(reader)
+    reader.string()
+    yield '', [stamp, *_doubles(reader, 7), *6 * _NONE]
+
+
+def _transforms(reader: CdrReader) -> _Decoded:
+    for _ in range(reader.uint32()):
+        stamp = _header(reader)
+        child = reader.string()
+        yield child, [stamp, *_doubles(reader, 7), *6 * _NONE]
+
+
+def _odometry(reader: CdrReader) -> _Decoded:
+    stamp = _header(reader)
+    reader.string()
+    yield '', [stamp, *_doubles(reader, 7), *6 * _NONE]
+
+
+def _imu(reader: CdrReader) -> _Decoded:
+    stamp = _header(reader)
+    quaternion = _doubles(reader, 4)
+    _doubles(reader, _COVARIANCE)
+    angular = _doubles(reader, 3)
+    _doubles(reader, _COVARIANCE)
+    yield '', [stamp, *3 * _NONE, *quaternion, *angular, *_doubles(reader, 3)]
+
+
+_DECODERS: dict[str, Callable[[CdrReader], _Decoded]] = {
+    POINT: _point,
+    POSE: _pose,
+    TRANSFORM: _transform,
+    TF: _transforms,
+    ODOMETRY: _odometry,
+    IMU: _imu,
+}

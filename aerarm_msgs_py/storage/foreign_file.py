@@ -1,0 +1,293 @@
+"""Files of ROS 1 and of SQLite, read by rosbags in a process of its own.
+
+rosbags believes what a file says of its sizes. Its process therefore has limits of memory and of
+processor time, which grow with the file; where it reaches one, reading ends in one error. It writes
+blocks of messages to its standard output, which `ForeignFile` reads.
+"""
+
+import contextlib
+import json
+import os
+import resource
+import signal
+import struct
+import subprocess
+import sys
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerarm_msgs_py.codecs.cdr import Payloads
+from aerarm_msgs_py.storage.mcap_records import MOST_TOPICS
+from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
+
+SUFFIXES = ('.bag', '.db3')
+"""Of files of ROS 1 and of SQLite."""
+
+_BEGINNINGS = {
+    '.bag': (b'#ROSBAG V2.0\n', 'a bag of ROS 1, version 2.0'),
+    '.db3': (b'SQLite format 3\0', 'an SQLite file'),
+}
+_REPAIRS = {'.bag': 'rosbag reindex', '.db3': 'sqlite3 FILE .recover'}
+_NUMBER = struct.Struct('<q')
+_HEAD = struct.Struct('<iIQ')  # index of the topic, messages, bytes
+_TOPICS, _END = -1, -2  # in place of an index: a text in JSON follows
+_BLOCK = 1000  # messages
+_BLOCK_BYTES = 2**20
+_LONGEST_NAME = 4096  # characters
+_LONGEST_ERROR = 200  # characters
+
+# What the process may take beyond its start. For each MB an honest file needs 0.1 s and 1 MB; ten
+# times as much memory if its messages are empty, as rosbags holds the index of a file of ROS 1.
+_SECONDS, _SECONDS_PER_BYTE = 2.0, 2e-6
+_MEMORY, _MEMORY_PER_BYTE = 100 * 2**20, 10.0
+_OF_LIMITS = ('NoMemError', 'IOError', 'FullError')  # SQLite's, of memory and of a file to sort in
+_MOST_SECONDS, _MOST_MEMORY = 2**31, 2**62
+
+
+class ForeignFile:
+    """Reader of one .bag or .db3 file; same use as `McapFile`.
+
+    Messages come by time of reception. Those of ROS 1 come out as ROS 2 has them, if their type is
+    one of ROS itself. Only what is compressed by bz2 has checksums: other damage inside a message
+    can't be seen.
+
+    Parameters
+    ----------
+    path
+        The file.
+    budget
+        What reading may take; by default what the file's own size allows.
+
+    Attributes
+    ----------
+    types
+        Message type of every topic, once the file was opened.
+    counts
+        Messages of every topic by the file's index or tables, once it was opened.
+    damaged
+        Whether reading met damage.
+    """
+
+    def __init__(self, path: Path, budget: ReadBudget | None = None) -> None:
+        self.path = path
+        self.types: dict[str, str] = {}
+        self.counts: dict[str, int] | None = None
+        self._budget = budget
+        self._report = DamageReport(path)
+
+    @property
+    def damaged(self) -> bool:
+        """See the class."""
+        return self._report.places > 0
+
+    def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
+        """Yield the messages of some topics (None: of all).
+
+        Raises
+        ------
+        BagError
+            If rosbags can't open the file, or reading it takes more memory or time than the limits
+            allow.
+        """
+        size = self._checked_size()
+        budget = self._budget or ReadBudget(self.path, size)
+        process = self._started(size, budget, topics)
+        count = 0
+        end: dict[str, Any] = {}
+        try:
+            for block in self._received(process, end):
+                budget.spend(sum(block.payloads.sizes.tolist()))
+                count += len(block.payloads)
+                yield block
+        finally:
+            process.kill()
+            process.communicate()
+        if error := end['error']:
+            if not count:
+                repair = _REPAIRS[self.path.suffix]
+                raise BagError(
+                    f'{self.path} cannot be read: {error}; copy it again, or repair it ({repair})'
+                )
+            self._report.tell(f'is damaged ({error}): only its first {count} messages are read')
+        if missing := end['missing']:
+            self._report.tell(
+                f'is damaged: {missing} messages are left out, as nothing tells their topic or '
+                'time, or they are not of its type'
+            )
+        self._report.finish()
+
+    def _checked_size(self) -> int:
+        beginning, kind = _BEGINNINGS[self.path.suffix]
+        try:
+            size = self.path.stat().st_size
+            with self.path.open('rb') as stream:
+                found = stream.read(len(beginning))
+        except OSError as error:
+            raise BagError(f'{self.path} cannot be read: {error.strerror}') from error
+        if not size:
+            raise BagError(f'{self.path} is empty: record or copy it again')
+        if found != beginning:
+            raise BagError(f'{self.path} is not {kind}: check the path')
+        return size
+
+    def _started(
+        self, size: int, budget: ReadBudget, topics: Collection[str] | None
+    ) -> 'subprocess.Popen[bytes]':
+        arguments = {
+            'path': str(self.path),
+            'topics': None if topics is None else list(topics),
+            'part_bytes': budget.part_bytes,
+            'seconds': min(_MOST_SECONDS, _SECONDS + _SECONDS_PER_BYTE * size * budget.scale),
+            'memory': min(_MOST_MEMORY, _MEMORY + _MEMORY_PER_BYTE * size * budget.scale),
+        }
+        return subprocess.Popen(
+            [sys.executable, '-m', __name__, json.dumps(arguments)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
+        )
+
+    def _received(
+        self, process: 'subprocess.Popen[bytes]', end: dict[str, Any]
+    ) -> Iterator[MessageBlock]:
+        """Yield what the process writes; put into `end` what it says at last."""
+        stream = process.stdout
+        assert stream
+        names: list[str] = []
+        while len(head := stream.read(_HEAD.size)) == _HEAD.size:
+            index, count, size = _HEAD.unpack(head)
+            content = stream.read(size)
+            if index == _END:
+                end.update(json.loads(content))
+                break
+            if index == _TOPICS:
+                known = json.loads(content)
+                names = [name for name, _, _ in known]
+                self.types = {name: kind for name, kind, _ in known}
+                self.counts = {name: messages for name, _, messages in known}
+                continue
+            times, sizes = np.frombuffer(content, np.int64, 2 * count).reshape(2, count)
+            starts = 16 * count + np.cumsum(sizes) - sizes
+            yield MessageBlock(
+                names[index],
+                self.types[names[index]],
+                times,
+                np.zeros(count, np.int64),
+                Payloads(content, starts, sizes),
+            )
+        if not end:
+            end['limit'] = 'time' if process.wait() == -signal.SIGXCPU else 'memory'
+        if end['limit']:
+            raise BagError(
+                f'{self.path} takes more {end["limit"]} to read than a file of its size may: is it '
+                'damaged, or made to fill the memory? If it can be trusted, raise the limit (ratio)'
+            )
+
+
+def _write(index: int, count: int, *parts: bytes) -> None:
+    stream = sys.stdout.buffer
+    stream.write(_HEAD.pack(index, count, sum(map(len, parts))))
+    for part in parts:
+        stream.write(part)
+
+
+class _Sender:
+    """Collects messages of each topic and writes them block by block."""
+
+    def __init__(self, names: list[str]) -> None:
+        self._indexes = {name: index for index, name in enumerate(names)}
+        self._waiting: list[list[tuple[int, bytes]]] = [[] for _ in names]
+        self._held = 0
+
+    def add(self, topic: str, log_time: int, payload: bytes) -> None:
+        """Write a message, soon; values of other kinds, which SQLite allows, raise an error."""
+        index = self._indexes[topic]
+        messages = self._waiting[index]
+        _NUMBER.pack(log_time)
+        messages.append((log_time, bytes(payload)))
+        self._held += len(payload)
+        if len(messages) == _BLOCK or self._held > _BLOCK_BYTES:
+            self._send(index)
+
+    def finish(self) -> None:
+        """Write what waits."""
+        for index in range(len(self._waiting)):
+            self._send(index)
+
+    def _send(self, index: int) -> None:
+        messages = self._waiting[index]
+        if not messages:
+            return
+        numbers = [time for time, _ in messages] + [len(payload) for _, payload in messages]
+        packed = struct.pack(f'<{len(numbers)}q', *numbers)
+        _write(index, len(messages), packed, *(payload for _, payload in messages))
+        self._held -= sum(len(payload) for _, payload in messages)
+        messages.clear()
+
+
+def _read(path: Path, topics: Collection[str] | None, part_bytes: int) -> int:
+    """Write all of a file; return how many messages were left out."""
+    from rosbags import rosbag1, rosbag2
+    from rosbags.serde import SerdeError
+    from rosbags.typesys import Stores, get_typestore
+
+    # What a damaged message raises, or a value of another kind than it should be.
+    damage = (SerdeError, AssertionError, TypeError, ValueError, LookupError, struct.error)
+    of_ros1 = path.suffix == '.bag'
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with rosbag1.Reader(path) if of_ros1 else rosbag2.Reader(path) as reader:
+        if len(reader.connections) > MOST_TOPICS:
+            raise ValueError(f'the bag has more than {MOST_TOPICS} topics: is it damaged?')
+        known = {name: info for name, info in reader.topics.items() if len(name) < _LONGEST_NAME}
+        described = [(name, str(t.msgtype or ''), t.msgcount) for name, t in known.items()]
+        _write(_TOPICS, 0, json.dumps(described).encode())
+        wanted = [c for c in reader.connections if topics is None or c.topic in topics]
+        missing: int = sum(connection.msgcount for connection in wanted)
+        missing += reader.message_count - sum(c.msgcount for c in reader.connections)
+        sender = _Sender(list(known))
+        try:
+            for connection, log_time, payload in reader.messages(wanted) if wanted else ():
+                with contextlib.suppress(*damage):
+                    if of_ros1 and connection.msgtype in store.types:
+                        payload = store.ros1_to_cdr(payload, connection.msgtype)
+                    if len(payload) <= part_bytes:
+                        sender.add(connection.topic, log_time, payload)
+                        missing -= 1
+        finally:
+            sender.finish()
+    return missing
+
+
+def _limit(seconds: float, memory: float) -> None:
+    status = Path('/proc/self/status').read_text()
+    (data,) = (line.split()[1] for line in status.splitlines() if line.startswith('VmData:'))
+    bound = int(data) * 1024 + int(memory)
+    resource.setrlimit(resource.RLIMIT_DATA, (bound, bound))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (bound, bound))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 1))
+
+
+def main(arguments: str) -> None:
+    """Read the file that the arguments name, and write what it holds."""
+    asked = json.loads(arguments)
+    end = {'error': '', 'limit': '', 'missing': 0}
+    _limit(asked['seconds'], asked['memory'])
+    try:
+        end['missing'] = _read(Path(asked['path']), asked['topics'], asked['part_bytes'])
+    except MemoryError:
+        end['limit'] = 'memory'
+    except Exception as error:  # rosbags raises what Python and SQLite raise
+        if type(error.__cause__ or error).__name__ in _OF_LIMITS:
+            end['limit'] = 'memory'
+        end['error'] = ' '.join(str(error).split())[:_LONGEST_ERROR] or type(error).__name__
+    _write(_END, 0, json.dumps(end).encode())
+    sys.stdout.flush()
+
+
+if __name__ == '__main__':
+    main(sys.argv[1])

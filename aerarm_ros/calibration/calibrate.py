@@ -1,0 +1,251 @@
+"""Calibration of an arm's geometry from postures at rest: checks, choice of errors, result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from aerarm_ros.calibration.chain import Chain
+from aerarm_ros.calibration.checks import (
+    check_count,
+    check_misfit,
+    check_positions,
+    check_rigid,
+    check_units,
+    without_copies,
+)
+from aerarm_ros.calibration.choice import (
+    LEVELS,
+    Candidate,
+    Identifiable,
+    check_offsets,
+    check_unknowns,
+    chosen,
+    errors_of,
+    identifiable,
+)
+from aerarm_ros.calibration.fit import Fit, fitted, registered
+from aerarm_ros.calibration.geometry import ArmGeometry
+from aerarm_ros.calibration.observations import (
+    CalibrationError,
+    MarkerSource,
+    Mask,
+    Observations,
+)
+from aerarm_ros.motion.signals import Array
+
+_BESIDE = 0.05  # [rad], [m] that a posture may lie beside the range of others
+
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """What is estimated.
+
+    Attributes
+    ----------
+    level : {'auto', 'offsets', 'geometry'}
+        Joint offsets alone, link geometry as well, or what cross-validation prefers.
+    compliance : bool
+        Whether deflection of the joints under gravity is tried, where the URDF has masses.
+    eccentricity : bool
+        Whether the first harmonic of the gears is tried.
+    """
+
+    level: str = 'auto'
+    compliance: bool = True
+    eccentricity: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the level."""
+        if self.level not in ('auto', *LEVELS):
+            raise CalibrationError(
+                f'--level {self.level}: give one of auto, {", ".join(LEVELS)}'
+            )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Postures that took no part in the estimate.
+
+    Attributes
+    ----------
+    name : str
+    observations : Observations
+    """
+
+    name: str
+    observations: Observations
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A calibrated arm.
+
+    Attributes
+    ----------
+    chain : Chain
+    registration : Fit
+        The geometry as drawn, with base frame and markers fitted to it alone.
+    best : Candidate
+        What was chosen.
+    tried : tuple of Candidate
+    found : Identifiable
+        Of all errors that were considered.
+    held_out : tuple of HeldOut
+    messages : list of str
+        What the user should know.
+    """
+
+    chain: Chain
+    registration: Fit
+    best: Candidate
+    tried: tuple[Candidate, ...]
+    found: Identifiable
+    held_out: tuple[HeldOut, ...] = ()
+    messages: list[str] = field(default_factory=list)
+
+    @property
+    def fit(self) -> Fit:
+        """The chosen estimate."""
+        return self.best.fit
+
+    @property
+    def observations(self) -> Observations:
+        """What was fitted."""
+        return self.fit.observations
+
+    def errors(self, fit: Fit, observations: Observations | None = None) -> tuple[float, float]:
+        """Return root mean squares of position [m] and angle [rad] of a fit."""
+        observations = observations or self.observations
+        return errors_of(observations.sources, fit.residuals(observations))
+
+    def within(self, observations: Observations) -> Mask:
+        """Return which postures (M,) lie within the joint ranges of those that were fitted."""
+        n = self.fit.geometry.n
+        fitted_to = self.observations.q[:, :n]
+        low, high = fitted_to.min(axis=0) - _BESIDE, fitted_to.max(axis=0) + _BESIDE
+        q = observations.q[:, :n]
+        return np.asarray(((q >= low) & (q <= high)).all(axis=1))
+
+    def marker_errors(self, observations: Observations) -> dict[str, float]:
+        """Return the root mean square position error of each marker or pose [m]."""
+        found = {}
+        for source, residual in zip(
+            observations.sources, self.fit.residuals(observations), strict=True
+        ):
+            lengths = [k for k, (_, unit) in enumerate(source.channels) if unit == 'm']
+            for start in range(0, len(lengths), 3):
+                columns = lengths[start : start + 3]
+                norm = np.sum(residual[:, columns] ** 2, axis=1)
+                name = source.channels[columns[0]][0].rpartition(' ')[0]
+                found[name] = float(np.sqrt(np.nanmean(norm)))
+        return found
+
+    def joint_values(self, kind: str) -> dict[str, tuple[float, float]]:
+        """Return value and standard deviation by joint of the estimated errors of a kind."""
+        fit = self.fit
+        deviations = fit.deviations
+        found = {}
+        for place, column in enumerate(fit.free):
+            joint, _, own = fit.geometry.names[column].rpartition('.')
+            if own == kind:
+                found[joint] = (float(fit.errors[column]), float(deviations[place]))
+        return found
+
+
+def calibrate(
+    chain: Chain,
+    observations: Observations,
+    held_out: Sequence[HeldOut] = (),
+    options: CalibrationOptions | None = None,
+) -> Calibration:
+    """Estimate geometric errors.
+
+    Parameters
+    ----------
+    chain : Chain
+    observations : Observations
+        Joint positions of the chain's robot, and what sensors measured.
+    held_out : sequence of HeldOut
+        Sources in the same order; nothing is estimated from them.
+    options : CalibrationOptions, optional
+
+    Raises
+    ------
+    CalibrationError
+        If what was measured cannot be used, see `checks`; or too little can be estimated.
+    """
+    options = options or CalibrationOptions()
+    geometry = ArmGeometry(chain.robot, chain.link)
+    observations, messages = _without_copies(observations)
+    held_out = [_like(one, observations) for one in held_out]
+    check_count(observations)
+    messages += check_positions(observations, geometry)
+    for one in held_out:
+        check_positions(one.observations, geometry)
+    check_units(observations, geometry)
+    check_rigid(observations)
+    start = registered(geometry, observations)
+    check_unknowns(start)
+    offsets = identifiable(start, LEVELS['offsets'])
+    check_misfit(fitted(start, offsets.columns))
+    if options.level != 'frames':
+        messages += check_offsets(start, offsets)
+    compliance = options.compliance and chain.has_masses
+    if options.compliance and not chain.has_masses:
+        messages.append(
+            'the URDF gives no masses: deflection of the joints under gravity is not estimated'
+        )
+    best, tried = chosen(start, options.level, compliance, options.eccentricity)
+    kinds = LEVELS['geometry' if options.level == 'auto' else options.level]
+    kinds = (*kinds, *(('compliance',) if compliance else ()))
+    found = identifiable(start, kinds)
+    messages += _hidden(found, geometry)
+    return Calibration(chain, start, best, tuple(tried), found, tuple(held_out), messages)
+
+
+def predicted_deviation(fit: Fit, q: Array) -> Array:
+    """Return standard deviations (M, K) of what a fit predicts in other postures [m], [rad]."""
+    count = len(q)
+    index = np.zeros(count, dtype=int)
+    sources = fit.observations.rows(index).sources
+    observations = Observations(q, sources)
+    rows = np.concatenate(fit.jacobian(observations), axis=1)
+    return np.asarray(np.sqrt(np.einsum('mki,ij,mkj->mk', rows, fit.covariance, rows)))
+
+
+def _hidden(found: Identifiable, geometry: ArmGeometry) -> list[str]:
+    names = [geometry.names[k] for k in found.hidden]
+    if not names:
+        return []
+    return [
+        f'these postures do not show {", ".join(names)}: they stay as drawn; postures in which the '
+        'joints around them move more would show them'
+    ]
+
+
+def _without_copies(observations: Observations) -> tuple[Observations, list[str]]:
+    sources, messages = [], []
+    for source in observations.sources:
+        if isinstance(source, MarkerSource):
+            source, told = without_copies(source)
+            messages += told
+        sources.append(source)
+    return replace(observations, sources=tuple(sources)), messages
+
+
+def _like(one: HeldOut, observations: Observations) -> HeldOut:
+    """Return held-out postures with the markers of the others, in their order."""
+    sources = []
+    for source, other in zip(observations.sources, one.observations.sources, strict=True):
+        if isinstance(source, MarkerSource):
+            assert isinstance(other, MarkerSource)
+            missing = [name for name in source.names if name not in other.names]
+            if missing:
+                raise CalibrationError(f'{one.name}: has no marker {missing[0]}: add its columns')
+            order = [other.names.index(name) for name in source.names]
+            other = replace(other, names=source.names, position=other.position[:, order])
+        sources.append(other)
+    return HeldOut(one.name, replace(one.observations, sources=tuple(sources)))

@@ -1,0 +1,162 @@
+"""The chain of joints from the base to what the observations are attached to."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from aerarm_ros.calibration.observations import CalibrationError
+from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
+from aerarm_ros.description.urdf_document import UrdfDocument, UrdfJoint
+
+_LIGHT = 1e-6  # [kg] of a link that the URDF gives no mass, so that it can be read
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """A serial arm out of a URDF, and what was left out.
+
+    Attributes
+    ----------
+    robot : Robot
+        The joints that move the link, all others locked.
+    link : str
+        What the observations are attached to.
+    ignored : tuple of str
+        Recorded joints that do not move it.
+    text : str
+        The URDF as read.
+    has_masses : bool
+        Whether the URDF gives masses, so that torques of gravity are known.
+    """
+
+    robot: Robot
+    link: str
+    ignored: tuple[str, ...]
+    text: str
+    has_masses: bool
+
+
+def chain_of(
+    text: str,
+    recorded: Collection[str],
+    link: str = '',
+    locked: Sequence[str] = (),
+    gravity_in_base: Sequence[float] = STANDARD_GRAVITY,
+) -> Chain:
+    """Return the chain of recorded joints that moves a link.
+
+    Parameters
+    ----------
+    text : str
+        The URDF.
+    recorded : collection of str
+        Joints whose positions are known; those that do not move the link are ignored.
+    link : str
+        Where the observations are attached; if empty, the link at the end of the recorded joints.
+    locked : sequence of str
+        Joints of the chain that did not move.
+    gravity_in_base : (3,) sequence
+        [m/s^2]
+
+    Raises
+    ------
+    CalibrationError
+        If the link is not known or not unique, or a joint of the chain has no recorded positions.
+    DescriptionError
+        If the text is no URDF.
+    """
+    document = UrdfDocument(text)
+    above = {joint.child: joint for joint in document.joints.values()}
+    driven = {name for name, joint in document.joints.items() if joint.is_driven}
+    known = [name for name in recorded if name in driven]
+    if not known:
+        raise CalibrationError(
+            f'none of the recorded joints ({_some(recorded)}) is in the URDF, which has '
+            f'{_some(sorted(driven))}: check the URDF, or rename the columns'
+        )
+    link = link or _last_link(document, above, known)
+    if link not in document.links:
+        raise CalibrationError(
+            f'--link {link}: there is no such link; the URDF has {_some(sorted(document.links))}'
+        )
+    path = []
+    at = link
+    while at in above:
+        path.append(above[at])
+        at = above[at].parent
+    moving = [j.name for j in reversed(path) if j.is_driven and j.name not in locked]
+    missing = [name for name in moving if name not in known]
+    if missing:
+        raise CalibrationError(
+            f'no positions of joint {missing[0]}, which moves link {link}: the recorded joints are '
+            f'{_some(recorded)}; record it, or pass --lock {missing[0]} if it stood at zero'
+        )
+    if not moving:
+        raise CalibrationError(f'--link {link}: no recorded joint moves it; name another link')
+    children = [document.joints[name].child for name in moving]
+    light, has_masses = _with_masses(text, children)
+    robot = load_robot(light, gravity_in_base=gravity_in_base, joint_names=moving)
+    ignored = tuple(name for name in recorded if name not in moving)
+    return Chain(robot, link, ignored, text, has_masses)
+
+
+def _last_link(document: UrdfDocument, above: dict[str, UrdfJoint], known: Sequence[str]) -> str:
+    """Return the link behind the last of the known joints of one chain."""
+    ends = []
+    for name in known:
+        inner = {j for j in known if j != name}
+        at, passed = document.joints[name].parent, set()
+        while at in above:
+            joint = above[at]
+            passed.add(joint.name)
+            at = joint.parent
+        ends.append((len(passed & inner), name))
+    most = max(count for count, _ in ends)
+    last = [name for count, name in ends if count == most]
+    if len(last) > 1 or most < len(known) - 1:
+        behind = [document.joints[name].child for count, name in sorted(ends)[::-1]]
+        raise CalibrationError(
+            'the recorded joints do not form one chain: name the link that carries the markers '
+            f'with --link, such as {", ".join(behind[:3])}'
+        )
+    return document.joints[last[0]].child
+
+
+def _with_masses(text: str, links: Sequence[str]) -> tuple[str, bool]:
+    """Return the URDF with a mass for every one of some links, and whether it had them."""
+    root = ET.fromstring(text)
+    lacking = [
+        element
+        for element in root.findall('link')
+        if element.get('name') in links and not _mass(element) > 0.0
+    ]
+    for element in lacking:
+        for old in element.findall('inertial'):
+            element.remove(old)
+        inertial = ET.SubElement(element, 'inertial')
+        ET.SubElement(inertial, 'mass', value=repr(_LIGHT))
+        moment = {key: repr(1e-9 if key[1] == key[2] else 0.0) for key in _ENTRIES}
+        ET.SubElement(inertial, 'inertia', moment)
+    if not lacking:
+        return text, True
+    # Of an arm some of whose masses are missing, torques of gravity are not known.
+    return ET.tostring(root, encoding='unicode'), False
+
+
+_ENTRIES = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+
+
+def _mass(link: ET.Element) -> float:
+    element = link.find('inertial/mass')
+    try:
+        return float(element.get('value', '0')) if element is not None else 0.0
+    except ValueError:
+        return 0.0
+
+
+def _some(names: Collection[str]) -> str:
+    shown = list(names)[:12]
+    more = len(names) - len(shown)
+    return ', '.join(shown) + (f' and {more} more' if more > 0 else '') or 'none'

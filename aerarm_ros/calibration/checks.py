@@ -1,0 +1,279 @@
+"""Whether measurements are what they should be, each fault with one clear error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from aerarm_ros.calibration.fit import Fit
+from aerarm_ros.calibration.geometry import ArmGeometry
+from aerarm_ros.calibration.observations import (
+    CalibrationError,
+    MarkerSource,
+    Observations,
+    PlaneSource,
+    PoseSource,
+)
+from aerarm_ros.motion.signals import Array
+
+FEWEST = 6
+"""Postures below which nothing is estimated."""
+
+_JUMP = 5e-3  # [m] change of a distance between markers of a rigid body
+_SPREADS = 6.0  # median absolute deviations of a distance that are no jump
+_ALIKE = 1e-6  # [m] markers that differ by less are one
+_MILLIMETRES = (300.0, 3000.0)  # ratio of measured and predicted motion
+_MISFIT = 0.05  # share of the arm's motion that an arm as drawn may leave unexplained
+_LEAST_MISFIT = 3e-3  # [m]
+_LARGEST_TURN = 12.0  # [rad] of a joint, beyond which a position is in degrees
+_FAR, _FAR_SIGMAS = 0.02, 15.0  # [m], standard deviations of a single marker's jump
+_EXPLAINED = 0.2  # of the misfit that is left when markers are exchanged, or a joint's sign
+
+
+def without_copies(source: MarkerSource) -> tuple[MarkerSource, list[str]]:
+    """Return the markers that are no copies of others, and what to know of those left out."""
+    kept: list[int] = []
+    messages = []
+    for k, name in enumerate(source.names):
+        same = next((j for j in kept if _same(source.position[:, j], source.position[:, k])), None)
+        if same is None:
+            kept.append(k)
+        else:
+            messages.append(
+                f'marker {name} has the values of {source.names[same]} in every posture: it is '
+                'left out'
+            )
+    names = tuple(source.names[k] for k in kept)
+    return MarkerSource(
+        source.name, names, source.position[:, kept], base_known=source.base_known
+    ), messages
+
+
+def _same(one: Array, other: Array) -> bool:
+    difference = np.abs(one - other)
+    return bool(np.isfinite(difference).any() and np.nanmax(difference) < _ALIKE)
+
+
+def check_count(observations: Observations) -> None:
+    """Require enough postures in which something was seen.
+
+    Raises
+    ------
+    CalibrationError
+    """
+    seen = np.any([source.seen for source in observations.sources], axis=0)
+    if int(seen.sum()) < FEWEST:
+        raise CalibrationError(
+            f'{int(seen.sum())} postures with measurements are too few: the base frame alone '
+            f'takes {FEWEST}; record at least 15, better 40'
+        )
+
+
+def check_positions(observations: Observations, geometry: ArmGeometry) -> list[str]:
+    """Return warnings of joints beyond their limits.
+
+    Raises
+    ------
+    CalibrationError
+        If positions are missing, or in degrees.
+    """
+    messages = []
+    robot = geometry.robot
+    for i, joint in enumerate(geometry.joint_names):
+        q = observations.q[:, i]
+        if not np.isfinite(q).all():
+            row = int(np.flatnonzero(~np.isfinite(q))[0])
+            raise CalibrationError(
+                f'{observations.labels[row]}: no position of joint {joint}: fill it in, or remove '
+                'the posture'
+            )
+        if not geometry.is_prismatic(i) and np.abs(q).max() > _LARGEST_TURN:
+            raise CalibrationError(
+                f'joint {joint} is at {np.abs(q).max():.0f} rad in some posture: positions look '
+                'like degrees; pass --degrees, or state the unit in the column, as '
+                f'{joint} [deg]'
+            )
+        beyond = max(q.max() - robot.position_max[i], robot.position_min[i] - q.min())
+        if beyond > 0.1:
+            unit = 'm' if geometry.is_prismatic(i) else 'rad'
+            messages.append(
+                f'joint {joint} is recorded {beyond:.2g} {unit} beyond the limits of the URDF'
+            )
+    return messages
+
+
+def check_units(observations: Observations, geometry: ArmGeometry) -> None:
+    """Require that what was measured moves about as far as the arm does.
+
+    Raises
+    ------
+    CalibrationError
+        If it looks like millimetres.
+    """
+    predicted = _spread(geometry.poses(observations.q, np.zeros(len(geometry.names))).position)
+    for source in observations.sources:
+        if isinstance(source, PlaneSource):
+            continue
+        assert isinstance(source, MarkerSource | PoseSource)
+        position = source.position
+        if position.ndim == 3:
+            position = position[:, 0]
+        measured = _spread(position)
+        if predicted > 0.0 and _MILLIMETRES[0] < measured / predicted < _MILLIMETRES[1]:
+            raise CalibrationError(
+                f'{source.name}: positions vary by {measured:.0f} between postures where the arm '
+                f'moves by {predicted:.2g} m: they look like millimetres; pass --length-unit mm, '
+                'or state the unit in the columns, as x1 [mm]'
+            )
+
+
+def check_rigid(observations: Observations) -> None:
+    """Require that markers keep their distances.
+
+    Raises
+    ------
+    CalibrationError
+        If markers are exchanged in some postures, or one jumps; it names them and the posture.
+    """
+    for source in observations.sources:
+        if isinstance(source, MarkerSource) and len(source.names) > 1:
+            _check_distances(source, observations.labels)
+
+
+def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
+    pairs = list(combinations(range(len(source.names)), 2))
+    distance = np.array([_distances(source.position, pair) for pair in pairs])
+    together = np.isfinite(distance).any(axis=1)  # some are never seen at once
+    pairs, distance = (
+        [p for p, is_seen in zip(pairs, together, strict=True) if is_seen],
+        (distance[together]),
+    )
+    if not pairs:
+        return
+    usual = np.nanmedian(distance, axis=1)
+    spread = 1.4826 * np.nanmedian(np.abs(distance - usual[:, None]), axis=1)
+    limit = np.maximum(_JUMP, _SPREADS * spread)
+    wrong = np.abs(distance - usual[:, None]) > limit[:, None]
+    rows = np.flatnonzero(wrong.any(axis=0))
+    if not len(rows):
+        return
+    row = int(rows[0])
+    others = f' (and in {len(rows) - 1} more)' if len(rows) > 1 else ''
+    for one, other in pairs:
+        swapped = source.position[row].copy()
+        swapped[[one, other]] = swapped[[other, one]]
+        after = np.array([_distances(swapped[None], pair)[0] for pair in pairs])
+        if not np.any(np.abs(after - usual) > limit):
+            raise CalibrationError(
+                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} are '
+                'swapped: exchange them, or label them again in the motion capture software'
+            )
+    counts = [sum(wrong[k, row] for k, pair in enumerate(pairs) if m in pair)
+              for m in range(len(source.names))]  # fmt: skip
+    marker = int(np.argmax(counts))
+    off = max(abs(distance[k, row] - usual[k]) for k, pair in enumerate(pairs) if marker in pair)
+    who = (
+        f'marker {source.names[marker]}'
+        if len(source.names) > 2
+        else f'marker {source.names[0]} or {source.names[1]}'
+    )
+    raise CalibrationError(
+        f'{labels[row]}{others}: {who} jumps by {1e3 * off:.0f} mm '
+        'relative to the others: leave its cells empty there, or remove it with --ignore '
+        f'{source.names[marker]}'
+    )
+
+
+def check_misfit(fit: Fit) -> None:
+    """Require that the URDF describes this arm, and that no marker jumps or is exchanged.
+
+    Parameters
+    ----------
+    fit : Fit
+        With offsets.
+
+    Raises
+    ------
+    CalibrationError
+    """
+    observations, geometry = fit.observations, fit.geometry
+    reach = _spread(geometry.poses(observations.q, fit.errors).position)
+    for source, residual in zip(observations.sources, fit.residuals(), strict=True):
+        lengths = [k for k, (_, unit) in enumerate(source.channels) if unit == 'm']
+        values = residual[:, lengths]
+        typical = float(np.sqrt(3.0) * np.nanmedian(np.abs(values)) * 1.4826)
+        if typical > max(_MISFIT * reach, _LEAST_MISFIT):
+            raise CalibrationError(_wrong_urdf(fit, typical, reach))
+        if isinstance(source, MarkerSource):
+            _check_single(source, fit, values)
+
+
+def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
+    """Find markers that are exchanged in a few postures, and one that jumps."""
+    labels = fit.observations.labels
+    vectors = residual.reshape(len(residual), len(source.names), 3)
+    off = np.linalg.norm(vectors, axis=2)
+    far = np.nan_to_num(off) > max(_FAR, _FAR_SIGMAS * fit.length)
+    rows = np.flatnonzero(far.any(axis=1))
+    if not len(rows):
+        return
+    row = int(rows[0])
+    others = f' (and in {len(rows) - 1} more)' if len(rows) > 1 else ''
+    predicted = vectors[row] + source.position[row]
+    before = float(np.nansum(vectors[row] ** 2))
+    for one, other in combinations(range(len(source.names)), 2):
+        swapped = source.position[row].copy()
+        swapped[[one, other]] = swapped[[other, one]]
+        if float(np.nansum((predicted - swapped) ** 2)) < _EXPLAINED**2 * before:
+            raise CalibrationError(
+                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} are '
+                'swapped: exchange them, or label them again in the motion capture software'
+            )
+    marker = int(np.nanargmax(off[row]))
+    raise CalibrationError(
+        f'{labels[row]}{others}: marker {source.names[marker]} is {1e3 * off[row, marker]:.0f} mm '
+        'from where the other postures put it: a jumping marker, or a posture that was still in '
+        'motion; leave its cells empty there, or remove the posture'
+    )
+
+
+def _wrong_urdf(fit: Fit, typical: float, reach: float) -> str:
+    text = (
+        f'the URDF does not describe this arm: {1e3 * typical:.0f} mm of its motion of '
+        f'{1e3 * reach:.0f} mm stay unexplained'
+    )
+    joint = _turning_back(fit, typical)
+    if joint:
+        return f'{text}; joint {joint} seems to turn the other way: check its sign and its axis'
+    return (
+        f'{text}; check that URDF, joint columns, units and the link of the markers (--link '
+        f'{fit.geometry.link}) belong together'
+    )
+
+
+def _turning_back(fit: Fit, typical: float) -> str:
+    """Return the joint whose opposite sign explains most of the motion, '' if none does."""
+    from aerarm_ros.calibration.fit import registered
+
+    observations = fit.observations
+    for i, joint in enumerate(fit.geometry.joint_names):
+        q = observations.q.copy()
+        q[:, i] = -q[:, i]
+        other = registered(fit.geometry, Observations(q, observations.sources, observations.labels))
+        if np.sqrt(3.0) * other.length < _EXPLAINED * typical:
+            return joint
+    return ''
+
+
+def _distances(position: Array, pair: tuple[int, int]) -> Array:
+    return np.asarray(np.linalg.norm(position[:, pair[0]] - position[:, pair[1]], axis=1))
+
+
+def _spread(position: Array) -> float:
+    """Return the root mean square distance of places from their median [m]."""
+    seen = position[np.isfinite(position).all(axis=1)]
+    if not len(seen):
+        return 0.0
+    return float(np.sqrt(np.median(np.sum((seen - np.median(seen, axis=0)) ** 2, axis=1))))

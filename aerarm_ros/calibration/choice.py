@@ -1,0 +1,366 @@
+"""Which geometric errors data can tell, and which of these improve a prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerarm_ros.calibration.fit import Fit, fitted, free_columns
+from aerarm_ros.calibration.geometry import ECCENTRICITY, KINDS, LINK_GEOMETRY, ArmGeometry
+from aerarm_ros.calibration.observations import CalibrationError, Mask, Observations, Source
+from aerarm_ros.motion.signals import Array
+
+_DEPENDENT = 1e-5  # share of a column that others leave, below which it is theirs
+_WEAK = 0.3  # standard deviations of all data by an error of typical size that shows nothing
+_POSTURES = 80  # random ones that show what any postures could tell
+_FOLDS = 10
+_SIGNIFICANT = 2.0  # standard deviations
+_UNCERTAIN = 1.5  # typical sizes from which on a standard deviation says nothing
+_STILL = 0.3  # [rad] between all postures, below which a joint hardly moves
+_GAIN = 0.5  # standard errors by which a larger model must predict better
+_WORTH = 0.03  # share by which its squared errors must be smaller
+
+LEVELS = {
+    'frames': (),
+    'offsets': ('offset',),
+    'geometry': ('offset', *LINK_GEOMETRY),
+}
+"""Kinds of errors of each level."""
+
+
+@dataclass(frozen=True, eq=False)
+class Identifiable:
+    """What postures and sources can tell of the errors.
+
+    Attributes
+    ----------
+    columns : tuple of int
+        Errors that can be told apart from each other and from the sources' unknowns.
+    absorbed : tuple of int
+        Errors that no posture could tell from those or from the unknowns.
+    hidden : tuple of int
+        Errors that other postures would show.
+    """
+
+    columns: tuple[int, ...]
+    absorbed: tuple[int, ...]
+    hidden: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One choice of errors, and how well it predicts postures that it was not fitted to.
+
+    Attributes
+    ----------
+    name : str
+        Such as 'offsets + compliance'.
+    fit : Fit
+        On all postures.
+    predicted : (M,) ndarray
+        Sum of squares of each posture's residuals, in the noise of the first candidate, when it was
+        left out.
+    position, angle : float
+        Root mean square of left-out positions [m] (norm of the vector) and angles [rad].
+    """
+
+    name: str
+    fit: Fit
+    predicted: Array
+    position: float
+    angle: float
+
+
+def identifiable(start: Fit, kinds: Sequence[str]) -> Identifiable:
+    """Return which errors of some kinds can be estimated, by rank.
+
+    The sources' unknowns come first: an error that moves the arm as they do is theirs. Then come
+    the errors kind by kind in the order of `KINDS`, so an offset is preferred to a rotation of the
+    same joint. What random postures within the joints' limits could tell, and these do not, is
+    hidden.
+    """
+    wanted = [k for kind in KINDS if kind in kinds for k in start.geometry.columns(kind)]
+    wanted = [k for k in wanted if _has_effect(start.geometry, k)]
+    found = _independent(start, wanted)
+    possible = _independent(_in_random_postures(start), wanted)
+    others = [k for k in wanted if k not in found]
+    return Identifiable(
+        tuple(sorted(found)),
+        tuple(k for k in others if k not in possible),
+        tuple(k for k in others if k in possible),
+    )
+
+
+def check_unknowns(start: Fit) -> None:
+    """Require that the postures tell the sources' own unknowns.
+
+    Raises
+    ------
+    CalibrationError
+        If they are too few or too similar; it names one that stays unknown.
+    """
+    rows = free_columns(start, ())
+    left = _left_of(rows)
+    for name, share in zip(start.names, left, strict=True):
+        if share < _DEPENDENT:
+            raise CalibrationError(
+                f'{name} cannot be estimated: {len(start.observations)} postures are too few or '
+                'too similar; record at least 15 postures in which every joint moves by more '
+                'than 0.5 rad'
+            )
+
+
+def check_offsets(start: Fit, found: Identifiable) -> list[str]:
+    """Require that the postures tell the offsets that postures can tell; return warnings.
+
+    Raises
+    ------
+    CalibrationError
+        If they do not show one, or half of them remain as uncertain as the drawing; it names the
+        offset, and the joints to move.
+    """
+    geometry = start.geometry
+    offsets = geometry.columns('offset')
+    shown = _independent(start, offsets, weak=0.0)
+    for column in _independent(_in_random_postures(start), offsets, weak=0.0):
+        if column not in shown:
+            raise CalibrationError(_too_similar(start, geometry.names[column]))
+    fit = fitted(start, [k for k in found.columns if k in offsets])
+    messages = [_too_similar(start, geometry.names[k]) for k in found.hidden if k in offsets]
+    for column, deviation in zip(fit.free, fit.deviations, strict=False):
+        if deviation > _UNCERTAIN * geometry.typical[column]:
+            uncertain = f' (standard deviation {deviation:.2g} {geometry.unit(column)})'
+            messages.append(_too_similar(start, geometry.names[column], uncertain))
+    if messages and 2 * len(messages) >= len(shown):
+        raise CalibrationError(messages[0])
+    return messages
+
+
+def _too_similar(start: Fit, name: str, uncertain: str = '') -> str:
+    geometry = start.geometry
+    moved = np.ptp(start.observations.q[:, : geometry.n], axis=0)
+    still = [
+        joint
+        for k, joint in enumerate(geometry.joint_names)
+        if moved[k] < (_STILL if not geometry.is_prismatic(k) else 0.1 * _STILL)
+    ]
+    advice = (
+        f'{", ".join(still)} hardly move: let every joint move'
+        if still
+        else 'record more, in which all joints move further'
+    )
+    return (
+        f'{name} cannot be estimated{uncertain}: {len(start.observations)} postures are too few or '
+        f'too similar; {advice}'
+    )
+
+
+def chosen(
+    start: Fit, level: str, compliance: bool, eccentricity: bool
+) -> tuple[Candidate, list[Candidate]]:
+    """Return the candidate that predicts best, and all that were tried.
+
+    Of each model, errors within two standard deviations of the drawing go back to the drawing, as
+    long as the prediction of left-out postures stays as good. A larger model must predict these
+    better by more than half a standard error of the difference, and by 3 % of the squares.
+
+    Parameters
+    ----------
+    start : Fit
+        The registration.
+    level : {'offsets', 'geometry', 'auto'}
+        The largest set of errors, or what the data choose.
+    compliance, eccentricity : bool
+        Whether these are tried.
+    """
+    names = {'auto': ('offsets', 'geometry')}.get(level, (level,))
+    scale = fitted(start, identifiable(start, LEVELS[names[0]]).columns)
+    noise = scale.length, scale.angle
+    tried = [_candidate('frames', start, (), noise)]
+    measured = sum(int(np.isfinite(residual).sum()) for residual in start.residuals())
+    best: Candidate | None = None
+    for name, kinds in _models(names, compliance, eccentricity):
+        columns = identifiable(start, kinds).columns
+        if not columns or len(columns) >= measured // 2:
+            continue
+        whole = _candidate(name, start, columns, noise)
+        smaller = _without_insignificant(whole, start, noise)
+        tried += [whole] if smaller is None else [whole, smaller]
+        other = whole if smaller is None or _predicts_better(whole, smaller) else smaller
+        if best is None or _predicts_better(other, best):
+            best = other
+    return best or tried[0], tried
+
+
+def _models(
+    names: Sequence[str], compliance: bool, eccentricity: bool
+) -> list[tuple[str, tuple[str, ...]]]:
+    """Return names and kinds of errors of the models to try, the smaller first."""
+    extras: list[tuple[str, tuple[str, ...]]] = [('', ())]
+    if compliance:
+        extras.append((' + compliance', ('compliance',)))
+    if eccentricity:
+        extras += [(f'{label} + eccentricity', (*kinds, *ECCENTRICITY)) for label, kinds in extras]
+    return [
+        (f'{name}{label}', (*LEVELS[name], *kinds))
+        for name in names
+        if name != 'frames'
+        for label, kinds in extras
+    ]
+
+
+def insignificant(fit: Fit) -> list[int]:
+    """Return the free errors within two standard deviations of the drawing, weakest first.
+
+    The weakest goes first, and the others change as they would without it.
+    """
+    count = len(fit.free)
+    values = fit.errors[list(fit.free)].copy()
+    covariance = fit.covariance[:count, :count].copy()
+    left = list(range(count))
+    gone = []
+    while left:
+        deviation = np.sqrt(np.maximum(np.diag(covariance)[left], 1e-300))
+        ratio = np.abs(values[left]) / deviation
+        weakest = left[int(np.argmin(ratio))]
+        implausible = [k for k in left if _is_implausible(fit, k, values[k])]
+        if not implausible and ratio.min() >= _SIGNIFICANT:
+            break
+        weakest = implausible[0] if implausible else weakest
+        gain = covariance[:, weakest] / covariance[weakest, weakest]
+        values = values - gain * values[weakest]
+        covariance = covariance - np.outer(gain, covariance[weakest])
+        left.remove(weakest)
+        gone.append(fit.free[weakest])
+    return gone
+
+
+def cross_validated(start: Fit, columns: Sequence[int]) -> list[Array]:
+    """Return each source's residuals (M, K) in postures that were left out of the fit."""
+    observations, count = start.observations, len(start.observations)
+    order = np.random.default_rng(0).permutation(count)
+    found = [np.full_like(residual, np.nan) for residual in start.residuals()]
+    for fold in range(min(_FOLDS, count)):
+        out = np.sort(order[fold::_FOLDS])
+        kept = np.setdiff1d(np.arange(count), out)
+        fit = fitted(start, columns, observations.rows(kept))
+        for whole, part in zip(found, fit.residuals(observations.rows(out)), strict=True):
+            whole[out] = part
+    return found
+
+
+def errors_of(sources: Sequence[Source], residuals: Sequence[Array]) -> tuple[float, float]:
+    """Return root mean squares of positions [m], of the whole vector, and of angles [rad]."""
+    squares: dict[str, list[Array]] = {'m': [], 'rad': []}
+    for source, residual in zip(sources, residuals, strict=True):
+        for unit, values in squares.items():
+            columns = [k for k, (_, own) in enumerate(source.channels) if own == unit]
+            for start in range(0, len(columns), 3):
+                norm = np.sum(residual[:, columns[start : start + 3]] ** 2, axis=1)
+                values.append(norm[np.isfinite(norm)])
+    roots = [
+        float(np.sqrt(np.mean(np.concatenate(values)))) if values else float('nan')
+        for values in squares.values()
+    ]
+    return roots[0], roots[1]
+
+
+def _candidate(
+    name: str, start: Fit, columns: Sequence[int], noise: tuple[float, float]
+) -> Candidate:
+    fit = fitted(start, columns)
+    residuals = cross_validated(fit, columns)
+    sources = start.observations.sources
+    predicted = np.zeros(len(start.observations))
+    for source, residual in zip(sources, residuals, strict=True):
+        squares = (residual / source.sigma(*noise)) ** 2
+        # One posture that nothing explains shall not choose the model.
+        predicted += np.nansum(np.minimum(squares, 25.0), axis=1)
+    position, angle = errors_of(sources, residuals)
+    return Candidate(name, fit, predicted, position, angle)
+
+
+def _predicts_better(one: Candidate, other: Candidate) -> bool:
+    gain = other.predicted - one.predicted
+    error = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
+    least = max(_GAIN * error, _WORTH * float(np.mean(other.predicted)))
+    return bool(float(np.mean(gain)) > least)
+
+
+def _without_insignificant(
+    best: Candidate, start: Fit, noise: tuple[float, float]
+) -> Candidate | None:
+    gone = insignificant(best.fit)
+    if not gone:
+        return None
+    kept = [k for k in best.fit.free if k not in gone]
+    return _candidate(f'{best.name}, significant ones', start, kept, noise)
+
+
+def _is_implausible(fit: Fit, place: int, value: float) -> bool:
+    """Return whether a spring would be negative."""
+    return fit.geometry.names[fit.free[place]].endswith('.compliance') and value < 0.0
+
+
+def _has_effect(geometry: ArmGeometry, column: int) -> bool:
+    """Return whether an error exists: gears of prismatic joints have no harmonic here."""
+    joint, kind = divmod(column, len(KINDS))
+    return not (geometry.is_prismatic(joint) and KINDS[kind] in ECCENTRICITY)
+
+
+def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list[int]:
+    """Return the columns that those before them, and the unknowns, do not make up."""
+    rows = free_columns(start, wanted)
+    count = len(wanted)
+    basis = _orthonormal(rows[:, count:])
+    found = []
+    for place, column in enumerate(wanted):
+        own = rows[:, place]
+        size = float(np.linalg.norm(own))
+        rest = own - basis @ (basis.T @ own)
+        rest -= basis @ (basis.T @ rest)
+        left = float(np.linalg.norm(rest))
+        if left > max(_DEPENDENT * size, weak):
+            found.append(column)
+            basis = np.column_stack([basis, rest / left])
+    return found
+
+
+def _left_of(rows: Array) -> Array:
+    """Return the share of each column that those before it leave."""
+    basis = np.zeros((len(rows), 0))
+    shares = []
+    for own in rows.T:
+        size = float(np.linalg.norm(own))
+        rest = own - basis @ (basis.T @ own)
+        rest -= basis @ (basis.T @ rest)
+        left = float(np.linalg.norm(rest))
+        shares.append(left / size if size > 0.0 else 0.0)
+        if left > _DEPENDENT * max(size, 1e-300):
+            basis = np.column_stack([basis, rest / left])
+    return np.array(shares)
+
+
+def _orthonormal(rows: Array) -> Array:
+    left, size, _ = np.linalg.svd(rows, full_matrices=False)
+    return np.asarray(left[:, size > _DEPENDENT * max(size.max(initial=0.0), 1e-300)])
+
+
+def _in_random_postures(start: Fit) -> Fit:
+    low, high = start.geometry.robot.posture_range
+    generator = np.random.default_rng(0)
+    q = generator.uniform(low, high, (_POSTURES, start.geometry.robot.n))
+    # As if everything was seen, and as predicted: only the derivatives count.
+    index = np.resize(np.flatnonzero(_all_seen(start.observations)), _POSTURES)
+    sources = start.observations.rows(index).sources
+    observations = Observations(q, sources)
+    return Fit(start.geometry, observations, (), start.errors, start.states)
+
+
+def _all_seen(observations: Observations) -> Mask:
+    seen: Mask = np.asarray(np.all([source.seen for source in observations.sources], axis=0))
+    if seen.any():
+        return seen
+    return np.asarray(np.any([source.seen for source in observations.sources], axis=0))

@@ -1,0 +1,248 @@
+"""The files of a calibration: URDF, YAML, and the arm's configuration with offsets."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import yaml
+from scipy.spatial.transform import Rotation
+
+from aerarm_ros.calibration.calibrate import Calibration
+from aerarm_ros.calibration.fit import Fit
+from aerarm_ros.calibration.geometry import KINDS, LINK_GEOMETRY, error_transform
+from aerarm_ros.calibration.observations import MarkerSource, PlaneSource, base_pose
+from aerarm_ros.description.config_reader import read_yaml
+from aerarm_ros.description.urdf_document import CALIBRATED
+from aerarm_ros.identification.files.identified_robot import before_root
+from aerarm_ros.motion.signals import Array
+
+_HEADER = """\
+# Calibrated geometry. SI units; each estimate is [value, standard deviation].
+# offsets: added to the recorded joint positions. geometry: displacement x, y, z and rotation
+# vector rx, ry, rz of a joint's frame, in that frame as drawn. compliance: deflection per torque of
+# gravity.
+# What is not listed is as drawn: insignificant, or not to be told from the rest.
+"""
+_CONFIG_HEADER = """\
+# The arm's configuration with calibrated offsets. It belongs to the calibrated.urdf beside it,
+# which has no offsets. Comments: see the file that it was made from.
+"""
+
+
+def calibrated_urdf(calibration: Calibration, with_offsets: bool) -> str:
+    """Return the URDF with calibrated origins of the joints, everything else unchanged.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    with_offsets : bool
+        Whether the joints' zeros are those of the recorded positions. False where a configuration
+        has the offsets.
+    """
+    fit = calibration.fit
+    text = calibration.chain.text
+    root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    joints = {joint.get('name'): joint for joint in root.findall('joint')}
+    for name, value in zip(
+        fit.geometry.joint_names, fit.errors.reshape(-1, len(KINDS)), strict=True
+    ):
+        offset = value[0] if with_offsets else 0.0
+        if not (offset or np.any(value[1:7])):
+            continue
+        _displace(joints[name], value, offset)
+    written = ET.tostring(root, encoding='unicode').replace(' />', '/>')
+    after = calibration.errors(fit)[0]
+    note = (
+        f'<!-- {CALIBRATED}: {calibration.best.name}, {1e3 * after:.3g} mm RMS at the markers -->'
+    )
+    before = ''.join(line for line in before_root(text).splitlines(True) if CALIBRATED not in line)
+    return f'{before}{note}\n{written}\n'
+
+
+def _displace(joint: ET.Element, value: Array, offset: float) -> None:
+    origin = joint.find('origin')
+    if origin is None:
+        origin = ET.Element('origin')
+        joint.insert(0, origin)
+    place = [float(part) for part in origin.get('xyz', '0 0 0').split()]
+    angles = [float(part) for part in origin.get('rpy', '0 0 0').split()]
+    axis_element = joint.find('axis')
+    text = '1 0 0' if axis_element is None else axis_element.get('xyz', '1 0 0')
+    axis = np.array([float(part) for part in text.split()])
+    axis /= np.linalg.norm(axis)
+    if joint.get('type') == 'prismatic':
+        shift = pin.SE3(np.eye(3), offset * axis)
+    else:
+        shift = pin.SE3(pin.exp3(offset * axis), np.zeros(3))
+    drawn = pin.SE3(pin.rpy.rpyToMatrix(np.array(angles)), np.array(place))
+    pose = drawn * error_transform(value) * shift
+    origin.set('xyz', _text(pose.translation))
+    origin.set('rpy', _text(pin.rpy.matrixToRpy(pose.rotation)))
+
+
+def calibration_yaml(calibration: Calibration, offsets_in: str) -> str:
+    """Return the estimates as YAML.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    offsets_in : str
+        The file that holds the offsets, beside this one.
+    """
+    fit = calibration.fit
+    document: dict[str, Any] = {
+        'link': fit.geometry.link,
+        'model': calibration.best.name,
+        'offsets_in': offsets_in,
+        'offsets': _pairs(calibration.joint_values('offset')),
+        'geometry': _by_joint(calibration, LINK_GEOMETRY),
+        'compliance': _pairs(calibration.joint_values('compliance')),
+        'eccentricity': _by_joint(calibration, ('sin', 'cos')),
+        'noise': {'position': float(fit.length), 'angle': float(fit.angle)},
+        'frames': frames(fit),
+        'as_drawn': _as_drawn(calibration),
+        'errors': errors_summary(calibration),
+    }
+    text = yaml.safe_dump(_rounded(document), sort_keys=False, default_flow_style=None, width=100)
+    return _HEADER + text
+
+
+def config_yaml(calibration: Calibration, source: Path) -> str:
+    """Return the arm's configuration with the estimated offsets added to those that it has.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read any more.
+    """
+    document = read_yaml(source)
+    values = calibration.joint_values('offset')
+    for joint in document['joints']:
+        change, _ = values.get(joint['name'], (0.0, 0.0))
+        if change:
+            joint['offset'] = round(float(joint['offset']) + change, 7)
+    text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
+    return _CONFIG_HEADER + text
+
+
+def summary(calibration: Calibration) -> dict[str, Any]:
+    """Return the figures of a calibration in plain numbers."""
+    fit = calibration.fit
+    return {
+        'model': calibration.best.name,
+        'link': fit.geometry.link,
+        'postures': len(calibration.observations),
+        'parameters': len(fit.free),
+        'errors': errors_summary(calibration),
+        'candidates': {
+            one.name: {
+                'parameters': len(one.fit.free),
+                'cross_validation_mm': _mm(one.position),
+                'training_mm': _mm(calibration.errors(one.fit)[0]),
+                'held_out_mm': {
+                    held.name: _mm(calibration.errors(one.fit, held.observations)[0])
+                    for held in calibration.held_out
+                },
+            }
+            for one in calibration.tried
+        },
+        'warnings': list(calibration.messages),
+    }
+
+
+def errors_summary(calibration: Calibration) -> dict[str, Any]:
+    """Return errors before and after, of all postures and of those held out [mm], [mrad]."""
+    groups = {'training': calibration.observations}
+    groups |= {held.name: held.observations for held in calibration.held_out}
+    found: dict[str, Any] = {}
+    for name, observations in groups.items():
+        before = calibration.errors(calibration.registration, observations)
+        after = calibration.errors(calibration.fit, observations)
+        found[name] = {
+            'before_mm': _mm(before[0]),
+            'after_mm': _mm(after[0]),
+            'before_mrad': _mm(before[1]),
+            'after_mrad': _mm(after[1]),
+            'markers_mm': {
+                key: _mm(value) for key, value in calibration.marker_errors(observations).items()
+            },
+        }
+    return found
+
+
+def frames(fit: Fit) -> dict[str, Any]:
+    """Return the sources' frames: the base in the sensor's, and what is attached to the link."""
+    found: dict[str, Any] = {}
+    for source, state in zip(fit.observations.sources, fit.states, strict=True):
+        if isinstance(source, PlaneSource):
+            found[source.name] = {
+                'plane_in_base': [*state[:3].tolist(), float(state[3])],
+                'tip_in_link': state[4:].tolist(),
+            }
+            continue
+        entry: dict[str, Any] = {}
+        if not source.base_known:
+            entry['base_in_sensor'] = _pose(*base_pose(state))
+        if isinstance(source, MarkerSource):
+            places = state[12:].reshape(-1, 3)
+            entry['markers_in_link'] = {
+                name: place.tolist() for name, place in zip(source.names, places, strict=True)
+            }
+        else:
+            entry['attached_in_link'] = _pose(state[12:21].reshape(3, 3), state[21:])
+        found[source.name] = entry
+    return found
+
+
+def _pose(rotation: Array, translation: Array) -> dict[str, Any]:
+    turn = Rotation.from_matrix(rotation)
+    return {
+        'position': translation.tolist(),
+        'rpy': turn.as_euler('xyz').tolist(),
+        'quaternion_xyzw': turn.as_quat().tolist(),
+    }
+
+
+def _as_drawn(calibration: Calibration) -> dict[str, list[str]]:
+    """Return why errors that were considered are as drawn."""
+    names = calibration.fit.geometry.names
+    found = calibration.found
+    return {
+        'insignificant': [names[k] for k in found.columns if k not in calibration.fit.free],
+        'not_shown_by_these_postures': [names[k] for k in found.hidden],
+        'absorbed': [names[k] for k in found.absorbed],
+    }
+
+
+def _by_joint(calibration: Calibration, kinds: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = {}
+    for kind in kinds:
+        for joint, pair in calibration.joint_values(kind).items():
+            found.setdefault(joint, {})[kind] = list(pair)
+    return found
+
+
+def _pairs(values: Mapping[str, tuple[float, float]]) -> dict[str, list[float]]:
+    return {joint: list(pair) for joint, pair in values.items()}
+
+
+def _mm(value: float) -> float | None:
+    return round(1e3 * value, 4) if np.isfinite(value) else None
+
+
+def _rounded(value: Any) -> Any:
+    """Return a document whose numbers have seven digits."""
+    if isinstance(value, dict):
+        return {key: _rounded(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_rounded(one) for one in value]
+    return float(f'{value:.7g}') if isinstance(value, float) else value
+
+
+def _text(values: Array) -> str:
+    return ' '.join(repr(float(value)) for value in values)

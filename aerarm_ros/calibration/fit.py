@@ -1,0 +1,279 @@
+"""Robust non-linear least squares of geometric errors, with covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from aerarm_ros.calibration.geometry import ArmGeometry, LinkPoses
+from aerarm_ros.calibration.observations import Observations
+from aerarm_ros.motion.signals import Array
+
+LENGTH, ANGLE = 1e-3, 5e-3  # [m], [rad] noise that a fit starts from
+_LEAST_LENGTH, _LEAST_ANGLE = 1e-7, 1e-7  # noise that data cannot fall below
+_OUTLIER = 3.0  # standard deviations from which on a residual counts less
+_ROUNDS = 4
+_SETTLED = 0.03  # relative change of the noise at which rounds end
+_PRIOR = 3.0  # standard deviation of errors, in sizes that manufacture leaves
+_MAD = 1.4826
+_STEP = 0.01  # [m], [rad] of the sources' unknowns, for scaling
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Estimated errors and unknowns.
+
+    Attributes
+    ----------
+    geometry : ArmGeometry
+    observations : Observations
+        What was fitted.
+    free : tuple of int
+        Places of the estimated errors in `geometry.names`; all others are as drawn.
+    errors : (P,) ndarray
+    states : tuple of ndarray
+        State of each source.
+    length, angle : float
+        Noise of positions [m] and angles [rad], estimated from the residuals.
+    """
+
+    geometry: ArmGeometry
+    observations: Observations
+    free: tuple[int, ...]
+    errors: Array
+    states: tuple[Array, ...]
+    length: float = LENGTH
+    angle: float = ANGLE
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free errors, then of the unknowns of all sources."""
+        unknowns = [name for s in self.observations.sources for name in s.unknowns]
+        return (*(self.geometry.names[k] for k in self.free), *unknowns)
+
+    def residuals(self, observations: Observations | None = None) -> list[Array]:
+        """Return the residuals (M, K) of each source [m], [rad], of other postures if given."""
+        observations = observations or self.observations
+        poses = self.geometry.poses(observations.q, self.errors)
+        return [
+            source.residuals(poses, state)
+            for source, state in zip(observations.sources, self.states, strict=True)
+        ]
+
+    def jacobian(self, observations: Observations | None = None) -> list[Array]:
+        """Return derivatives (M, K, free + unknowns) of each source's residuals."""
+        observations = observations or self.observations
+        poses = self.geometry.poses(observations.q, self.errors, with_jacobian=True)
+        return _jacobians(self, observations, poses)
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the free errors and unknowns, in the order of `names`.
+
+        The larger of two standard deviations counts for each: that of independent residuals, and
+        that of residuals which are alike within a posture (cluster-robust, Liang and Zeger 1986,
+        with the correction for few clusters).
+        """
+        rows, residuals, clusters = self._weighted()
+        information = rows.T @ rows
+        prior = np.zeros(rows.shape[1])
+        prior[: len(self.free)] = 1.0 / (_PRIOR * self.geometry.typical[list(self.free)]) ** 2
+        inverse = _inverse(information + np.diag(prior))
+        number, width = rows.shape
+        groups = np.unique(clusters)
+        scores = np.array([rows[clusters == k].T @ residuals[clusters == k] for k in groups])
+        few = len(groups) / max(len(groups) - 1, 1) * (number - 1) / max(number - width, 1)
+        robust = few * np.sum((scores @ inverse) ** 2, axis=0)
+        plain = np.diag(inverse)
+        ratio = np.sqrt(np.maximum(robust, plain) / np.maximum(plain, 1e-300))
+        return inverse * np.outer(ratio, ratio)
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of the free errors and unknowns, in the order of `names`."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def _weighted(self) -> tuple[Array, Array, Array]:
+        """Return weighted rows and residuals in standard deviations, and their postures."""
+        rows, residuals, clusters = [], [], []
+        jacobians = self.jacobian()
+        sources = self.observations.sources
+        for source, residual, jacobian in zip(sources, self.residuals(), jacobians, strict=True):
+            scaled = residual / source.sigma(self.length, self.angle)
+            root = (1.0 + (scaled / _OUTLIER) ** 2) ** -0.25
+            seen = np.isfinite(scaled)
+            scale = (root / source.sigma(self.length, self.angle))[:, :, None]
+            rows.append((jacobian * scale)[seen])
+            residuals.append((scaled * root)[seen])
+            posture = np.arange(len(scaled))[:, None]
+            clusters.append(np.broadcast_to(posture, scaled.shape)[seen])
+        return np.vstack(rows), np.concatenate(residuals), np.concatenate(clusters)
+
+
+def registered(geometry: ArmGeometry, observations: Observations) -> Fit:
+    """Return the geometry as drawn, with the sources' unknowns fitted to it alone."""
+    errors = np.zeros(len(geometry.names))
+    poses = geometry.poses(observations.q, errors)
+    states = tuple(source.register(poses) for source in observations.sources)
+    return fitted(Fit(geometry, observations, (), errors, states), ())
+
+
+def fitted(start: Fit, free: Sequence[int], observations: Observations | None = None) -> Fit:
+    """Return the fit of some errors.
+
+    Residuals count by the loss ``soft_l1`` beyond three standard deviations, which are those of
+    the residuals themselves, so the fit is repeated until they settle.
+
+    Parameters
+    ----------
+    start : Fit
+        Where it starts; errors that are not free become zero.
+    free : sequence of int
+    observations : Observations, optional
+        Those of the start if not given.
+    """
+    errors = np.zeros_like(start.errors)
+    errors[list(free)] = start.errors[list(free)]
+    fit = Fit(
+        start.geometry,
+        observations or start.observations,
+        tuple(free),
+        errors,
+        start.states,
+        start.length,
+        start.angle,
+    )
+    for _ in range(_ROUNDS):
+        before = fit.length, fit.angle
+        fit = _with_noise(_solved(fit))
+        change = np.abs(np.log([fit.length / before[0], fit.angle / before[1]]))
+        if np.max(change) < _SETTLED:
+            break
+    return fit
+
+
+def free_columns(fit: Fit, columns: Sequence[int]) -> Array:
+    """Return derivatives of all residuals that were seen by some errors and all unknowns.
+
+    In standard deviations of the noise, per typical size of each error: (N, errors + unknowns).
+    """
+    probe = Fit(
+        fit.geometry, fit.observations, tuple(columns), fit.errors, fit.states, LENGTH, ANGLE
+    )
+    rows, _, _ = probe._weighted()
+    rows[:, : len(columns)] *= fit.geometry.typical[list(columns)]
+    rows[:, len(columns) :] *= _STEP
+    return rows
+
+
+def _solved(fit: Fit) -> Fit:
+    sources, prior = fit.observations.sources, _PRIOR * fit.geometry.typical[list(fit.free)]
+    scales = np.concatenate(
+        [fit.geometry.typical[list(fit.free)], np.full(len(fit.names) - len(fit.free), _STEP)]
+    )
+
+    def at(step: Array) -> Fit:
+        return _stepped(fit, step)
+
+    def residuals(step: Array) -> Array:
+        there = at(step)
+        parts = [
+            (r / s.sigma(fit.length, fit.angle))[np.isfinite(r)]
+            for r, s in zip(there.residuals(), sources, strict=True)
+        ]
+        return np.concatenate([*parts, there.errors[list(fit.free)] / prior])
+
+    def jacobian(step: Array) -> Array:
+        there = at(step)
+        parts = [
+            (j / s.sigma(fit.length, fit.angle)[:, None])[np.isfinite(r)]
+            for j, r, s in zip(there.jacobian(), there.residuals(), sources, strict=True)
+        ]
+        weak = np.zeros((len(fit.free), len(step)))
+        weak[:, : len(fit.free)] = np.diag(1.0 / prior)
+        return np.vstack([*parts, weak])
+
+    result = least_squares(
+        residuals,
+        np.zeros(len(scales)),
+        jacobian,
+        x_scale=scales,
+        loss='soft_l1',
+        f_scale=_OUTLIER,
+        max_nfev=20,
+        ftol=1e-7,
+        xtol=1e-9,
+        gtol=1e-9,
+    )
+    return at(result.x)
+
+
+def _stepped(fit: Fit, step: Array) -> Fit:
+    errors = fit.errors.copy()
+    errors[list(fit.free)] += step[: len(fit.free)]
+    states, begin = [], len(fit.free)
+    for source, state in zip(fit.observations.sources, fit.states, strict=True):
+        end = begin + len(source.unknowns)
+        states.append(source.moved(state, step[begin:end]))
+        begin = end
+    return Fit(
+        fit.geometry, fit.observations, fit.free, errors, tuple(states), fit.length, fit.angle
+    )
+
+
+def _with_noise(fit: Fit) -> Fit:
+    """Return the fit with the noise of its residuals, by their median absolute deviation."""
+    number, noise = 0, {'m': [], 'rad': []}  # type: ignore[var-annotated]
+    for source, residual in zip(fit.observations.sources, fit.residuals(), strict=True):
+        for k, (_, unit) in enumerate(source.channels):
+            seen = residual[np.isfinite(residual[:, k]), k]
+            noise[unit].append(seen)
+            number += len(seen)
+    left = max(number - len(fit.names), 1)
+    correction = np.sqrt(number / left)
+    found = []
+    for unit, least, known in (
+        ('m', _LEAST_LENGTH, fit.length),
+        ('rad', _LEAST_ANGLE, fit.angle),
+    ):
+        if not noise[unit]:
+            found.append(known)
+            continue
+        values = np.concatenate(noise[unit])
+        found.append(max(least, float(correction) * _scale(values)))
+    return Fit(fit.geometry, fit.observations, fit.free, fit.errors, fit.states, found[0], found[1])
+
+
+def _scale(values: Array) -> float:
+    """Return the standard deviation of most of the values: clipped at three, made up for."""
+    scale = _MAD * float(np.median(np.abs(values)))
+    if scale == 0.0:
+        return float(np.sqrt(np.mean(values**2)))
+    kept = values[np.abs(values) < _OUTLIER * scale]
+    return float(np.sqrt(np.mean(kept**2))) * 1.0075 if len(kept) else scale
+
+
+def _jacobians(fit: Fit, observations: Observations, poses: LinkPoses) -> list[Array]:
+    width = len(fit.free) + sum(len(source.unknowns) for source in observations.sources)
+    found, begin = [], len(fit.free)
+    for source, state in zip(observations.sources, fit.states, strict=True):
+        by_errors, by_unknowns = source.jacobians(poses, state)
+        jacobian = np.zeros((*by_errors.shape[:2], width))
+        jacobian[:, :, : len(fit.free)] = by_errors[:, :, list(fit.free)]
+        end = begin + len(source.unknowns)
+        jacobian[:, :, begin:end] = by_unknowns
+        begin = end
+        found.append(jacobian)
+    return found
+
+
+def _inverse(matrix: Array) -> Array:
+    """Return the inverse of a symmetric matrix whose rows differ in size by much."""
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(size, size)
+    inverse = np.linalg.pinv(scaled, rcond=1e-13, hermitian=True)
+    return np.asarray(inverse / np.outer(size, size))

@@ -1,0 +1,214 @@
+"""Geometric errors of an arm, and what they do to the pose of one of its links."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.motion.signals import Array
+
+KINDS = ('offset', 'x', 'y', 'z', 'rx', 'ry', 'rz', 'compliance', 'sin', 'cos')
+"""Errors of one joint, in the order in which they are tried.
+
+offset
+    Added to the recorded position [rad], of a prismatic joint [m].
+x, y, z, rx, ry, rz
+    Displacement [m] and rotation vector [rad] of the joint's frame in its frame as drawn.
+compliance
+    Deflection under the torque of gravity [rad/Nm].
+sin, cos
+    First harmonic of the gear's eccentricity: added to the position times sin q, cos q [rad].
+"""
+LINK_GEOMETRY = ('x', 'y', 'z', 'rx', 'ry', 'rz')
+ECCENTRICITY = ('sin', 'cos')
+
+# What manufacture and assembly leave: units of measure of the columns, and a weak prior.
+TYPICAL = {
+    'offset': 0.02,
+    'compliance': 2e-3,
+    'sin': 0.01,
+    'cos': 0.01,
+    **dict.fromkeys('xyz', 0.002),
+    **{f'r{axis}': 0.01 for axis in 'xyz'},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class LinkPoses:
+    """Poses of a link's frame in the base frame, and what the errors do to them.
+
+    Attributes
+    ----------
+    rotation : (M, 3, 3) ndarray
+    position : (M, 3) ndarray
+        [m]
+    jacobian : (M, 6, P) ndarray or None
+        Linear velocity of the frame's origin and angular velocity, along the base's axes, per
+        error, in the order of `ArmGeometry.names`.
+    """
+
+    rotation: Array
+    position: Array
+    jacobian: Array | None = None
+
+
+class ArmGeometry:
+    """The kinematic chain to a link, with errors.
+
+    The pose is that of ``M_1 E_1 J_1(p_1) ... M_k E_k J_k(p_k)`` with the placements ``M`` of the
+    URDF, errors ``E`` = displacement and rotation, and the true positions
+    ``p = q + offset - compliance g(q) + sin sin(q) + cos cos(q)``, where ``g`` is the torque of
+    gravity by the URDF's masses. Derivatives are those of Pinocchio's kinematic regressor, which
+    has a column for every displacement of every joint.
+
+    Parameters
+    ----------
+    robot : Robot
+        As drawn.
+    link : str
+        What the observations are attached to.
+
+    Attributes
+    ----------
+    robot : Robot
+    link : str
+        Its full name.
+    names : tuple of P str
+        Such as 'joint2.offset', joint by joint, kinds in the order of `KINDS`.
+    typical : (P,) ndarray
+        Size of each error that manufacture leaves [rad], [m], [rad/Nm].
+
+    Raises
+    ------
+    ValueError
+        If there is no such link, or no joint moves it.
+    """
+
+    def __init__(self, robot: Robot, link: str) -> None:
+        frame = robot.frame_of(link)
+        self.robot = robot
+        self.link = str(frame.name)
+        self._count = int(frame.parentJoint)
+        if self._count == 0:
+            raise ValueError(
+                f'no joint moves link {link}: name the link that carries the markers, such as '
+                f'{robot.link_names[-1]}'
+            )
+        self._placement = frame.placement
+        self._subspaces = [_subspace(robot.model, i + 1) for i in range(self._count)]
+        self.joint_names = robot.joint_names[: self._count]
+        self.names = tuple(f'{joint}.{kind}' for joint in self.joint_names for kind in KINDS)
+        self.typical = np.array([TYPICAL[kind] for _ in self.joint_names for kind in KINDS])
+
+    @property
+    def n(self) -> int:
+        """Number of joints that move the link."""
+        return self._count
+
+    def is_prismatic(self, joint: int) -> bool:
+        """Return whether a joint, counted from 0, is prismatic."""
+        return bool(np.any(self._subspaces[joint][:3]))
+
+    def columns(self, *kinds: str) -> list[int]:
+        """Return the places of all errors of some kinds, in the order of `names`."""
+        return [k for k, name in enumerate(self.names) if name.rpartition('.')[2] in kinds]
+
+    def unit(self, column: int) -> str:
+        """Return the unit of an error."""
+        joint, kind = divmod(column, len(KINDS))
+        if KINDS[kind] == 'compliance':
+            return 'm/N' if self.is_prismatic(joint) else 'rad/Nm'
+        if KINDS[kind] in 'xyz' or (KINDS[kind] == 'offset' and self.is_prismatic(joint)):
+            return 'm'
+        return 'rad'
+
+    def true_positions(self, q: Array, errors: Array) -> Array:
+        """Return joint positions (M, n) with offset, compliance and eccentricity."""
+        value = errors.reshape(self._count, len(KINDS))
+        column = {kind: value[:, k] for k, kind in enumerate(KINDS)}
+        true = np.array(q, dtype=float)
+        k = slice(None, self._count)
+        true[:, k] += column['offset'] - column['compliance'] * self.gravity_torque(q)[:, k]
+        true[:, k] += column['sin'] * np.sin(q[:, k]) + column['cos'] * np.cos(q[:, k])
+        return true
+
+    def gravity_torque(self, q: Array) -> Array:
+        """Return the torques of gravity (M, n) [Nm] as drawn."""
+        model = self.robot.model
+        data = model.createData()
+        return np.array([pin.computeGeneralizedGravity(model, data, row).copy() for row in q])
+
+    def poses(self, q: Array, errors: Array, with_jacobian: bool = False) -> LinkPoses:
+        """Return the link's poses.
+
+        Parameters
+        ----------
+        q : (M, n) ndarray
+            Recorded joint positions of the robot [rad].
+        errors : (P,) ndarray
+        with_jacobian : bool
+        """
+        model, inner = self.placed(errors)
+        data = model.createData()
+        count = self._count
+        rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
+        regressor = np.empty((len(q), 6, 6 * count)) if with_jacobian else None
+        frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        for row, true in enumerate(self.true_positions(q, errors)):
+            pin.forwardKinematics(model, data, true)
+            pose = data.oMi[count] * self._placement
+            rotation[row], position[row] = pose.rotation, pose.translation
+            if regressor is not None:
+                regressor[row] = pin.computeJointKinematicRegressor(
+                    model, data, count, frame, self._placement
+                )[:, : 6 * count]
+        if regressor is None:
+            return LinkPoses(rotation, position)
+        return LinkPoses(rotation, position, self._jacobian(q, regressor, inner))
+
+    def placed(self, errors: Array) -> tuple[Any, list[Array]]:
+        """Return a pinocchio.Model with displaced joints, and (6, 6) derivatives of placements."""
+        model = self.robot.model.copy()
+        inner = []
+        for i, value in enumerate(errors.reshape(self._count, len(KINDS))):
+            error = error_transform(value)
+            model.jointPlacements[i + 1] = model.jointPlacements[i + 1] * error
+            derivative = np.zeros((6, 6))
+            derivative[:3, :3] = error.rotation.T
+            derivative[3:, 3:] = pin.Jexp3(value[4:7])
+            inner.append(derivative)
+        return model, inner
+
+    def _jacobian(self, q: Array, regressor: Array, inner: list[Array]) -> Array:
+        jacobian = np.zeros((len(q), 6, len(self.names)))
+        torque = self.gravity_torque(q)
+        for i in range(self._count):
+            local = regressor[:, :, 6 * i : 6 * i + 6]
+            start = i * len(KINDS)
+            along = local @ self._subspaces[i]
+            factors = {
+                'offset': np.ones(len(q)),
+                'compliance': -torque[:, i],
+                'sin': np.sin(q[:, i]),
+                'cos': np.cos(q[:, i]),
+            }
+            for kind, factor in factors.items():
+                jacobian[:, :, start + KINDS.index(kind)] = along * factor[:, None]
+            jacobian[:, :, start + 1 : start + 7] = local @ inner[i]
+        return jacobian
+
+
+def error_transform(value: Array) -> Any:
+    """Return displacement and rotation of a joint's errors (10,) as pinocchio.SE3."""
+    return pin.SE3(pin.exp3(np.array(value[4:7])), np.array(value[1:4]))
+
+
+def _subspace(model: Any, joint: int) -> Array:
+    """Return the axis (6,) of a joint of one degree of freedom, in its frame."""
+    data = model.joints[joint].createData()
+    model.joints[joint].calc(data, np.zeros(model.nq), np.zeros(model.nv))
+    return np.array(data.S).reshape(6, -1)[:, 0]

@@ -1,0 +1,496 @@
+"""What was measured of an arm at rest, and how well a geometry predicts it.
+
+Each source of observations has unknowns of its own: the base frame in the sensor's frame, and what
+is attached to the arm. A source predicts its measurements from the poses of the link that it is
+attached to, and has the derivatives.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from aerarm_ros.calibration.geometry import LinkPoses
+from aerarm_ros.motion.signals import Array
+
+Mask = npt.NDArray[np.bool_]
+"""Which of some rows."""
+
+
+class CalibrationError(ValueError):
+    """Data or an option that cannot be used; the message says where, and what to check."""
+
+
+_AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
+_STARTS = 400  # rotations from which a registration starts
+_SPREAD = 0.35  # [rad] typical distance of the nearest of so many to any rotation
+_REFINED = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Source(ABC):
+    """Measurements of one sensor in M postures; what was not seen is NaN.
+
+    Attributes
+    ----------
+    name : str
+        For reports.
+    base_known : bool
+        Whether the sensor's frame is the arm's base frame.
+    """
+
+    name: str
+    base_known: bool = field(default=False, kw_only=True)
+
+    @property
+    @abstractmethod
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of the source's own unknowns, base frame first."""
+
+    @property
+    @abstractmethod
+    def channels(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit, 'm' or 'rad', of each of the K residuals of a posture."""
+
+    @abstractmethod
+    def residuals(self, poses: LinkPoses, state: Array) -> Array:
+        """Return predicted less measured (M, K) [m], [rad]; NaN where not seen."""
+
+    @abstractmethod
+    def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
+        """Return derivatives of the residuals (M, K, P) and (M, K, U).
+
+        By the errors of the geometry, and by the source's own unknowns.
+        """
+
+    @abstractmethod
+    def register(self, poses: LinkPoses) -> Array:
+        """Return a first state (S,) from measurements and poses of the geometry as drawn."""
+
+    @abstractmethod
+    def moved(self, state: Array, step: Array) -> Array:
+        """Return the state after a step (U,) of the unknowns."""
+
+    @abstractmethod
+    def rows(self, index: npt.NDArray[Any]) -> Self:
+        """Return the source in some of its postures."""
+
+    @property
+    @abstractmethod
+    def seen(self) -> Mask:
+        """(M,) whether something was seen."""
+
+    def sigma(self, length: float, angle: float) -> Array:
+        """Return the noise (K,) of the channels from that of lengths [m] and angles [rad]."""
+        return np.array([length if unit == 'm' else angle for _, unit in self.channels])
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerSource(Source):
+    """Positions of markers on the link, each at an unknown place.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the markers.
+    position : (M, markers, 3) ndarray
+        In the sensor's frame [m].
+    """
+
+    names: tuple[str, ...]
+    position: Array
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Base frame (6), then each marker's place in the link's frame (3)."""
+        places = tuple(f'{marker}.{axis}' for marker in self.names for axis in 'xyz')
+        return (*_base_names(self), *places)
+
+    @property
+    def channels(self) -> tuple[tuple[str, str], ...]:
+        """Three positions per marker."""
+        return tuple((f'{marker} {axis}', 'm') for marker in self.names for axis in 'xyz')
+
+    def residuals(self, poses: LinkPoses, state: Array) -> Array:
+        """Return predicted less measured positions (M, 3 markers) [m]."""
+        rotation, translation, places = _split(state)
+        in_base = poses.position[:, None] + np.einsum('mij,kj->mki', poses.rotation, places)
+        predicted = in_base @ rotation.T + translation
+        return np.asarray((predicted - self.position).reshape(len(self.position), -1))
+
+    def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
+        """See `Source.jacobians`."""
+        assert poses.jacobian is not None
+        rotation, _, places = _split(state)
+        count, markers = len(self.position), len(self.names)
+        lever = np.einsum('mij,kj->mki', poses.rotation, places)
+        linear, angular = poses.jacobian[:, :3], poses.jacobian[:, 3:]
+        by_errors = np.empty((count, markers, 3, linear.shape[-1]))
+        first = 0 if self.base_known else 6
+        by_unknowns = np.zeros((count, markers, 3, first + 3 * markers))
+        for k in range(markers):
+            by_errors[:, k] = rotation @ (linear + _turned(angular, lever[:, k]))
+            if not self.base_known:
+                at = (poses.position + lever[:, k]) @ rotation.T
+                by_unknowns[:, k, :, :3] = np.eye(3)
+                by_unknowns[:, k, :, 3:6] = -_cross_matrix(at)
+            by_unknowns[:, k, :, first + 3 * k : first + 3 * k + 3] = rotation @ poses.rotation
+        shape = (count, 3 * markers, -1)
+        return by_errors.reshape(shape), by_unknowns.reshape(shape)
+
+    def register(self, poses: LinkPoses) -> Array:
+        """Return base rotation (9), translation (3) and places (3 per marker)."""
+        if self.base_known:
+            return self._linear(poses, np.eye(3))[1]
+        return _best_start(lambda rotation: self._linear(poses, rotation))
+
+    def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
+        """Return the least residual for a base rotation, and the state: linear in the rest."""
+        seen: Mask = np.asarray(np.isfinite(self.position).all(axis=2))
+        rows, values = [], []
+        markers = len(self.names)
+        turned = rotation @ poses.rotation
+        target = self.position - (poses.position @ rotation.T)[:, None]
+        for k in range(markers):
+            block = np.zeros((int(seen[:, k].sum()), 3, 3 + 3 * markers))
+            block[:, :, :3] = 0.0 if self.base_known else np.eye(3)
+            block[:, :, 3 + 3 * k : 6 + 3 * k] = turned[seen[:, k]]
+            rows.append(block.reshape(-1, 3 + 3 * markers))
+            values.append(target[seen[:, k], k].ravel())
+        matrix, value = np.vstack(rows), np.concatenate(values)
+        solution = np.linalg.lstsq(matrix, value, rcond=1e-9)[0]
+        cost = float(np.sum((matrix @ solution - value) ** 2))
+        return cost, np.concatenate([rotation.ravel(), solution])
+
+    def moved(self, state: Array, step: Array) -> Array:
+        """Return the state after a step of base frame and places."""
+        first = 0 if self.base_known else 6
+        moved = _moved_base(state, step[:first])
+        moved[12:] += step[first:]
+        return moved
+
+    def rows(self, index: npt.NDArray[Any]) -> Self:
+        """Return some postures."""
+        return replace(self, position=self.position[index])
+
+    @property
+    def seen(self) -> Mask:
+        """(M,) whether any marker was seen."""
+        return np.asarray(np.asarray(np.isfinite(self.position).all(axis=2)).any(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSource(Source):
+    """Poses of a rigid body on the link, or of an optical marker and a camera.
+
+    Attributes
+    ----------
+    rotation : (M, 3, 3) ndarray
+    position : (M, 3) ndarray
+        Of the body in the sensor's frame [m].
+    eye_in_hand : bool
+        Whether the camera is on the link and sees what is fixed: the unknown base frame is then
+        that in the fixed body's frame, and what is attached is the camera.
+    """
+
+    rotation: Array
+    position: Array
+    eye_in_hand: bool = False
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Base frame (6), then the attached frame in the link's (6)."""
+        what = 'camera' if self.eye_in_hand else 'body'
+        return (*_base_names(self), *(f'{self.name}.{what}.{axis}' for axis in _AXES))
+
+    @property
+    def channels(self) -> tuple[tuple[str, str], ...]:
+        """Position and rotation vector."""
+        return tuple(
+            (f'{self.name} {axis}', 'rad' if axis.startswith('r') else 'm') for axis in _AXES
+        )
+
+    def residuals(self, poses: LinkPoses, state: Array) -> Array:
+        """Return differences of position [m] and rotation vectors [rad], (M, 6)."""
+        rotation, position = self._predicted(poses, state)
+        turn = Rotation.from_matrix(np.swapaxes(self._filled(), 1, 2) @ rotation).as_rotvec()
+        # In the sensor's axes, as the positions.
+        turn = np.einsum('mij,mj->mi', self._filled(), turn)
+        residuals = np.hstack([position - self.position, turn])
+        residuals[~self.seen] = np.nan
+        return residuals
+
+    def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
+        """See `Source.jacobians`; the rotation's to first order in the residual."""
+        assert poses.jacobian is not None
+        base, _, attached = _split_poses(state)
+        lever = poses.rotation @ attached[1]
+        linear, angular = poses.jacobian[:, :3], poses.jacobian[:, 3:]
+        by_errors = np.concatenate(
+            [base @ (linear + _turned(angular, lever)), base @ angular], axis=1
+        )
+        count = len(self.position)
+        first = 0 if self.base_known else 6
+        by_unknowns = np.zeros((count, 6, first + 6))
+        if not self.base_known:
+            at = (poses.position + lever) @ base.T
+            by_unknowns[:, :3, :3] = np.eye(3)
+            by_unknowns[:, :3, 3:6] = -_cross_matrix(at)
+            by_unknowns[:, 3:, 3:6] = np.eye(3)
+        turned = base @ poses.rotation
+        by_unknowns[:, :3, first : first + 3] = turned
+        by_unknowns[:, 3:, first + 3 :] = turned @ attached[0]
+        if self.eye_in_hand:
+            inverse = self._inverse_derivative(poses, state)
+            by_errors, by_unknowns = inverse @ by_errors, inverse @ by_unknowns
+        return by_errors, by_unknowns
+
+    def _inverse_derivative(self, poses: LinkPoses, state: Array) -> Array:
+        """Return (M, 6, 6): twist of the inverse pose by that of a pose, along fixed axes."""
+        rotation, position = self._predicted(poses, state)
+        result = np.zeros((len(position), 6, 6))
+        result[:, :3, :3] = -rotation
+        forward = -np.einsum('mji,mj->mi', rotation, position)  # of the pose itself
+        result[:, :3, 3:] = -rotation @ _cross_matrix(forward)
+        result[:, 3:, 3:] = -rotation
+        return result
+
+    def _predicted(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
+        base, translation, (turn, place) = _split_poses(state)
+        position = (poses.position + poses.rotation @ place) @ base.T + translation
+        rotation = base @ poses.rotation @ turn
+        if not self.eye_in_hand:
+            return rotation, position
+        rotation = np.swapaxes(rotation, 1, 2)
+        return rotation, -np.einsum('mij,mj->mi', rotation, position)
+
+    def _filled(self) -> Array:
+        return np.where(self.seen[:, None, None], self.rotation, np.eye(3))
+
+    def register(self, poses: LinkPoses) -> Array:
+        """Return base rotation (9), translation (3), attached rotation (9) and place (3)."""
+        if self.base_known:
+            return self._linear(poses, np.eye(3))[1]
+        return _best_start(lambda rotation: self._linear(poses, rotation))
+
+    def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
+        seen = self.seen
+        measured, place = self._filled(), np.where(seen[:, None], self.position, 0.0)
+        if self.eye_in_hand:
+            measured = np.swapaxes(measured, 1, 2)
+            place = -np.einsum('mij,mj->mi', measured, place)
+        turned = rotation @ poses.rotation
+        attached = Rotation.from_matrix(
+            np.swapaxes(turned[seen], 1, 2) @ measured[seen]
+        ).mean().as_matrix()  # fmt: skip
+        misfit = np.sum((turned[seen] @ attached - measured[seen]) ** 2)
+        matrix = np.zeros((int(seen.sum()), 3, 6))
+        matrix[:, :, :3] = 0.0 if self.base_known else np.eye(3)
+        matrix[:, :, 3:] = turned[seen]
+        value = (place - poses.position @ rotation.T)[seen].ravel()
+        flat = matrix.reshape(-1, 6)
+        solution = np.linalg.lstsq(flat, value, rcond=1e-9)[0]
+        cost = float(np.sum((flat @ solution - value) ** 2) + misfit * np.var(place))
+        state = [rotation.ravel(), solution[:3], attached.ravel(), solution[3:]]
+        return cost, np.concatenate(state)
+
+    def moved(self, state: Array, step: Array) -> Array:
+        """Return the state after a step of base frame and attached frame."""
+        first = 0 if self.base_known else 6
+        moved = _moved_base(state, step[:first])
+        moved[21:] += step[first : first + 3]
+        turn = Rotation.from_rotvec(step[first + 3 :]).as_matrix()
+        moved[12:21] = (state[12:21].reshape(3, 3) @ turn).ravel()
+        return moved
+
+    def rows(self, index: npt.NDArray[Any]) -> Self:
+        """Return some postures."""
+        return replace(self, rotation=self.rotation[index], position=self.position[index])
+
+    @property
+    def seen(self) -> Mask:
+        """(M,) whether the pose was seen."""
+        return np.asarray(np.isfinite(self.position).all(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneSource(Source):
+    """Contacts of one point of the link with a plane.
+
+    The plane's equation in the base frame is ``n . x = d``; the residual is the point's distance.
+
+    Attributes
+    ----------
+    touches : (M,) ndarray
+        Whether the point touches the plane in a posture.
+    """
+
+    touches: Array
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Tilt of the normal (2), distance (1) and the point in the link's frame (3)."""
+        own = ('plane.tilt1', 'plane.tilt2', 'plane.distance', 'tip.x', 'tip.y', 'tip.z')
+        return tuple(f'{self.name}.{key}' for key in own)
+
+    @property
+    def channels(self) -> tuple[tuple[str, str], ...]:
+        """The distance from the plane."""
+        return ((f'{self.name} distance', 'm'),)
+
+    def residuals(self, poses: LinkPoses, state: Array) -> Array:
+        """Return the distances (M, 1) [m]."""
+        point = poses.position + poses.rotation @ state[4:]
+        distance = point @ state[:3] - state[3]
+        return np.where(self.seen, distance, np.nan)[:, None]
+
+    def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
+        """See `Source.jacobians`."""
+        assert poses.jacobian is not None
+        normal, lever = state[:3], poses.rotation @ state[4:]
+        point = poses.position + lever
+        linear, angular = poses.jacobian[:, :3], poses.jacobian[:, 3:]
+        by_errors = normal @ (linear + _turned(angular, lever))
+        tilts = point @ _tangents(normal).T
+        by_unknowns = np.hstack([tilts, -np.ones((len(point), 1)), normal @ poses.rotation])
+        return by_errors[:, None], by_unknowns[:, None]
+
+    def register(self, poses: LinkPoses) -> Array:
+        """Return normal (3), distance (1) and point (3)."""
+        normals = Rotation.random(_STARTS, rng=np.random.default_rng(0)).as_matrix()[:, :, 2]
+        best = min((self._linear(poses, normal) for normal in normals), key=lambda one: one[0])
+        return best[1]
+
+    def _linear(self, poses: LinkPoses, normal: Array) -> tuple[float, Array]:
+        seen = self.seen
+        along = normal @ poses.rotation[seen]
+        matrix = np.hstack([along, -np.ones((len(along), 1))])
+        value = -poses.position[seen] @ normal
+        # The point is not far from the link: of what contacts leave open the nearest.
+        solution = np.linalg.lstsq(matrix, value, rcond=1e-3)[0]
+        cost = float(np.sum((matrix @ solution - value) ** 2))
+        return cost, np.concatenate([normal, solution[3:], solution[:3]])
+
+    def moved(self, state: Array, step: Array) -> Array:
+        """Return the state after a step of plane and point."""
+        moved = state.copy()
+        normal = state[:3] + _tangents(state[:3]).T @ step[:2]
+        moved[:3] = normal / np.linalg.norm(normal)
+        moved[3:] += step[2:]
+        return moved
+
+    def rows(self, index: npt.NDArray[Any]) -> Self:
+        """Return some postures."""
+        return replace(self, touches=self.touches[index])
+
+    @property
+    def seen(self) -> Mask:
+        """(M,) whether the point touches the plane."""
+        return self.touches.astype(bool)
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Postures of an arm at rest, and what sensors measured there.
+
+    Attributes
+    ----------
+    q : (M, n) ndarray
+        Recorded joint positions [rad].
+    sources : tuple of Source
+        Each with M postures.
+    labels : tuple of M str
+        What a posture is called in messages, such as 'row 12'.
+    """
+
+    q: Array
+    sources: tuple[Source, ...]
+    labels: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Name postures that have no label."""
+        if not self.labels:
+            names = tuple(f'posture {k + 1}' for k in range(len(self.q)))
+            object.__setattr__(self, 'labels', names)
+
+    def __len__(self) -> int:
+        """Return the number of postures."""
+        return len(self.q)
+
+    def rows(self, index: Sequence[int] | npt.NDArray[Any]) -> Observations:
+        """Return some of the postures."""
+        places = np.asarray(index)
+        if places.dtype == bool:
+            places = np.flatnonzero(places)
+        labels = tuple(self.labels[k] for k in places)
+        sources = tuple(source.rows(places) for source in self.sources)
+        return Observations(self.q[places], sources, labels)
+
+
+def base_pose(state: Array) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and translation (3,) [m] of the base in the sensor's frame."""
+    return state[:9].reshape(3, 3), state[9:12]
+
+
+def _base_names(source: Source) -> tuple[str, ...]:
+    return () if source.base_known else tuple(f'{source.name}.base.{axis}' for axis in _AXES)
+
+
+def _split(state: Array) -> tuple[Array, Array, Array]:
+    return state[:9].reshape(3, 3), state[9:12], state[12:].reshape(-1, 3)
+
+
+def _split_poses(state: Array) -> tuple[Array, Array, tuple[Array, Array]]:
+    return state[:9].reshape(3, 3), state[9:12], (state[12:21].reshape(3, 3), state[21:])
+
+
+def _moved_base(state: Array, step: Array) -> Array:
+    """Return a copy whose base frame is displaced, and turned about its origin."""
+    moved = state.copy()
+    if len(step):
+        turn = Rotation.from_rotvec(step[3:]).as_matrix()
+        moved[:9] = (turn @ state[:9].reshape(3, 3)).ravel()
+        moved[9:12] += step[:3]
+    return moved
+
+
+def _best_start(linear: object) -> Array:
+    """Return the state of the base rotation that leaves the least, refined by random turns."""
+    assert callable(linear)
+    generator = np.random.default_rng(0)
+    starts = Rotation.random(_STARTS, rng=generator)
+    best = min((linear(rotation) for rotation in starts.as_matrix()), key=lambda one: one[0])
+    spread = _SPREAD
+    for _ in range(_REFINED):
+        turns = Rotation.from_rotvec(spread * generator.normal(size=(30, 3)) / np.sqrt(3.0))
+        near = turns * Rotation.from_matrix(best[1][:9].reshape(3, 3))
+        found = min((linear(rotation) for rotation in near.as_matrix()), key=lambda one: one[0])
+        best = min(best, found, key=lambda one: one[0])
+        spread *= 0.6
+    return np.asarray(best[1])
+
+
+def _turned(angular: Array, lever: Array) -> Array:
+    """Return velocities (M, 3, P) of points at levers (M, 3) by angular velocities (M, 3, P)."""
+    return np.cross(angular, lever[:, :, None], axis=1)
+
+
+def _cross_matrix(vector: Array) -> Array:
+    """Return the matrices (M, 3, 3) of cross products with vectors (M, 3)."""
+    zero = np.zeros(len(vector))
+    x, y, z = vector.T
+    return np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+
+
+def _tangents(normal: Array) -> Array:
+    """Return two unit vectors (2, 3) that are normal to a unit vector and to each other."""
+    least = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    first = np.cross(normal, least)
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])

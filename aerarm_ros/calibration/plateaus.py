@@ -1,0 +1,229 @@
+"""Postures at rest out of a recording, and the time offset between its sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from aerarm_ros.calibration.observations import (
+    CalibrationError,
+    MarkerSource,
+    Observations,
+    PoseSource,
+    Source,
+)
+from aerarm_ros.motion.signals import Array
+
+_STILL = 2e-3  # [rad], [m] by which a joint at rest may move within the window
+_WINDOW = 0.25  # [s]
+_SHORTEST = 0.4  # [s] of rest that counts
+_SETTLING = 0.15  # [s] left out at the begin of a rest, and half of it at the end
+_RATE = 200.0  # [Hz] at which speeds are compared
+_LARGEST_OFFSET = 6.0  # [s] that is looked for
+_SMOOTH = 0.05  # [s] of speeds
+_AGREES = 0.5  # correlation of speeds below which no offset is found
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """What a sensor saw of one thing over time.
+
+    Attributes
+    ----------
+    name : str
+    time : (T,) ndarray
+        [s]
+    position : (T, 3) ndarray
+        [m]
+    rotation : (T, 3, 3) ndarray or None
+        None for a marker.
+    """
+
+    name: str
+    time: Array
+    position: Array
+    rotation: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class RestingArm:
+    """Where an arm rested during a recording.
+
+    Attributes
+    ----------
+    start, end : (M,) ndarray
+        Of each rest, without settling [s], by the clock of the joint states.
+    q : (M, n) ndarray
+        Mean joint positions [rad].
+    """
+
+    start: Array
+    end: Array
+    q: Array
+
+
+def resting_arm(time: Array, q: Array) -> RestingArm:
+    """Return where no joint moves by more than 2 mrad within 0.25 s, for 0.4 s or longer.
+
+    Parameters
+    ----------
+    time : (T,) ndarray
+        [s], increasing.
+    q : (T, n) ndarray
+        [rad]
+    """
+    ahead = np.minimum(np.searchsorted(time, time + _WINDOW), len(time) - 1)
+    moved = np.abs(q[ahead] - q).max(axis=1)
+    # A sine could be back by then.
+    half = np.minimum(np.searchsorted(time, time + 0.5 * _WINDOW), len(time) - 1)
+    moved = np.maximum(moved, np.abs(q[half] - q).max(axis=1))
+    still = moved < _STILL
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
+    start, end, means = [], [], []
+    for first, past in zip(edges[::2], edges[1::2], strict=True):
+        begin, finish = time[first] + _SETTLING, time[past - 1] - 0.5 * _SETTLING
+        if finish - begin < _SHORTEST - _SETTLING:
+            continue
+        inside = (time >= begin) & (time <= finish)
+        if inside.sum() < 2:
+            continue
+        start.append(begin)
+        end.append(finish)
+        means.append(q[inside].mean(axis=0))
+    width = q.shape[1]
+    return RestingArm(np.array(start), np.array(end), np.array(means).reshape(-1, width))
+
+
+def time_offset(time: Array, q: Array, track: Track) -> tuple[float, float]:
+    """Return by how much a track's stamps are later than the joint states', and the agreement.
+
+    The offset aligns the speed of the thing with that of the joints: it is the maximum of their
+    cross-correlation, between two samples by a parabola.
+
+    Returns
+    -------
+    offset : float
+        [s]; 0 where speeds do not agree.
+    correlation : float
+    """
+    first, last = max(time[0], track.time[0]), min(time[-1], track.time[-1])
+    seen = np.isfinite(track.position).all(axis=1)
+    if last - first < 2.0 or seen.sum() < 10:
+        return 0.0, 0.0
+    grid = np.arange(min(time[0], track.time[0]), max(time[-1], track.time[-1]), 1.0 / _RATE)
+    own = _speed(grid, time, q)
+    other = _speed(grid, track.time[seen], track.position[seen])
+    lags = int(_LARGEST_OFFSET * _RATE)
+    correlation = _correlation(other, own, lags)
+    best = int(np.argmax(correlation))
+    peak = float(correlation[best])
+    if peak < _AGREES or not 0 < best < 2 * lags:
+        return 0.0, peak
+    left, middle, right = correlation[best - 1 : best + 2]
+    shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    return float((best - lags + shift) / _RATE), peak
+
+
+def rest_observations(
+    rests: RestingArm,
+    tracks: Sequence[Track],
+    offsets: Mapping[str, float],
+    eye_in_hand: Sequence[str] = (),
+    base_known: bool = False,
+) -> Observations:
+    """Return what sensors saw while the arm rested: means of position and rotation.
+
+    Parameters
+    ----------
+    rests : RestingArm
+    tracks : sequence of Track
+    offsets : mapping
+        Name of a track to what its stamps are late [s].
+    eye_in_hand : sequence of str
+        Tracks of poses that a camera on the arm saw.
+    base_known : bool
+        Whether positions are in the arm's base frame.
+
+    Raises
+    ------
+    CalibrationError
+        If the arm does not rest, or nothing was seen meanwhile.
+    """
+    if not len(rests.q):
+        raise CalibrationError(
+            f'the arm never rests for {_SHORTEST:g} s: let it stop in each posture for a second, '
+            'as `arm calibrate` does'
+        )
+    markers = [track for track in tracks if track.rotation is None]
+    sources: list[Source] = []
+    if markers:
+        position = np.stack([_means(rests, one, offsets)[0] for one in markers], axis=1)
+        names = tuple(track.name for track in markers)
+        sources.append(MarkerSource('mocap', names, position, base_known=base_known))
+    for track in tracks:
+        if track.rotation is not None:
+            place, turn = _means(rests, track, offsets)
+            assert turn is not None
+            in_hand = track.name in eye_in_hand
+            sources.append(
+                PoseSource(track.name, turn, place, in_hand, base_known=base_known and not in_hand)
+            )
+    labels = tuple(f'rest {k + 1} at {begin:.1f} s' for k, begin in enumerate(
+        rests.start - rests.start[0]))  # fmt: skip
+    if not any(source.seen.any() for source in sources):
+        raise CalibrationError(
+            'no sensor saw anything while the arm rested: check that its stamps are of the same '
+            'time as those of the joint states'
+        )
+    return Observations(rests.q, tuple(sources), labels)
+
+
+def _means(
+    rests: RestingArm, track: Track, offsets: Mapping[str, float]
+) -> tuple[Array, Array | None]:
+    late = offsets.get(track.name, 0.0)
+    count = len(rests.q)
+    place = np.full((count, 3), np.nan)
+    turn = None if track.rotation is None else np.full((count, 3, 3), np.nan)
+    seen = np.isfinite(track.position).all(axis=1)
+    for k, (begin, end) in enumerate(zip(rests.start, rests.end, strict=True)):
+        inside = (track.time >= begin + late) & (track.time <= end + late) & seen
+        if not inside.any():
+            continue
+        # One glitch among many frames shall not move the mean.
+        place[k] = _robust_mean(track.position[inside])
+        if turn is not None and track.rotation is not None:
+            turn[k] = Rotation.from_matrix(track.rotation[inside]).mean().as_matrix()
+    return place, turn
+
+
+def _robust_mean(values: Array) -> Array:
+    middle = np.median(values, axis=0)
+    off = np.linalg.norm(values - middle, axis=1)
+    near = off <= max(4.0 * float(np.median(off)), 1e-9)
+    return np.asarray(values[near].mean(axis=0))
+
+
+def _speed(grid: Array, time: Array, values: Array) -> Array:
+    """Return a smoothed speed on a grid, without its mean; 0 outside of the time."""
+    order = np.argsort(time, kind='stable')
+    on_grid = np.column_stack([np.interp(grid, time[order], column[order]) for column in values.T])
+    width = max(1, round(_SMOOTH * _RATE))
+    window = np.hanning(2 * width + 1)
+    window /= window.sum()
+    smooth = np.column_stack([np.convolve(column, window, 'same') for column in on_grid.T])
+    speed = np.linalg.norm(np.gradient(smooth, grid, axis=0), axis=1)
+    speed[(grid < time.min() + 2 * _SMOOTH) | (grid > time.max() - 2 * _SMOOTH)] = 0.0
+    return np.asarray(speed - speed.mean())
+
+
+def _correlation(one: Array, other: Array, lags: int) -> Array:
+    """Return the correlation of one with other delayed by -lags to lags samples."""
+    size = 1 << int(np.ceil(np.log2(len(one) + len(other))))
+    product = np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size))
+    whole = np.fft.irfft(product, size)
+    found = np.concatenate([whole[-lags:], whole[: lags + 1]])
+    return np.asarray(found / max(np.linalg.norm(one) * np.linalg.norm(other), 1e-300))

@@ -1,0 +1,172 @@
+"""Choice of the postures of a calibration by D-optimality."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerarm_ros.calibration.choice import LEVELS, identifiable
+from aerarm_ros.calibration.fit import Fit, free_columns
+from aerarm_ros.calibration.geometry import ArmGeometry
+from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
+from aerarm_ros.motion.signals import Array
+
+_CANDIDATES = 400
+_MARGIN = 0.05  # [rad], [m] to the limits of the joints
+_REGULAR = 1e-6  # of the information before the first posture
+_EXCHANGES = 3  # passes over the chosen postures
+# Of the markers that are assumed: no three on a line [m].
+_PLACES = ((0.1, 0.05, 0.0), (0.1, -0.05, 0.0), (0.0, 0.0, 0.08))
+
+
+@dataclass(frozen=True, eq=False)
+class PostureChoice:
+    """Postures for a calibration.
+
+    Attributes
+    ----------
+    q : (M, n) ndarray
+        [rad], in the order in which they are visited.
+    information : float
+        Logarithm of the determinant of the information matrix per error, beside that of as many
+        random postures: positive is better.
+    parameters : int
+        Errors that the postures tell apart.
+    """
+
+    q: Array
+    information: float
+    parameters: int
+
+
+def choose_postures(
+    geometry: ArmGeometry,
+    count: int,
+    is_allowed: Callable[[Array], bool],
+    is_visible: Callable[[Array], bool] | None = None,
+    start: Array | None = None,
+    seed: int = 0,
+) -> PostureChoice:
+    """Return the postures that tell the geometric errors best.
+
+    Of random postures inside the joints' limits that are allowed and visible, a greedy choice
+    maximises the determinant of the information matrix of all identifiable errors, base frame and
+    markers; then each posture is exchanged for a better one, if there is one (Fedorov 1972).
+
+    Parameters
+    ----------
+    geometry : ArmGeometry
+    count : int
+        Number of postures.
+    is_allowed : callable
+        Whether the arm may be in a posture (n,): self-collision, ground.
+    is_visible : callable, optional
+        Whether sensors see the markers in a posture.
+    start : (n,) ndarray, optional
+        Where the arm is: each posture is followed by the nearest of those left.
+    seed : int
+        Of the random postures.
+
+    Raises
+    ------
+    CalibrationError
+        If too few postures are allowed.
+    """
+    q = _candidates(geometry, count, is_allowed, is_visible, seed)
+    fit = _assumed(geometry, q)
+    columns = identifiable(fit, LEVELS['geometry']).columns
+    rows = free_columns(fit, columns).reshape(len(q), -1, len(columns) + len(fit.names))
+    information = np.einsum('mki,mkj->mij', rows, rows)
+    chosen = _greedy(information, count)
+    chosen = _exchanged(information, chosen)
+    random = list(range(count))
+    gain = _log_determinant(information[chosen].sum(axis=0)) - _log_determinant(
+        information[random].sum(axis=0)
+    )
+    order = _shortest_way(q[chosen], start)
+    return PostureChoice(q[chosen][order], gain / information.shape[1], len(columns))
+
+
+def _candidates(
+    geometry: ArmGeometry,
+    count: int,
+    is_allowed: Callable[[Array], bool],
+    is_visible: Callable[[Array], bool] | None,
+    seed: int,
+) -> Array:
+    low, high = geometry.robot.posture_range
+    generator = np.random.default_rng(seed)
+    wanted, tried = max(_CANDIDATES, 4 * count), 0
+    found: list[Array] = []
+    while len(found) < wanted and tried < 20 * wanted:
+        tried += 1
+        posture = generator.uniform(low + _MARGIN, high - _MARGIN)
+        if is_allowed(posture) and (is_visible is None or is_visible(posture)):
+            found.append(posture)
+    if len(found) < 2 * count:
+        raise CalibrationError(
+            f'only {len(found)} of {tried} random postures are free of collisions and visible: '
+            f'check the clearances and the ground, or ask for fewer than {count} postures'
+        )
+    return np.array(found)
+
+
+def _assumed(geometry: ArmGeometry, q: Array) -> Fit:
+    """Return the arm as drawn, with three markers on the link."""
+    names = ('a', 'b', 'c')
+    source = MarkerSource('mocap', names, np.zeros((len(q), len(names), 3)))
+    state = np.concatenate([np.eye(3).ravel(), np.zeros(3), np.ravel(_PLACES)])
+    poses = geometry.poses(q, np.zeros(len(geometry.names)))
+    # As if measured without error: a robust loss weighs residuals.
+    exact = source.residuals(poses, state).reshape(len(q), len(names), 3)
+    source = MarkerSource('mocap', names, exact)
+    return Fit(geometry, Observations(q, (source,)), (), np.zeros(len(geometry.names)), (state,))
+
+
+def _greedy(information: Array, count: int) -> list[int]:
+    width = information.shape[1]
+    total = _REGULAR * np.trace(information.mean(axis=0)) / width * np.eye(width)
+    chosen: list[int] = []
+    for _ in range(count):
+        values = np.linalg.slogdet(total + information)[1]
+        values[chosen] = -np.inf
+        best = int(np.argmax(values))
+        chosen.append(best)
+        total = total + information[best]
+    return chosen
+
+
+def _exchanged(information: Array, chosen: list[int]) -> list[int]:
+    chosen = list(chosen)
+    for _ in range(_EXCHANGES):
+        changed = False
+        for place in range(len(chosen)):
+            others = [k for i, k in enumerate(chosen) if i != place]
+            values = np.linalg.slogdet(information[others].sum(axis=0) + information)[1]
+            values[others] = -np.inf
+            best = int(np.argmax(values))
+            if values[best] > values[chosen[place]] + 1e-9:
+                chosen[place] = best
+                changed = True
+        if not changed:
+            break
+    return chosen
+
+
+def _log_determinant(matrix: Array) -> float:
+    return float(np.linalg.slogdet(matrix)[1])
+
+
+def _shortest_way(q: Array, start: Array | None) -> list[int]:
+    """Return an order in which each posture is followed by the nearest that is left."""
+    left = list(range(len(q)))
+    at = q[0] if start is None else start
+    order = []
+    while left:
+        nearest = min(left, key=lambda k: float(np.abs(q[k] - at).max()))
+        order.append(nearest)
+        left.remove(nearest)
+        at = q[nearest]
+    return order

@@ -1,0 +1,298 @@
+"""The report of a calibration: one page, and a table for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from aerarm_ros.calibration.calibrate import Calibration
+from aerarm_ros.calibration.fit import Fit
+from aerarm_ros.calibration.observations import Observations
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.pages.html_text import (
+    Html,
+    bullets,
+    folded,
+    number,
+    origin,
+    page,
+    paragraph,
+    section,
+    table,
+)
+from aerarm_ros.pages.plots import figure_html, plotting_script
+
+_METRIC = (
+    'Root mean square of the distance between measured and predicted position, and of the angle '
+    'between measured and predicted orientation. Before: the URDF as drawn; base frame and markers '
+    'are fitted to the same postures. Held-out postures took no part in any fit: base frame and '
+    'markers are those of the training postures.'
+)
+_CHOICE = (
+    'Each model was fitted ten times, each time without a tenth of the postures, and predicted '
+    'those. Of each model, estimates within two standard deviations of the drawing go back to the '
+    'drawing. A larger model is chosen if it predicts better by more than half a standard error.'
+)
+_PARAMETERS = (
+    'Offsets are added to recorded positions. x, y, z and the rotation vector rx, ry, rz displace '
+    "a joint's frame in that frame as drawn. Standard deviations allow for residuals that are "
+    'alike within a posture.'
+)
+_ABSORBED = (
+    'Base frame, markers or other errors of this list move what is measured in the same way. So '
+    'these cannot be told from them in any posture, and stay as drawn.'
+)
+
+
+def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> str:
+    """Return the whole report as HTML, offline and self-contained.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    mapping : sequence of str
+        What the columns or topics of the input were taken as.
+    """
+    body = [paragraph(headline(calibration), 'lead')]
+    if calibration.messages:
+        body.append(bullets(calibration.messages, 'warnings'))
+    body += [
+        section('Errors', paragraph(_METRIC, 'note'), _error_table(calibration)),
+        section('By marker and direction', _channel_tables(calibration)),
+        section('Residuals of postures', _posture_figure(calibration)),
+        section('Choice of the model', paragraph(_CHOICE, 'note'), _candidate_table(calibration)),
+        section('Estimates', paragraph(_PARAMETERS, 'note'), _estimate_table(calibration)),
+        section('Frames', _frame_table(calibration.fit)),
+        section('As drawn', _as_drawn(calibration)),
+    ]
+    if mapping:
+        body.append(section('Input', bullets(mapping)))
+    title = f'Calibration of {calibration.fit.geometry.link}'
+    return page(title, plotting_script(), body, origin())
+
+
+def headline(calibration: Calibration) -> str:
+    """Return the result in a sentence."""
+    observations, name = calibration.observations, 'in the postures that were fitted'
+    if calibration.held_out:
+        held = calibration.held_out[0]
+        observations, name = held.observations, f'in {len(held.observations)} held-out postures'
+    before = calibration.errors(calibration.registration, observations)
+    after = calibration.errors(calibration.fit, observations)
+    text = (
+        f'Position error {name}: {1e3 * before[0]:.2f} mm as drawn, {1e3 * after[0]:.2f} mm '
+        f'calibrated ({calibration.best.name}, {len(calibration.fit.free)} errors)'
+    )
+    if np.isfinite(after[1]):
+        text += f'; orientation {1e3 * before[1]:.2f} and {1e3 * after[1]:.2f} mrad'
+    return f'{text}.'
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """Return errors, candidates and estimates as text for a terminal."""
+    lines = [headline(calibration), '']
+    names = ['model', 'errors', 'cross-validation', 'training']
+    names += [held.name for held in calibration.held_out]
+    rows = [names]
+    for one in calibration.tried:
+        row = [one.name, str(len(one.fit.free)), _millimetres(one.position)]
+        row.append(_millimetres(calibration.errors(one.fit)[0]))
+        for held in calibration.held_out:
+            row.append(_millimetres(calibration.errors(one.fit, held.observations)[0]))
+        row[0] += ' *' if one is calibration.best else ''
+        rows.append(row)
+    lines += [*_columns(rows), '(RMS distance [mm]; * is the result)', '']
+    for name, observations in _groups(calibration).items():
+        markers = calibration.marker_errors(observations)
+        listed = ', '.join(f'{key} {1e3 * value:.2f}' for key, value in markers.items())
+        lines.append(f'{name}: {listed} mm{_extrapolation(calibration, observations)}')
+    lines.append('')
+    fit = calibration.fit
+    estimates = [
+        [name, f'{_scaled(fit, column, value):+.3f}', f'± {_scaled(fit, column, deviation):.3f}',
+         _unit(fit, column)]
+        for name, column, value, deviation in _estimates(fit)
+    ]  # fmt: skip
+    return '\n'.join([*lines, *_columns(estimates)])
+
+
+def _extrapolation(calibration: Calibration, observations: Observations) -> str:
+    """Return the errors within the joint ranges that were fitted and beyond, '' if none is."""
+    within = calibration.within(observations)
+    if within.all() or not within.any():
+        return ''
+    inside, outside = (
+        1e3 * calibration.errors(calibration.fit, observations.rows(which))[0]
+        for which in (within, ~within)
+    )
+    return (
+        f'; {inside:.2f} mm in the {int(within.sum())} postures within the joint ranges of the '
+        f'training postures, {outside:.2f} mm in the {int((~within).sum())} beyond'
+    )
+
+
+def _estimates(fit: Fit) -> list[tuple[str, int, float, float]]:
+    deviations = fit.deviations
+    return [
+        (fit.geometry.names[column], column, float(fit.errors[column]), float(deviations[k]))
+        for k, column in enumerate(fit.free)
+    ]
+
+
+def _scaled(fit: Fit, column: int, value: float) -> float:
+    return 1e3 * value
+
+
+def _unit(fit: Fit, column: int) -> str:
+    return f'm{fit.geometry.unit(column)}'
+
+
+def _groups(calibration: Calibration) -> Mapping[str, Observations]:
+    groups = {f'training ({len(calibration.observations)} postures)': calibration.observations}
+    for held in calibration.held_out:
+        groups[f'{held.name} ({len(held.observations)} held-out postures)'] = held.observations
+    return groups
+
+
+def _error_table(calibration: Calibration) -> Html:
+    rows = []
+    for name, observations in _groups(calibration).items():
+        before = calibration.errors(calibration.registration, observations)
+        after = calibration.errors(calibration.fit, observations)
+        largest = _largest(calibration.fit, observations)
+        rows.append([name, 1e3 * before[0], 1e3 * after[0], 1e3 * largest,
+                     1e3 * before[1], 1e3 * after[1]])  # fmt: skip
+    headings = ['postures', 'before [mm]', 'after [mm]', 'largest after [mm]', 'before [mrad]',
+                'after [mrad]']  # fmt: skip
+    return table(headings, rows)
+
+
+def _largest(fit: Fit, observations: Observations) -> float:
+    """Return the largest position error after calibration [m]."""
+    largest = 0.0
+    for source, residual in zip(observations.sources, fit.residuals(observations), strict=True):
+        lengths = [k for k, (_, unit) in enumerate(source.channels) if unit == 'm']
+        for start in range(0, len(lengths), 3):
+            norm = np.linalg.norm(residual[:, lengths[start : start + 3]], axis=1)
+            largest = max(largest, float(np.nanmax(norm, initial=0.0)))
+    return largest
+
+
+def _channel_tables(calibration: Calibration) -> Html:
+    parts = []
+    for name, observations in _groups(calibration).items():
+        rows = []
+        after = calibration.fit.residuals(observations)
+        before = calibration.registration.residuals(observations)
+        for source, one, other in zip(observations.sources, before, after, strict=True):
+            for k, (channel, unit) in enumerate(source.channels):
+                rows.append(
+                    [channel, _root(one[:, k]), _root(other[:, k]), _mean(other[:, k]), f'm{unit}']
+                )
+        headings = ['channel', 'RMS before', 'RMS after', 'mean after', 'unit']
+        markers = calibration.marker_errors(observations)
+        listed = ', '.join(f'{key} {1e3 * value:.2f}' for key, value in markers.items())
+        summed = f'{name}: {listed} mm{_extrapolation(calibration, observations)}'
+        parts += [paragraph(summed), table(headings, rows)]
+    return Html(''.join(parts))
+
+
+def _root(values: Array) -> float:
+    return 1e3 * float(np.sqrt(np.nanmean(values**2)))
+
+
+def _mean(values: Array) -> float:
+    return 1e3 * float(np.nanmean(values))
+
+
+def _posture_figure(calibration: Calibration) -> Html:
+    observations = calibration.observations
+    traces: list[dict[str, Any]] = []
+    for name, fit in (('as drawn', calibration.registration), ('calibrated', calibration.fit)):
+        errors = np.array([_largest(fit, observations.rows([k])) for k in range(len(observations))])
+        traces.append(
+            {
+                'type': 'scatter',
+                'mode': 'markers',
+                'name': name,
+                'x': list(observations.labels),
+                'y': [float(f'{1e3 * value:.4g}') for value in errors],
+            }
+        )
+    layout = {
+        'height': 380,
+        'xaxis': {'title': {'text': 'posture'}},
+        'yaxis': {'title': {'text': 'largest position error [mm]'}, 'rangemode': 'tozero'},
+    }
+    return figure_html('postures', traces, layout)
+
+
+def _candidate_table(calibration: Calibration) -> Html:
+    rows: list[list[object]] = []
+    for one in calibration.tried:
+        held = [
+            1e3 * calibration.errors(one.fit, other.observations)[0]
+            for other in calibration.held_out
+        ]
+        training = 1e3 * calibration.errors(one.fit)[0]
+        count = Html(str(len(one.fit.free)))
+        rows.append([one.name, count, 1e3 * one.position, training, *held])
+    headings = ['model', 'errors', 'cross-validation [mm]', 'training [mm]']
+    headings += [f'{held.name} [mm]' for held in calibration.held_out]
+    return table(headings, rows, best=[list(calibration.tried).index(calibration.best)])
+
+
+def _estimate_table(calibration: Calibration) -> Html:
+    fit = calibration.fit
+    rows = [
+        [name, _scaled(fit, column, value), _scaled(fit, column, deviation), _unit(fit, column)]
+        for name, column, value, deviation in _estimates(fit)
+    ]
+    if not rows:
+        return paragraph('All errors are insignificant: the arm is as drawn.')
+    return table(['error', 'estimate', 'standard deviation', 'unit'], rows)
+
+
+def _frame_table(fit: Fit) -> Html:
+    deviations = dict(zip(fit.names, fit.deviations, strict=True))
+    rows = []
+    for source, state in zip(fit.observations.sources, fit.states, strict=True):
+        for name in source.unknowns:
+            rows.append([name, 1e3 * float(deviations[name])])
+        values = ', '.join(number(float(value), 6) for value in state)
+        rows.append([f'{source.name}: state as estimated [m]', Html(values)])
+    return folded('Standard deviations [mm], [mrad]', table(['unknown', 'deviation'], rows))
+
+
+def _as_drawn(calibration: Calibration) -> Html:
+    names = calibration.fit.geometry.names
+    found = calibration.found
+    gone = [names[k] for k in found.columns if k not in calibration.fit.free]
+    groups = {
+        'Insignificant, or not in the chosen model': gone,
+        'Not shown by these postures': [names[k] for k in found.hidden],
+        'Absorbed by others': [names[k] for k in found.absorbed],
+    }
+    parts = [
+        paragraph(f'{title}: {", ".join(listed) or "none"}.') for title, listed in groups.items()
+    ]
+    return Html(''.join([*parts, paragraph(_ABSORBED, 'note')]))
+
+
+def _millimetres(value: float) -> str:
+    return f'{1e3 * value:.3f}' if np.isfinite(value) else '-'
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    if not rows:
+        return []
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return [
+        '  '.join(
+            cell.ljust(width) if k == 0 else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]

@@ -1,0 +1,408 @@
+"""Postures and measurements from a table: CSV, or arrays in an .npz file."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from aerarm_ros.calibration.observations import CalibrationError
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.recording.table_file import table_column
+from aerarm_ros.motion.signals import Array
+
+LENGTH_UNITS = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'um': 1e-6}
+_ANGLE_UNITS = {'rad': 1.0, 'mrad': 1e-3, 'deg': np.pi / 180.0, '°': np.pi / 180.0}
+_LARGEST = 2**28  # bytes
+_UNIT = re.compile(r'\s*[\[(]([^\[\]()]*)[\])]\s*$')
+_AXIS = r'(?P<axis>qx|qy|qz|qw|phi[xyz]|roll|pitch|yaw|[xyz])'
+# x1, qx_1, x[1]; then marker1.x, tool_x, m1/qx; then x alone.
+_FORMS = (
+    re.compile(rf'^{_AXIS}[_.]?(?P<name>\d+)$', re.IGNORECASE),
+    re.compile(rf'^{_AXIS}\[(?P<name>\d+)\]$', re.IGNORECASE),
+    re.compile(rf'^(?P<name>.*[^_./: -])[_./: -]{_AXIS}$', re.IGNORECASE),
+    re.compile(rf'^{_AXIS}(?P<name>)$', re.IGNORECASE),
+)
+_SAME = {'phix': 'roll', 'phiy': 'pitch', 'phiz': 'yaw'}
+_UNSEEN = ('', 'nan', 'none', 'null', 'na')  # cells of what was not seen
+_CONTACT = re.compile(r'^contact[_.]?(?P<name>\w*)$', re.IGNORECASE)
+
+
+@dataclass(eq=False)
+class Measured:
+    """What one sensor saw of one thing, row by row; NaN where it did not.
+
+    Attributes
+    ----------
+    position : (M, 3) ndarray
+        [m]
+    rotation : (M, 3, 3) ndarray or None
+        None for a marker.
+    columns : str
+        Where it stands in the table.
+    """
+
+    position: Array
+    rotation: Array | None = None
+    columns: str = ''
+
+
+@dataclass(eq=False)
+class PostureTable:
+    """Joint positions and measurements, row by row.
+
+    Attributes
+    ----------
+    joints : dict of str to (M,) ndarray
+        Positions [rad], of prismatic joints [m].
+    measured : dict of str to Measured
+        By the name of marker or body.
+    contacts : dict of str to (M,) ndarray
+        By the name of the plane: 1 where the tool touches it.
+    time : (M,) ndarray or None
+        [s]
+    mapping : list of str
+        What each column was taken as, in words.
+    unused : list of str
+        Columns that mean nothing here.
+    """
+
+    joints: dict[str, Array] = field(default_factory=dict)
+    measured: dict[str, Measured] = field(default_factory=dict)
+    contacts: dict[str, Array] = field(default_factory=dict)
+    time: Array | None = None
+    mapping: list[str] = field(default_factory=list)
+    unused: list[str] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(next(iter(self.joints.values()))) if self.joints else 0
+
+
+def read_postures(
+    path: Path,
+    known_joints: Collection[str],
+    length_unit: str = '',
+    degrees: bool = False,
+    rename: Mapping[str, str] | None = None,
+    prismatic: Collection[str] = (),
+) -> PostureTable:
+    """Read joint positions, markers, poses and contacts.
+
+    Columns of a CSV file: a joint's name alone (`elbow`), or as the identifier reads it
+    (`q_elbow`, `elbow.position [deg]`); markers as `x1, y1, z1` or `tip.x [mm], tip.y, tip.z`;
+    poses with `qx, qy, qz, qw` or `roll, pitch, yaw` (also `phix1 ...`) added; `contact_table`
+    with 0 or 1. Empty cells were not seen. Arrays of an .npz file: `q` (M, n) with `joint_names`,
+    `markers` (M, K, 3) with `marker_names`, `time`.
+
+    Parameters
+    ----------
+    path : Path
+    known_joints : collection of str
+        Driven joints of the URDF.
+    length_unit : str
+        Of positions whose column states none: 'm' (also if empty), 'cm', 'mm'.
+    degrees : bool
+        Whether angles are in degrees where their column states no unit.
+    rename : mapping, optional
+        Names of the table's joints to the URDF's.
+    prismatic : collection of str
+        Those of the joints whose positions are lengths [m], degrees or not.
+
+    Raises
+    ------
+    CalibrationError
+        If it cannot be read, or has no joint or nothing that was measured.
+    """
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise CalibrationError(f'{path}: larger than {_LARGEST >> 20} MB: cut it')
+        is_npz = path.suffix.lower() == '.npz'
+        wrong: dict[str, str] = {}
+        columns = _npz_columns(path) if is_npz else _csv_columns(path, wrong)
+    except OSError as error:
+        raise CalibrationError(f'{path}: {error.strerror or error}: check the path') from None
+    except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
+        if isinstance(error, CalibrationError):
+            raise
+        reason = ' '.join(str(error).split())
+        raise CalibrationError(f'{path}: is no table of numbers ({reason})') from None
+    reader = _Reader(path, known_joints, length_unit, degrees, rename or {}, prismatic)
+    table = reader.table(columns)
+    for name, problem in wrong.items():
+        if name not in table.unused:
+            raise CalibrationError(f'{path}: column {name}: {problem}')
+    return table
+
+
+class _Reader:
+    """Sorts columns by what they mean."""
+
+    def __init__(
+        self,
+        path: Path,
+        known: Collection[str],
+        length_unit: str,
+        degrees: bool,
+        rename: Mapping[str, str],
+        prismatic: Collection[str],
+    ) -> None:
+        self._path, self._known, self._rename = path, known, rename
+        self._length = LENGTH_UNITS[length_unit or 'm']
+        self._length_unit = length_unit or 'm'
+        self._degrees = degrees
+        self._prismatic = prismatic
+        self._table = PostureTable()
+        self._axes: dict[str, dict[str, tuple[str, Array, float]]] = {}
+
+    def table(self, columns: Mapping[str, Array]) -> PostureTable:
+        table = self._table
+        for name, values in columns.items():
+            if not (self._joint(name, values) or self._place(name, values)):
+                table.unused.append(name)
+        self._numbered_joints(columns)
+        for thing, axes in self._axes.items():
+            self._thing(thing, axes)
+        if not table.joints:
+            raise CalibrationError(
+                f'{self._path}: no column is a joint of the URDF ({_some(self._known)}); its '
+                f'columns are {_some(columns)}: name them as the joints, or pass '
+                '--rename COLUMN=JOINT'
+            )
+        if not table.measured and not table.contacts:
+            raise CalibrationError(
+                f'{self._path}: no marker: name its columns x1, y1, z1 [m]; its columns are '
+                f'{_some(columns)}'
+            )
+        return table
+
+    def _joint(self, name: str, values: Array) -> bool:
+        bare, unit = _split_unit(name)
+        bare = self._rename.get(bare, bare)
+        if bare in self._known:
+            is_length = not unit and bare in self._prismatic
+            factor = 1.0 if is_length else self._angle(name, unit, also_lengths=True)
+            stated = unit or ('m' if is_length else self._angle_unit)
+            self._add_joint(bare, name, factor * values, stated)
+            return True
+        try:
+            column = table_column(name)
+        except IdentificationError:
+            return False
+        if column is None:
+            return False
+        if column.quantity == 'time':
+            self._table.time = column.factor * values
+            return True
+        joint = self._rename.get(column.joint, column.joint)
+        if column.quantity == 'position' and joint in self._known:
+            factor = column.factor if column.unit else self._angle(name, '', also_lengths=True)
+            self._add_joint(joint, name, factor * values, column.unit or self._angle_unit)
+            return True
+        return False
+
+    def _numbered_joints(self, columns: Mapping[str, Array]) -> None:
+        """Take `q1 ... qn` as the URDF's joints in turn, where no column is named by a joint."""
+        if self._table.joints:
+            return
+        numbered = []
+        for name in columns:
+            try:
+                column = table_column(name)
+            except IdentificationError:
+                continue
+            if column is not None and column.quantity == 'position' and column.number is not None:
+                numbered.append((column.number, name, column))
+        if len(numbered) != len(self._known):
+            return
+        for joint, (_, name, column) in zip(self._known, sorted(numbered), strict=True):
+            factor = column.factor if column.unit else self._angle(name, '', also_lengths=True)
+            values = factor * columns[name]
+            self._add_joint(joint, name, values, column.unit or self._angle_unit)
+            self._table.unused.remove(name)
+
+    def _add_joint(self, joint: str, column: str, values: Array, unit: str) -> None:
+        if joint in self._table.joints:
+            raise CalibrationError(
+                f'{self._path}: column {column} is a second one of joint {joint}: leave one out'
+            )
+        self._table.joints[joint] = values
+        if unit == 'rad' and joint in self._prismatic:
+            unit = 'm'
+        self._table.mapping.append(f'joint {joint}: column {column} [{unit}]')
+
+    @property
+    def _angle_unit(self) -> str:
+        return 'deg' if self._degrees else 'rad'
+
+    def _angle(self, name: str, unit: str, also_lengths: bool = False) -> float:
+        units = {**_ANGLE_UNITS, **(LENGTH_UNITS if also_lengths else {})}
+        if not unit:
+            return _ANGLE_UNITS[self._angle_unit]
+        if unit.lower() not in units:
+            raise CalibrationError(
+                f'{self._path}: column {name}: unit {unit} is not known: give one of '
+                f'{", ".join(units)}'
+            )
+        return units[unit.lower()]
+
+    def _place(self, name: str, values: Array) -> bool:
+        bare, unit = _split_unit(name)
+        contact = _CONTACT.match(bare)
+        if contact:
+            plane = contact['name'] or 'plane'
+            self._table.contacts[plane] = np.asarray(np.nan_to_num(values) > 0.5, dtype=float)
+            self._table.mapping.append(f'contact with {plane}: column {name}')
+            return True
+        match = next((found for form in _FORMS if (found := form.match(bare))), None)
+        if match is None:
+            return False
+        axis = match['axis'].lower()
+        axis = _SAME.get(axis, axis)
+        if axis in 'xyz':
+            if unit and unit.lower() not in LENGTH_UNITS:
+                return False
+            factor = LENGTH_UNITS[unit.lower()] if unit else self._length
+        else:
+            factor = 1.0 if axis.startswith('q') else self._angle(name, unit)
+        thing = self._axes.setdefault(match['name'] or '1', {})
+        if axis in thing:
+            raise CalibrationError(
+                f'{self._path}: columns {thing[axis][0]} and {name} are the same: leave one out'
+            )
+        thing[axis] = (name, values, factor)
+        return True
+
+    def _thing(self, thing: str, axes: Mapping[str, tuple[str, Array, float]]) -> None:
+        missing = [axis for axis in 'xyz' if axis not in axes]
+        names = [column for column, _, _ in axes.values()]
+        if len(missing) == 3 or (missing and thing in ('', '1') and len(axes) == 1):
+            self._table.unused += names
+            return
+        if missing:
+            raise CalibrationError(
+                f'{self._path}: marker {thing} has no {missing[0]}: its columns are '
+                f'{", ".join(names)}; add it, or leave these out'
+            )
+        position = np.column_stack([axes[axis][2] * axes[axis][1] for axis in 'xyz'])
+        rotation = _rotation(axes)
+        label = thing if not thing.isdigit() else f'marker{thing}'
+        used = ', '.join(column for column, _, _ in axes.values())
+        unit = _split_unit(axes['x'][0])[1] or self._length_unit
+        kind = 'marker' if rotation is None else 'pose'
+        self._table.mapping.append(f'{kind} {label}: columns {used} [{unit}]')
+        self._table.measured[label] = Measured(position, rotation, used)
+
+
+def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
+    """Return the rotations (M, 3, 3) of quaternions or roll, pitch and yaw; None without."""
+    for keys in (('qx', 'qy', 'qz', 'qw'), ('roll', 'pitch', 'yaw')):
+        if not all(key in axes for key in keys):
+            continue
+        values = np.column_stack([axes[key][2] * axes[key][1] for key in keys])
+        seen = np.isfinite(values).all(axis=1)
+        if len(keys) == 4:
+            seen &= np.linalg.norm(np.nan_to_num(values), axis=1) > 0.5
+        rotation = np.full((len(values), 3, 3), np.nan)
+        if seen.any():
+            turned = values[seen]
+            made = Rotation.from_quat(turned) if len(keys) == 4 else Rotation.from_euler(
+                'xyz', turned)  # fmt: skip
+            rotation[seen] = made.as_matrix()
+        return rotation
+    return None
+
+
+def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
+    """Return the columns, and note those that hold other things than numbers."""
+    with path.open(encoding='utf-8-sig', errors='replace') as file:
+        header = file.readline().lstrip('#').strip()
+        found = [d for d in (';', '\t', ',') if d in header]
+        delimiter = found[0] if found else None
+        names = [name.strip().strip('"') for name in header.split(delimiter)]
+        if all(_is_number(name) for name in names):
+            raise CalibrationError(
+                f'{path}: the first line must name the columns, as x1, y1, z1, joint1, joint2'
+            )
+        rows = [line.rstrip('\r\n').split(delimiter) for line in file if line.strip()]
+    if not rows:
+        raise CalibrationError(f'{path}: has no rows below its first line')
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(names):
+            raise CalibrationError(
+                f'{path}: line {number} has {len(row)} values for {len(names)} columns'
+            )
+    seen = [name for name in names if name]
+    twice = next((name for name in seen if names.count(name) > 1), None)
+    if twice is not None:
+        raise CalibrationError(f'{path}: column {twice} is given twice: leave one out')
+    columns = {}
+    for place, name in enumerate(names):
+        texts = [row[place].strip().strip('"') for row in rows]
+        if not name and not any(texts):
+            continue
+        values = np.array([_number(text) for text in texts])
+        for line, (text, value) in enumerate(zip(texts, values, strict=True), start=2):
+            if np.isnan(value) and text.lower() not in _UNSEEN:
+                wrong[name] = f"'{text}' in line {line} is no number: leave the cell empty"
+                break
+        columns[name or f'column {place + 1}'] = values
+    return columns
+
+
+def _npz_columns(path: Path) -> dict[str, Array]:
+    with zipfile.ZipFile(path) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > _LARGEST:
+            raise CalibrationError(f'{path}: larger than {_LARGEST >> 20} MB, unpacked: cut it')
+    columns: dict[str, Array] = {}
+    with np.load(path, allow_pickle=False) as file:
+        arrays = {key: np.asarray(file[key]) for key in file.files}
+    joints = arrays.pop('joint_names', None)
+    markers = arrays.pop('marker_names', None)
+    for key, array in arrays.items():
+        if array.dtype.kind not in 'fiub':
+            continue
+        values = np.asarray(array, dtype=float)
+        if key in ('q', 'position', 'positions') and values.ndim == 2:
+            for i in range(values.shape[1]):
+                columns[str(joints[i]) if joints is not None else f'q{i + 1}'] = values[:, i]
+        elif values.ndim == 3 and values.shape[2] == 3:
+            for k in range(values.shape[1]):
+                name = str(markers[k]) if markers is not None else f'{k + 1}'
+                for axis, column in zip('xyz', values[:, k].T, strict=True):
+                    columns[f'{axis}{name}' if markers is None else f'{name}.{axis}'] = column
+        elif values.ndim == 1:
+            columns[key] = values
+    lengths = {len(values) for values in columns.values()}
+    if len(lengths) > 1:
+        raise CalibrationError(f'{path}: its arrays differ in length: {sorted(lengths)} rows')
+    return columns
+
+
+def _split_unit(name: str) -> tuple[str, str]:
+    stated = _UNIT.search(name)
+    if stated is None or stated[1].strip().isdigit():
+        return name.strip(), ''
+    return name[: stated.start()].strip(), stated[1].strip()
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float('nan')
+
+
+def _is_number(text: str) -> bool:
+    return bool(np.isfinite(_number(text)))
+
+
+def _some(names: Collection[str] | Sequence[str]) -> str:
+    shown = list(names)[:12]
+    more = len(names) - len(shown)
+    return ', '.join(shown) + (f' and {more} more' if more > 0 else '') or 'none'

@@ -1,0 +1,332 @@
+"""Common errors of recordings, found by trying what the data would be without each of them.
+
+A wrong sign, swapped names, a shifted zero or a wrong torque constant of one joint, and gravity
+along another axis, each leave a pattern: undone, a model near the drawing explains the torque much
+better. So each error is undone in turn, a simple model is fitted, and the costs are compared.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.regression.base_parameters import LINK_SPREAD
+from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.model.regressor import Regressor
+from aerarm_ros.motion.signals import Array
+
+_ROWS = 300  # samples that are looked at
+_NOISE = 0.03  # share of a joint's torque that a simple model leaves at least
+_CORRELATION = 20.0  # neighbouring samples that say the same
+_QUARTER = np.pi / 2.0
+_ZEROS = (_QUARTER, -_QUARTER, np.pi)
+_TERMS = 4  # viscous, Coulomb, rotor, offset of each joint
+_NOT_NEGATIVE = 3  # the first of them
+_SUSPICIOUS = 1.5  # cost for each independent sample; about 1 where the input is right
+_CLEARLY = 0.6  # share of the cost that is left without the error
+_GOOD = 15.0  # [%] of torque left without the error, at most
+_OTHER_CONSTANT = 0.25  # relative: gears that lose some of the load are no other constant
+_EXPLAINED = 0.5  # share of what friction leaves, for a factor against the drawing to count
+_LEAST_FACTOR, _MOST_FACTOR = 1e-6, 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Some samples of all bags: (M, n) positions, velocities, accelerations and torques."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+
+    @property
+    def n(self) -> int:
+        return int(self.q.shape[1])
+
+    def swapped(self, one: int, other: int) -> '_Motion':
+        order = np.arange(self.n)
+        order[[one, other]] = other, one
+        return _Motion(*(values[:, order] for values in (self.q, self.dq, self.ddq, self.tau)))
+
+    def shifted(self, joint: int, angle: float) -> '_Motion':
+        q = self.q.copy()
+        q[:, joint] -= angle
+        return replace(self, q=q)
+
+    def scaled(self, joint: int, factor: float) -> '_Motion':
+        tau = self.tau.copy()
+        tau[:, joint] *= factor
+        return replace(self, tau=tau)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """What a simple model near the drawing leaves.
+
+    `cost` counts squared standard deviations of torque and of the links' parameters; `error` is the
+    share of torque that is left [%].
+    """
+
+    cost: float
+    error: float
+
+
+@dataclass(frozen=True)
+class InputError:
+    """An error of the input that explains the data.
+
+    Attributes
+    ----------
+    text : str
+        What is wrong, and what to do.
+    before, after : float
+        Torque that a simple model leaves with the error and without it [%].
+    """
+
+    text: str
+    before: float
+    after: float
+
+    @property
+    def warning(self) -> str:
+        """The whole sentence."""
+        return (
+            f'{self.text} (a simple model leaves {self.after:.2g} % of the torque then, '
+            f'{self.before:.2g} % now)'
+        )
+
+
+def find_input_errors(
+    robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters
+) -> list[InputError]:
+    """Return the error of the input that explains the data clearly better, if there is one.
+
+    Parameters
+    ----------
+    robot : Robot
+        With gravity as stated.
+    bags : sequence of SampleColumns
+        The identification bags.
+    cad : ArmParameters
+    """
+    motion = _thinned(bags)
+    model = _SimpleModel(robot, cad)
+    rigid = model.rigid(motion)
+    plain = model.fit(motion, rigid)
+    if plain.cost < _SUSPICIOUS * motion.q.size / _CORRELATION:
+        return []
+    trials = _trials(model, motion, rigid)
+    tried = [(model.fit(changed, columns), text) for changed, columns, text in trials]
+    best, text = min(tried, key=lambda pair: pair[0].cost, default=(plain, ''))
+    if best.cost > _CLEARLY * plain.cost or best.error > max(_GOOD, 0.5 * plain.error):
+        return []
+    return [InputError(text, plain.error, best.error)]
+
+
+def torque_factors(
+    bags: Sequence[SampleColumns], cad: ArmParameters, joints: Sequence[str]
+) -> dict[str, float]:
+    """Return by how much the torque of joints exceeds the drawing's, beside their friction.
+
+    Only of joints whose drawn torque clearly shows in the measured one: not of those that carry
+    next to nothing, whose torque is friction that no drawing has.
+    """
+    motion = _thinned(bags)
+    drawn = np.vstack([bag.links_torque(cad.inertial.ravel()) for bag in bags])
+    drawn = drawn[_chosen(bags)]
+    found = {}
+    for joint, name in enumerate(joints):
+        factor, share = _factor(motion, joint, drawn[:, joint])
+        if share > _EXPLAINED:
+            found[name] = factor
+    return found
+
+
+def _chosen(bags: Sequence[SampleColumns]) -> npt.NDArray[np.intp]:
+    measured = np.concatenate([bag.samples.measured.all(axis=1) for bag in bags])
+    if not measured.any():
+        measured = np.concatenate([bag.samples.kept for bag in bags])
+    (rows,) = np.nonzero(measured)
+    return rows[np.linspace(0, len(rows) - 1, min(_ROWS, len(rows))).astype(np.intp)]
+
+
+def _thinned(bags: Sequence[SampleColumns]) -> _Motion:
+    rows = _chosen(bags)
+    samples = [bag.samples for bag in bags]
+    parts = zip(*((s.q, s.dq, s.ddq, s.tau) for s in samples), strict=True)
+    return _Motion(*(np.vstack(part)[rows] for part in parts))
+
+
+def _joint_columns(motion: _Motion, joint: int) -> Array:
+    dq, ddq = motion.dq[:, joint], motion.ddq[:, joint]
+    return np.column_stack([dq, np.sign(dq), ddq, np.ones_like(dq)])
+
+
+def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]:
+    """Return measured over expected torque beside friction, and the share that it explains."""
+    others = _joint_columns(motion, joint)
+    torques = np.column_stack([expected, motion.tau[:, joint]])
+    left, measured = (torques - others @ np.linalg.lstsq(others, torques, rcond=None)[0]).T
+    size = float(left @ left)
+    if size <= (1e-3 * float(np.linalg.norm(expected))) ** 2:
+        return 1.0, 0.0
+    factor = float(left @ measured) / size
+    rest = measured - factor * left
+    return factor, 1.0 - float(rest @ rest) / max(float(measured @ measured), 1e-300)
+
+
+class _SimpleModel:
+    """Links near the drawing, friction (2.6), rotors and offsets."""
+
+    def __init__(self, robot: Robot, cad: ArmParameters) -> None:
+        self.joints = robot.joint_names
+        self._regressor = Regressor(robot)
+        self._mean = cad.inertial.ravel()
+        self._spread = LINK_SPREAD * cad.inertial_scale().ravel()
+
+    def rigid(self, motion: _Motion, gravity: Array | None = None) -> Array:
+        """Return the links' columns, (M, n, 10 n); `gravity` is another one in the base frame."""
+        regressor = self._regressor
+        if gravity is not None:
+            regressor = Regressor(regressor.robot.with_gravity(gravity))
+        return regressor.stack_rigid(motion.q, motion.dq, motion.ddq)
+
+    def other_gravities(self) -> list[Array]:
+        """Return gravity along the other axes of the base frame."""
+        stated = np.array(self._regressor.robot.gravity_in_base)
+        size = float(np.linalg.norm(stated))
+        axes = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
+        return [size * axis for axis in axes if axis @ stated < 0.9 * size]
+
+    def links(self, motion: _Motion, rigid: Array, rows: Sequence[int]) -> Array:
+        """Return the links' (10 n,) parameters by the rows of some joints."""
+        return self._solved(motion, rigid, rows)[0][: len(self._mean)]
+
+    def fit(self, motion: _Motion, rigid: Array) -> _Fit:
+        """Return what is left of the torque and how far the links are from the drawing."""
+        theta, misfit, left = self._solved(motion, rigid, range(motion.n))
+        distance = ((theta[: len(self._mean)] - self._mean) / self._spread) ** 2
+        return _Fit(
+            misfit + float(distance.sum()),
+            100.0 * left / max(float(np.linalg.norm(motion.tau)), 1e-300),
+        )
+
+    def _solved(
+        self, motion: _Motion, rigid: Array, rows: Sequence[int]
+    ) -> tuple[Array, float, float]:
+        """Return parameters, squared standard deviations of torque, and the norm that is left."""
+        links, n = len(self._mean), motion.n
+        size = links + _TERMS * n
+        gram, right = np.zeros((size, size)), np.zeros(size)
+        blocks = []
+        for joint in rows:
+            torque = motion.tau[:, joint]
+            columns = np.zeros((len(torque), size))
+            columns[:, :links] = rigid[:, joint]
+            own = links + _TERMS * joint
+            columns[:, own : own + _TERMS] = _joint_columns(motion, joint)
+            unit = np.sqrt(_CORRELATION / len(torque)) * _floor(rigid[:, joint], motion, joint)
+            wanted = torque - columns[:, :links] @ self._mean
+            gram += columns.T @ columns / unit**2
+            right += columns.T @ wanted / unit**2
+            blocks.append((columns, wanted, unit))
+        spread = np.concatenate([self._spread, np.full(_TERMS * n, np.inf)])
+        change = _not_negative(gram, right, spread, links)
+        rests = [wanted - columns @ change for columns, wanted, _ in blocks]
+        squares = [float(rest @ rest) for rest in rests]
+        misfit = sum(s / unit**2 for s, (*_, unit) in zip(squares, blocks, strict=True))
+        change[:links] += self._mean
+        return change, misfit, float(np.sqrt(sum(squares)))
+
+
+def _floor(rigid: Array, motion: _Motion, joint: int) -> float:
+    """Return the norm of torque that no links and no friction explain, whatever their sign."""
+    torque = motion.tau[:, joint]
+    columns = np.column_stack([rigid, _joint_columns(motion, joint)])
+    columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
+    # Normal equations: several times quicker than lstsq, and a noise level needs no more digits.
+    gram = columns.T @ columns + 1e-9 * np.eye(columns.shape[1])
+    left = torque - columns @ np.linalg.solve(gram, columns.T @ torque)
+    return max(float(np.linalg.norm(left)), _NOISE * float(np.linalg.norm(torque)), 1e-9)
+
+
+def _not_negative(gram: Array, right: Array, spread: Array, links: int) -> Array:
+    """Return the solution in which no friction and no rotor is negative, by leaving these out."""
+    size = len(right)
+    scale = np.sqrt(np.diag(gram) + 1.0 / spread**2)
+    scale[scale <= 0.0] = 1.0
+    system = (gram + np.diag(1.0 / spread**2)) / np.outer(scale, scale) + 1e-10 * np.eye(size)
+    bounded = np.zeros(size, dtype=bool)
+    bounded[links:] = np.arange(size - links) % _TERMS < _NOT_NEGATIVE
+    free = np.ones(size, dtype=bool)
+    while True:
+        found = np.zeros(size)
+        found[free] = np.linalg.solve(system[np.ix_(free, free)], (right / scale)[free])
+        negative = free & bounded & (found < 0.0)
+        if not negative.any():
+            return found / scale
+        free &= ~negative
+
+
+def _trials(
+    model: _SimpleModel, motion: _Motion, rigid: Array
+) -> Iterator[tuple[_Motion, Array, str]]:
+    """Yield the data without each error, the links' columns, and the error in words."""
+    joints = model.joints
+    for joint, name in enumerate(joints):
+        others = [other for other in range(motion.n) if other != joint]
+        expected = rigid[:, joint] @ model.links(motion, rigid, others)
+        factor, _ = _factor(motion, joint, expected)
+        yield motion.scaled(joint, -1.0), rigid, _sign_text(name)
+        wrong = abs(factor - 1.0) > _OTHER_CONSTANT and _LEAST_FACTOR < factor < _MOST_FACTOR
+        if wrong:
+            yield motion.scaled(joint, 1.0 / factor), rigid, _constant_text(name, factor)
+    for one, other in combinations(range(motion.n), 2):
+        swapped = motion.swapped(one, other)
+        yield swapped, model.rigid(swapped), _swap_text(joints[one], joints[other])
+    for joint, name in enumerate(joints):
+        for angle in _ZEROS:
+            shifted = motion.shifted(joint, angle)
+            yield shifted, model.rigid(shifted), _zero_text(name, angle)
+    for gravity in model.other_gravities():
+        yield motion, model.rigid(motion, gravity), _gravity_text(gravity)
+
+
+def _sign_text(name: str) -> str:
+    return (
+        f"{name}'s effort has the opposite sign: check the direction of its motor, or give "
+        f'--effort-gain {name}=-1'
+    )
+
+
+def _constant_text(name: str, factor: float) -> str:
+    return (
+        f"{name}'s effort is {factor:.2g} times what the other joints' torque asks for: check its "
+        f'torque constant, gear ratio and unit, or give --effort-gain {name}={1.0 / factor:.3g}'
+    )
+
+
+def _gravity_text(gravity: Array) -> str:
+    along = ' '.join(f'{value:.3g}' for value in gravity + 0.0)
+    return (
+        f'gravity points another way than stated: check how the base is mounted, or give '
+        f'--gravity {along}'
+    )
+
+
+def _swap_text(one: str, other: str) -> str:
+    return (
+        f'{one} and {other} have swapped names: check the order of the joints, or give '
+        f'--rename {one}={other} {other}={one}'
+    )
+
+
+def _zero_text(name: str, angle: float) -> str:
+    return (
+        f"{name}'s zero is off by {np.degrees(angle):+.0f} degrees: check the zero of its encoder, "
+        'and whether the URDF is that of this arm'
+    )

@@ -1,0 +1,214 @@
+"""Holds the tool in the world, or leads it there, while the drone sways.
+
+Targets: tool_trajectory, and timed paths on tool_motion, in the odometry's frame; without one the
+tool stays where control finds it. Takes odometry, imu, rotor_command and joint_states.
+"""
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
+
+from aerarm_ros.control.base.base_motion import ImuSample, Mount
+from aerarm_ros.control.base.free_base_estimator import FREE, AnswerCorrection, FreeBaseEstimator
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.laws.kinematic_control import DampedInverse
+from aerarm_ros.control.references.target_follower import TargetFollower
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.signals import JointReference
+from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
+from aerarm_ros.ros.controllers.controller_parameters import (
+    FRICTION_PARAMETERS,
+    REACHING_COMPENSATION,
+    observer_parameters,
+)
+from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
+from aerarm_ros.ros.controllers.tool_topics import TARGET_PARAMETERS, make_target_follower
+from aerarm_ros.ros.controllers.world_topics import WorldTopics
+from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.states.flight_stream import to_odometry_sample
+from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames
+from aerarm_ros.world.reach import ArmReach
+from aerarm_ros.world.world_law import WorldGains, WorldLaw
+from aerarm_ros.world.world_reference import WorldToolReference, planned_joints
+
+NAME = 'world_control'
+
+_GAINS = WorldGains()
+_SOON = 3.0  # [s] before the end of the reach, for a warning
+_NEAR = 0.02  # [m]
+_RECOVERY = 5.0, 0.5  # [rad/s], [m/s^2] of the slow approach after a stop
+
+PARAMETERS = controller_parameters(
+    *TARGET_PARAMETERS,
+    *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
+    # By measured velocity: below one, so that the arm stays passive.
+    Parameter('friction_fraction', 0.9, 'share of friction compensated', '', 0.0, 0.95),
+    *observer_parameters(REACHING_COMPENSATION),
+    *HAND_OVER_PARAMETERS,
+    *grouped(
+        'The tool in the world',
+        Parameter('kp', _GAINS.kp, "of the tool's place", '1/s^2', 1.0, 2500.0, live=True),
+        Parameter('kd', _GAINS.kd, 'of its velocity', '1/s', 0.0, 200.0, live=True),
+        Parameter('orientation_weight', _GAINS.orientation, 'of a wanted orientation over the '
+                  'posture, where the place leaves joints free', '', 0.0, 100.0),
+        Parameter('posture', [], 'where joints are led that the tool leaves free, in the middle of '
+                  'the reach; the posture at which control begins if empty', 'rad', -7.0, 7.0,
+                  element=float),
+        Parameter('posture_kp', _GAINS.posture_kp, 'of that posture', '1/s^2', 0.0, 400.0),
+        Parameter('posture_kd', _GAINS.posture_kd, 'of that posture', '1/s', 0.0, 40.0),
+        Parameter('singular_threshold', 0.06, 'singular value that is damped', 'm/rad', 1e-4, 1.0),
+        Parameter('singular_damping', 0.03, 'damping at the singularity', 'm/rad', 1e-4, 1.0),
+        Parameter('error_max', 0.05, 'error of the tool beyond which it stops in the base frame',
+                  'm', 1e-3, 1.0),
+        Parameter('trust_min', 0.9, "how much of the base's predicted answer is used at least: "
+                  'wind makes it look wrong', '', 0.0, 1.0),
+    ),
+    *grouped(
+        'Odometry',
+        Parameter('odometry_timeout', 0.2, 'age up to which the newest odometry is used', 's', 0.01,
+                  2.0),
+        Parameter('jump_max', 0.5, 'largest jump of the odometry that is accepted, in m and rad',
+                  'm', 0.01, 10.0),
+        Parameter('recovery_speed', 0.1, 'of the tool toward its target after a stop or a jump',
+                  'm/s', 1e-3, 1.0),
+    ),
+    *grouped(
+        'A request to the drone',
+        Parameter('request_drone', False, 'publish flight_set_point, where the arm is in the '
+                  'middle of its reach'),
+        Parameter('request_speed', 0.05, 'with which it moves', 'm/s', 1e-3, 1.0),
+        Parameter('request_deadband', 0.03, 'within which the drone is left where it is', 'm', 1e-3,
+                  1.0),
+    ),
+)  # fmt: skip
+
+
+class WorldControlNode(ControllerNode):
+    """Targets in the world for `WorldLaw`."""
+
+    takes_odometry = True
+
+    def __init__(self) -> None:
+        super().__init__(NAME, PARAMETERS)
+
+    def make_loop(self) -> ControlLoop[Any]:
+        """Build the law and what surrounds it."""
+        values, arm = self.values, self.arm
+        dynamics, friction = arm.dynamics(values), arm.friction(values)
+        kinematics = Kinematics(arm.robot, values.frame)
+        if isinstance(self.base, FreeBaseEstimator):
+            self.base.correction = AnswerCorrection(
+                values.correction_cutoff, values.accelerometer_bias, values.trust_min
+            )
+        gains = WorldGains(
+            values.kp,
+            values.kd,
+            orientation=values.orientation_weight,
+            posture_kp=values.posture_kp,
+            posture_kd=values.posture_kd,
+        )
+        self._inverse = inverse = DampedInverse(values.singular_threshold, values.singular_damping)
+        posture = values.posture or None
+        self.law = WorldLaw(dynamics, kinematics, arm.limits, posture, gains, inverse, friction)
+        mount = Mount.aligned() if arm.drone is None else Mount.from_drone(arm.drone)
+        if values.imu_frame:
+            mount = Mount.from_robot(arm.robot, values.imu_frame)
+        self.pose = BasePoseEstimator(
+            OdometryFrames.of(arm.drone, mount),
+            values.odometry_timeout,
+            values.jump_max,
+            values.imu_latency,
+        )
+        slow = TargetFollower(kinematics, _RECOVERY[0], values.recovery_speed, _RECOVERY[1])
+        reach = ArmReach(Kinematics(arm.robot, values.frame), arm.limits)
+        self.reference = WorldToolReference(
+            self.pose,
+            kinematics,
+            (make_target_follower(values, arm), slow),
+            reach.beyond_any,
+            values.error_max,
+        )
+        self._planning = Kinematics(arm.robot, values.frame)
+        observer = arm.observer(values, dynamics, friction)
+        limit = arm.compensation_max(values)
+        return ControlLoop(arm.limits, self.reference, self.law, observer, self.base, limit)
+
+    def subscribe(self) -> None:
+        """Take targets, tell the plan, and publish tool and reach."""
+        self.topics = WorldTopics(self, self.reference, self.values)
+        self.attend(self.topics)
+        self.tell_plan(self._ahead)
+        self.take_payload()
+
+    def take_imu(self, sample: ImuSample, now: float) -> None:
+        """Give an IMU sample to both estimators of the base."""
+        super().take_imu(sample, now)
+        self.pose.offer_imu(sample, now)
+
+    def take_odometry(self, message: Odometry, now: float) -> None:
+        """Give an odometry to the estimator of the base's pose."""
+        self.topics.frame = message.header.frame_id
+        self.pose.offer_odometry(to_odometry_sample(message), now)
+
+    def _ahead(self, times: NDArray[np.float64]) -> JointReference | None:
+        """Return the planned motion of the joints at times (M,) [s]; none of it is reaction."""
+        if self.state is None:
+            return None
+        now, q = 1e-9 * self.stamp_ns, self.state.q
+        planned = self.reference.ahead(times)
+        pose = None if planned is None else self.pose.pose(now)
+        return planned_joints(self._planning, self._inverse, q, pose, planned, times)
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Change gains."""
+        self.law.gains = self.law.gains._replace(**{name: float(value)})
+
+    def warning(self) -> str:
+        """Name why the tool is not held in the world, or that its reach ends soon."""
+        if problem := super().warning():
+            return problem
+        if self.reference.reason:
+            return f'the arm stays in the base frame: {self.reference.reason}'
+        margin = self.topics.margin
+        if margin is not None and (margin.time < _SOON or margin.least < _NEAR):
+            return (
+                f'the arm nears the end of its reach: the drone may move {1e3 * margin.least:.0f} '
+                f'mm more, {margin.time:.1f} s at its velocity: bring it nearer to the tool'
+            )
+        return ''
+
+    def describe(self) -> dict[str, object]:
+        """Say how well the tool is held, how old the odometry is, and how far the reach goes."""
+        pose, margin = self.pose, self.topics.margin
+        values: dict[str, object] = {
+            **super().describe(),
+            'tool': self.reference.reason or 'held in the world',
+            'tool error [mm]': round(1e3 * self.reference.error, 1),
+            'stops in the base frame': self.reference.stops,
+            'odometry frame': self.topics.frame,
+            'odometry age [ms]': round(1e3 * pose.age, 1),
+            'odometry noise [mm, mm/s]': (1e3 * pose.noise).round(1).tolist(),
+            'odometry jumps': pose.jumps,
+            'odometry rejected': pose.rejections,
+            'least singular value [m/rad]': round(self.law.least_singular_value, 4),
+        }
+        if margin is not None:
+            values['drone may move [mm]'] = round(1e3 * margin.least)
+            values['end of reach in [s]'] = round(margin.time, 1)
+        if self.values.base_motion != FREE:
+            values['law'] = 'ordinary Jacobian: the base is moved (base_motion is not free)'
+        return values
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, WorldControlNode, args, PARAMETERS, __doc__)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

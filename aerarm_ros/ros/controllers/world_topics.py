@@ -1,0 +1,224 @@
+"""Topics of the tool in the world: targets in, the tool's pose, reach and a request out."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+from aerarm_msgs_py import topics
+from aerarm_ros.control.base.base_motion import quaternion, rotation_matrix
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.executors import create_steady_timer
+from aerarm_ros.ros.states.state_stream import base_header
+from aerarm_ros.world.base_pose import BasePose
+from aerarm_ros.world.reach import DIRECTIONS, ArmReach, DroneRequest, ReachMargin
+from aerarm_ros.world.world_reference import WorldPath, WorldToolReference
+
+if TYPE_CHECKING:
+    from aerarm_ros.ros.controllers.controller_node import ControllerNode
+
+_POSE_PERIOD_NS = 20_000_000
+_REACH_PERIOD = 0.2  # [s]
+_POINTS_MAX = 2000
+_ANY = 0.1  # a quaternion shorter than that wants no orientation
+
+
+class WorldTopics:
+    """Feeds targets into a `WorldToolReference`, and publishes where tool and reach are.
+
+    An `Attendant` of the controller: the tool's pose is published once the command is sent. The
+    reach is found in the executor's thread, five times a second.
+
+    Parameters
+    ----------
+    controller
+        Owner of subscriptions, publishers and the timer.
+    reference
+        What is fed.
+    values
+        Parameters of `world_control`.
+
+    Attributes
+    ----------
+    frame
+        Frame of the odometry, '' before the first.
+    margin
+        The last reach, None while the tool is not held in the world.
+    """
+
+    def __init__(
+        self, controller: ControllerNode, reference: WorldToolReference, values: SimpleNamespace
+    ) -> None:
+        self._controller, self._reference = controller, reference
+        self._values = values
+        arm = controller.arm
+        self._base = arm.robot.base_link
+        self._kinematics = Kinematics(arm.robot, values.frame)
+        self._reach = ArmReach(Kinematics(arm.robot, values.frame), arm.limits)
+        self.frame = ''
+        self.margin: ReachMargin | None = None
+        self._seen: tuple[Array, BasePose, Array, float] | None = None
+        self._posed_ns = 0
+        self._poses = controller.advertise(topics.TOOL_POSE)
+        self._reaches = controller.advertise(topics.ARM_REACH)
+        label = 'reach: x y z -x -y -z [m], time [s]'
+        size = len(DIRECTIONS) + 1
+        self._layout = MultiArrayLayout(
+            dim=[MultiArrayDimension(label=label, size=size, stride=size)]
+        )
+        self._request: DroneRequest | None = None
+        if values.request_drone:
+            if arm.drone is None:
+                raise ValueError('request_drone needs the drone: give drone_file')
+            self._request = DroneRequest(
+                Kinematics(arm.robot, values.frame), arm.drone,
+                values.posture or arm.config.rest_position,
+                values.request_speed, values.request_deadband,
+            )  # fmt: skip
+            self._requests = controller.advertise(topics.FLIGHT_SET_POINT)
+        controller.take_references(topics.TOOL_TRAJECTORY, self._on_target)
+        controller.take_references(topics.TOOL_MOTION, self._on_motion)
+        create_steady_timer(controller.node, _REACH_PERIOD, self._publish_reach)
+
+    # Targets, in the loop's thread.
+
+    def _on_target(self, message: PoseStamped, now: float) -> None:
+        p, r = message.pose.position, message.pose.orientation
+        place, rotation = self._in_world(
+            'tool target',
+            message.header.frame_id,
+            np.array([p.x, p.y, p.z]),
+            _rotation('tool target', np.array([r.x, r.y, r.z, r.w])),
+            now,
+        )
+        self._reference.go_to(place, now, rotation)
+
+    def _on_motion(self, message: MultiDOFJointTrajectory, now: float) -> None:
+        points = message.points
+        if not 2 <= len(points) <= _POINTS_MAX or any(len(p.transforms) != 1 for p in points):
+            raise RejectedInputError(
+                f'tool motion: 2 to {_POINTS_MAX} points, each with the pose of one body, the tool'
+            )
+        if message.header.frame_id not in ('', self.frame):
+            raise RejectedInputError(self._wrong_frame('tool motion', message.header.frame_id))
+        turn = points[-1].transforms[0].rotation
+        path = WorldPath(
+            [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points],
+            [_vector(p.transforms[0].translation) for p in points],
+            _linear([p.velocities for p in points]),
+            _linear([p.accelerations for p in points]),
+            self._values.tool_velocity_max,
+            self._values.tool_acceleration_max,
+        )
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        rotation = _rotation('tool motion', np.array([turn.x, turn.y, turn.z, turn.w]))
+        self._reference.follow(path, stamp or now, now, rotation)
+
+    def _in_world(
+        self, what: str, frame: str, place: Array, rotation: Array | None, now: float
+    ) -> tuple[Array, Array | None]:
+        """Return a place of the base frame as where it is in the world now."""
+        if frame in ('', self.frame):
+            return place, rotation
+        if frame != self._base:
+            raise RejectedInputError(self._wrong_frame(what, frame))
+        problem = self._reference.base.problem(now)
+        if problem:
+            raise RejectedInputError(
+                f'{what}: where the base is in the world is unknown: {problem}'
+            )
+        pose = self._reference.base.pose(now)
+        turned = None if rotation is None else pose.rotation @ rotation
+        return pose.to_world(place), turned
+
+    def _wrong_frame(self, what: str, frame: str) -> str:
+        known = f'{self.frame!r} or {self._base!r}' if self.frame else repr(self._base)
+        return f'{what}: nobody gives the base in frame {frame!r}: send it in {known}'
+
+    # What follows the loop.
+
+    def update(self) -> None:
+        """Publish the tool's pose if it is due, and remember what the reach is found from."""
+        stamp_ns, state = self._controller.stamp_ns, self._controller.state
+        if state is None or 0 <= stamp_ns - self._posed_ns < _POSE_PERIOD_NS:
+            return
+        self._posed_ns = stamp_ns
+        now = stamp_ns * 1e-9
+        if self._reference.base.problem(now):
+            self._seen = None
+            return
+        pose = self._reference.base.pose(now)
+        transform = self._kinematics.transform(state.q)
+        place = pose.to_world(transform[:3, 3])
+        goal = self._reference.goal
+        self._seen = np.array(state.q), pose, place if goal is None else goal, now
+        header = base_header(stamp_ns, self.frame)
+        self._poses.publish(pose_message(header, place, pose.rotation @ transform[:3, :3]))
+
+    def give_up(self, reason: str) -> None:
+        """Forget the reach of an arm that is not controlled."""
+        self._seen = self.margin = None
+        if self._request is not None:
+            self._request.reset()
+
+    def destroy(self) -> None:
+        """Do nothing: publishers and subscriptions end with the node."""
+
+    # In the executor's thread.
+
+    def _publish_reach(self) -> None:
+        seen = self._seen
+        if seen is None:
+            self.margin = None
+            return
+        q, pose, goal, now = seen
+        self.margin = margin = self._reach.margin(q, pose, goal)
+        data = [*margin.along.tolist(), margin.time]
+        self._reaches.publish(Float64MultiArray(layout=self._layout, data=data))
+        if self._request is not None:
+            wanted = self._request.update(now, goal, pose)
+            c, s = np.cos(wanted.yaw), np.sin(wanted.yaw)
+            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            header = base_header(round(now * 1e9), self.frame)
+            self._requests.publish(pose_message(header, wanted.position, turn))
+
+
+def pose_message(header: Header, place: Array, rotation: Array) -> PoseStamped:
+    """Return a message of a place (3,) [m] and an orientation (3, 3)."""
+    message = PoseStamped(header=header)
+    p, r = message.pose.position, message.pose.orientation
+    p.x, p.y, p.z = place.tolist()
+    r.x, r.y, r.z, r.w = quaternion(rotation).tolist()
+    return message
+
+
+def _rotation(what: str, turn: Array) -> Array | None:
+    """Return the orientation of a quaternion (x, y, z, w), None of one that is zero."""
+    length = float(np.linalg.norm(turn))
+    if not np.isfinite(length):
+        raise RejectedInputError(f'{what}: its orientation is NaN or infinite')
+    if length < _ANY:
+        return None
+    if not 0.9 < length < 1.1:
+        raise RejectedInputError(
+            f'{what}: its quaternion has length {length:.3g}, not 1; zeros for any orientation'
+        )
+    return rotation_matrix(turn / length)
+
+
+def _linear(rows: list[object]) -> list[Array] | None:
+    """Return the linear parts of twists, one a point; None where no point has any."""
+    if not any(len(row) for row in rows):  # type: ignore[arg-type]
+        return None
+    return [_vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]  # type: ignore
+
+
+def _vector(part: object) -> Array:
+    return np.array([part.x, part.y, part.z])  # type: ignore[attr-defined]

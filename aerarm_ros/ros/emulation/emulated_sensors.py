@@ -1,0 +1,155 @@
+"""Publishes what an emulated motion capture and an emulated camera see of the arm."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PointStamped, PoseStamped
+from rclpy.node import Node
+
+from aerarm_msgs_py.topics import RELIABLE
+from aerarm_ros.ros.emulation.flying_drone import fill_quaternion, fill_vector, to_time
+from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.simulation.arm_plant import ArmPlant
+from aerarm_ros.simulation.flying_plant import FreeBasePlant
+from aerarm_ros.simulation.mocap import (
+    CameraSettings,
+    EmulatedCamera,
+    EmulatedMocap,
+    MocapSettings,
+    quaternion_of,
+)
+from aerarm_ros.simulation.sensors import DelayedSensor
+
+SENSOR_PARAMETERS = (
+    Parameter(
+        'geometry_seed',
+        -1,
+        "seed of how the arm's geometry differs from its drawing: zeros by 10 mrad, lengths by "
+        '1 mm, mount and IMU; -1 for an arm as drawn',
+        minimum=-1,
+        maximum=10**9,
+    ),
+    Parameter(
+        'hardware_config',
+        '',
+        'configuration that the emulated hardware is made by, where config has other offsets, as '
+        'calibrated ones; config if empty',
+    ),
+    Parameter(
+        'hardware_urdf',
+        '',
+        'URDF that the emulated arm is made by, where urdf is a calibrated one; urdf if empty',
+    ),
+    Parameter(
+        'mocap_rate',
+        0.0,
+        'of an emulated motion capture of four markers on the last link, on mocap/marker1 ..., and '
+        'of the moving base or drone, on mocap/drone; 0 for none',
+        'Hz',
+        0.0,
+        1000.0,
+    ),
+    Parameter('mocap_noise', 0.2e-3, 'of each axis of a marker', 'm', 0.0, 0.1),
+    Parameter(
+        'mocap_clock', 0.0, 'by which stamps of the motion capture are late', 's', -10.0, 10.0
+    ),
+    Parameter(
+        'camera_rate',
+        0.0,
+        'of an emulated camera that sees an optical marker on the last link, on camera/marker; 0 '
+        'for none',
+        'Hz',
+        0.0,
+        1000.0,
+    ),
+    Parameter('camera_noise', 0.15, 'of each coordinate of a corner', 'px', 0.0, 10.0),
+)
+_DEPTH = 0.02  # [s] age of a frame when it is published
+
+
+class EmulatedSensors:
+    """Motion capture and camera of an emulated arm.
+
+    Parameters
+    ----------
+    node
+        Owner of the publishers.
+    plant
+        What they look at.
+    link
+        The last link.
+    values
+        Of `SENSOR_PARAMETERS`, with `period` and `seed`.
+    """
+
+    def __init__(self, node: Node, plant: ArmPlant, link: str, values: SimpleNamespace) -> None:
+        self._node = node
+        self._clock_ns = round(1e9 * values.mocap_clock)
+        self._mocap: DelayedSensor[Any] | None = None
+        self._camera: DelayedSensor[Any] | None = None
+        self._markers: list[Any] = []
+        self._pose: Any = None
+        self._body: DelayedSensor[Any] | None = None
+        self._drone: Any = None
+        seed = max(values.seed, 0)
+        if values.mocap_rate > 0.0:
+            mocap = EmulatedMocap(link, seed, MocapSettings(noise=values.mocap_noise))
+            self._mocap = DelayedSensor(
+                lambda: mocap.read(plant), values.mocap_rate, values.period, _DEPTH
+            )
+            self._markers = [
+                node.create_publisher(PointStamped, f'mocap/{name}', RELIABLE)
+                for name in mocap.names
+            ]
+            if isinstance(plant, FreeBasePlant):
+                self._body = DelayedSensor(
+                    lambda: mocap.read_body(plant), values.mocap_rate, values.period, _DEPTH
+                )
+                self._drone = node.create_publisher(PoseStamped, 'mocap/drone', RELIABLE)
+        if values.camera_rate > 0.0:
+            settings = CameraSettings(pixel_noise=values.camera_noise)
+            camera = EmulatedCamera(link, seed, settings)
+            self._camera = DelayedSensor(
+                lambda: camera.read(plant), values.camera_rate, values.period, _DEPTH
+            )
+            self._pose = node.create_publisher(PoseStamped, 'camera/marker', RELIABLE)
+
+    def update(self, stamp_ns: int) -> None:
+        """Publish what is due in the cycle of a stamp [ns]."""
+        if self._mocap is not None and (sample := self._mocap.update(stamp_ns)) is not None:
+            self._publish_markers(*sample)
+        if self._body is not None and (sample := self._body.update(stamp_ns)) is not None:
+            self._publish_pose(self._drone, 'mocap', sample[0] + self._clock_ns, sample[1])
+        if self._camera is not None and (sample := self._camera.update(stamp_ns)) is not None:
+            self._publish_pose(self._pose, 'camera', *sample)
+
+    def destroy(self) -> None:
+        """Destroy the publishers."""
+        for publisher in (*self._markers, self._pose, self._drone):
+            if publisher is not None:
+                self._node.destroy_publisher(publisher)
+
+    def _publish_markers(self, stamp_ns: int, frame: Any) -> None:
+        for publisher, position in zip(self._markers, frame, strict=True):
+            if not np.isfinite(position).all():
+                continue  # hidden: a motion capture publishes nothing
+            message = PointStamped()
+            message.header.frame_id = 'mocap'
+            message.header.stamp = to_time(stamp_ns + self._clock_ns)
+            fill_vector(message.point, position)
+            publisher.publish(message)
+
+    @staticmethod
+    def _publish_pose(publisher: Any, frame: str, stamp_ns: int, pose: Any) -> None:
+        if pose is None:
+            return  # not seen
+        rotation, place = pose
+        message = PoseStamped()
+        message.header.frame_id = frame
+        message.header.stamp = to_time(stamp_ns)
+        fill_vector(message.pose.position, place)
+        fill_quaternion(message.pose.orientation, quaternion_of(rotation))
+        publisher.publish(message)

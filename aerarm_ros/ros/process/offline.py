@@ -1,0 +1,61 @@
+"""Programs that read and write files, and need no running ROS."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from aerarm_ros.ros.process.process_end import INTERRUPTED
+
+_AGAIN = 1.0  # [s] longer than it takes to remove what was begun
+
+
+def run_offline(name: str, run: Callable[[], int]) -> int:
+    """Run a program until it ends or is interrupted; return its exit status.
+
+    Parameters
+    ----------
+    name : str
+        Of the program, for its message.
+    run : callable
+        What to do. An interrupt raises KeyboardInterrupt in it, also where a shell has made
+        interrupts ignored.
+    """
+    interrupt = _Interrupt()
+    # SIGINT too: a shell that starts this in the background, or in a script, makes it ignored.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
+        signal.signal(number, interrupt)
+    try:
+        return run()
+    except KeyboardInterrupt:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        print(f'{name}: interrupted, nothing was written', file=sys.stderr)
+        return INTERRUPTED
+
+
+def without_ros_arguments(arguments: Sequence[str] | None) -> list[str]:
+    """Return the arguments without those that a launch file appends for ROS."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    while '--ros-args' in given:
+        start = given.index('--ros-args')
+        end = given.index('--', start) + 1 if '--' in given[start:] else len(given)
+        del given[start:end]
+    return given
+
+
+class _Interrupt:
+    """Handler of the signals that interrupt: asked twice, it raises once."""
+
+    def __init__(self) -> None:
+        self._is_asked = False
+
+    def __call__(self, number: int, frame: Any) -> None:
+        if self._is_asked and number != signal.SIGALRM:
+            return  # what was begun is being removed
+        self._is_asked = True
+        # What is raised inside a callback of an extension module, or while an object is destroyed,
+        # is lost. So it is raised again, unless the program has ended by then.
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        raise KeyboardInterrupt

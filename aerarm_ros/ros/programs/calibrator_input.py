@@ -1,0 +1,368 @@
+"""Postures and measurements of the calibrator, from tables and bags."""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from aerarm_msgs_py.bags.bag_reader import read_contents
+from aerarm_msgs_py.bags.pose_series import IMU, ODOMETRY, PoseSeries, read_poses
+from aerarm_msgs_py.storage.read_limits import BagWarning
+from aerarm_ros.calibration.chain import Chain, chain_of
+from aerarm_ros.calibration.observations import (
+    CalibrationError,
+    MarkerSource,
+    Observations,
+    PlaneSource,
+    PoseSource,
+    Source,
+)
+from aerarm_ros.calibration.plateaus import (
+    Track,
+    rest_observations,
+    resting_arm,
+    time_offset,
+)
+from aerarm_ros.calibration.tables import PostureTable, read_postures
+from aerarm_ros.description.robot import STANDARD_GRAVITY
+from aerarm_ros.description.urdf_document import UrdfDocument
+from aerarm_ros.identification.recording.table_file import TABLES
+from aerarm_ros.motion.signals import Array
+
+_OWN = ('tool_pose', 'tool_trajectory', 'tool_goal', 'arm_com', 'flight_set_point')
+_MOVING = 0.2  # [s] between rows, below which a table is a recording in motion
+_MANY = 200  # rows of a recording in motion
+_MOST_STATES = 4_000_000
+
+
+@dataclass(eq=False)
+class JointRecording:
+    """Joint positions over time.
+
+    Attributes
+    ----------
+    names : tuple of n str
+    time : (T,) ndarray
+        [s]
+    position : (T, n) ndarray
+    """
+
+    names: tuple[str, ...]
+    time: Array
+    position: Array
+
+    def columns(self, names: Sequence[str]) -> Array:
+        """Return the positions (T, k) of some joints."""
+        return self.position[:, [self.names.index(name) for name in names]]
+
+
+@dataclass(eq=False)
+class CalibratorInput:
+    """One input of the calibrator: a table of postures, or a recording in motion.
+
+    Attributes
+    ----------
+    path : Path
+    joints : tuple of str
+        That it has positions of.
+    table : PostureTable or None
+    recording : JointRecording or None
+    tracks : list of Track
+    mapping, messages : list of str
+        What its parts were taken as; what to know.
+    """
+
+    path: Path
+    joints: tuple[str, ...]
+    table: PostureTable | None = None
+    recording: JointRecording | None = None
+    tracks: list[Track] = field(default_factory=list)
+    mapping: list[str] = field(default_factory=list)
+    messages: list[str] = field(default_factory=list)
+
+
+def read_input(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
+    """Read a table or a bag.
+
+    Raises
+    ------
+    BagError, CalibrationError, DescriptionError
+        If it cannot be read, or lacks joints or measurements.
+    """
+    if path.suffix.lower() in TABLES and path.is_file():
+        return _read_table(path, urdf, options)
+    return _read_bag(path, options)
+
+
+def find_chain(
+    inputs: Sequence[CalibratorInput], urdf: str, options: argparse.Namespace, gravity: object
+) -> Chain:
+    """Return the chain of the joints that all inputs have."""
+    recorded = [name for name in inputs[0].joints if all(name in one.joints for one in inputs)]
+    assert gravity is None or isinstance(gravity, list | tuple)
+    return chain_of(urdf, recorded, options.link, options.lock, gravity or STANDARD_GRAVITY)
+
+
+def to_observations(
+    given: CalibratorInput, chain: Chain, options: argparse.Namespace
+) -> Observations:
+    """Return the postures of an input at rest.
+
+    Raises
+    ------
+    CalibrationError
+        If the arm does not rest, or nothing was measured.
+    """
+    names = chain.robot.joint_names
+    if given.table is not None and not _is_moving(given.table):
+        return _of_table(given.table, names, given.path, options)
+    recording, tracks = given.recording, given.tracks
+    if recording is None:
+        assert given.table is not None
+        recording, tracks = _recording_of(given.table)
+    q = recording.columns(names)
+    tracks = [track for track in tracks if track.name not in options.ignore]
+    if not tracks:
+        raise CalibrationError(
+            f'{given.path}: no markers or poses are left: check --sensors, --frames and --ignore'
+        )
+    offsets = {}
+    for track in tracks:
+        late, agreement = time_offset(recording.time, q, track)
+        offsets[track.name] = late
+        given.mapping.append(
+            f'{track.name}: stamps {1e3 * late:+.0f} ms from the joint states (correlation of '
+            f'speeds {agreement:.2f})'
+        )
+    rests = resting_arm(recording.time, q)
+    given.mapping.append(f'{len(rests.q)} postures at rest')
+    return rest_observations(rests, tracks, offsets, options.eye_in_hand, options.base_known)
+
+
+def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
+    document = UrdfDocument(urdf)
+    known = [name for name, joint in document.joints.items() if joint.is_driven]
+    rename = dict(_pair(text) for text in options.rename)
+    prismatic = [name for name in known if document.joints[name].kind == 'prismatic']
+    table = read_postures(path, known, options.length_unit, options.degrees, rename, prismatic)
+    for name in options.ignore:
+        table.measured.pop(name, None)
+        table.contacts.pop(name, None)
+        table.joints.pop(name, None)
+    mapping = list(table.mapping)
+    if table.unused:
+        mapping.append(f'not used: {", ".join(table.unused)}')
+    return CalibratorInput(path, tuple(table.joints), table=table, mapping=mapping)
+
+
+def _read_bag(path: Path, options: argparse.Namespace) -> CalibratorInput:
+    messages: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter('always')
+        contents = read_contents(path, options.topic, most=_MOST_STATES)
+        series = read_poses(path, options.sensors, options.frames)
+    messages += [str(w.message) for w in caught if issubclass(w.category, BagWarning)]
+    states = contents.joint_states['/' + options.topic.lstrip('/')]
+    rename = dict(_pair(text) for text in options.rename)
+    names = tuple(rename.get(name, name) for name in states.names)
+    order = np.argsort(states.stamp, kind='stable')
+    kept = np.concatenate([[True], np.diff(states.stamp[order]) > 0.0])
+    order = order[kept]
+    complete = np.isfinite(states.position[order]).all(axis=1)
+    order = order[complete]
+    recording = JointRecording(names, states.stamp[order], states.position[order])
+    used = {name: one for name, one in series.items() if _is_sensor(name, one, options)}
+    tracks = [_track(name, one, states.stamp[0], states.log_time[0]) for name, one in used.items()]
+    if not tracks:
+        listed = ', '.join(f'{name} ({one.kind})' for name, one in series.items()) or 'none'
+        raise CalibrationError(
+            f'{path}: no markers or poses: its topics with positions are {listed}; name them with '
+            '--sensors'
+        )
+    mapping = [f'joint states: {options.topic}']
+    mapping += [f'{"marker" if t.rotation is None else "pose"}: {t.name}' for t in tracks]
+    return CalibratorInput(path, names, None, recording, tracks, mapping, messages)
+
+
+@dataclass(eq=False)
+class FlightRecording:
+    """What `--mount` needs of a bag.
+
+    Attributes
+    ----------
+    joints : JointRecording
+    drone : Track
+        Pose of the body.
+    imu : PoseSeries or None
+    markers : list of Track
+    """
+
+    joints: JointRecording
+    drone: Track
+    imu: PoseSeries | None
+    markers: list[Track]
+
+
+def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
+    """Read a bag in which arm and drone move.
+
+    Raises
+    ------
+    BagError, CalibrationError
+        If it cannot be read, or lacks the drone's pose.
+    """
+    contents = read_contents(path, options.topic, most=_MOST_STATES)
+    states = contents.joint_states['/' + options.topic.lstrip('/')]
+    sensors = [options.drone_pose, options.imu, *options.sensors] if options.sensors else []
+    series = read_poses(path, sensors, options.frames)
+    name, imu_name = ('/' + text.lstrip('/') for text in (options.drone_pose, options.imu))
+    pose = series.pop(name, None) or series.pop(options.drone_pose, None)
+    if pose is None or pose.kind == IMU or not np.isfinite(pose.quaternion).all():
+        listed = ', '.join(f'{key} ({one.kind})' for key, one in series.items()) or 'none'
+        raise CalibrationError(
+            f'{path}: no poses of the drone on {name}: name their topic with --drone-pose; the '
+            f'topics with positions are {listed}'
+        )
+    imu = series.pop(imu_name, None)
+    used = {key: one for key, one in series.items() if _is_sensor(key, one, options)}
+    clock = float(states.stamp[0]), float(states.log_time[0])
+    markers = [_track(key, one, *clock) for key, one in used.items()]
+    joints = JointRecording(states.names, states.stamp, states.position)
+    return FlightRecording(
+        joints,
+        _track(name, pose, *clock),
+        imu if imu is not None and imu.kind == IMU else None,
+        [track for track in markers if track.rotation is None],
+    )
+
+
+def _is_sensor(name: str, series: PoseSeries, options: argparse.Namespace) -> bool:
+    if series.kind in (ODOMETRY, IMU) or name in options.ignore:
+        return False
+    own = name.rpartition('/')[2] in _OWN and not options.sensors
+    return not own
+
+
+def _track(name: str, series: PoseSeries, stamp: float, log_time: float) -> Track:
+    """Return a series by the clock of the joint states."""
+    time = series.stamp
+    # Stamps of another clock than the recorder's, such as of a motion capture computer: by arrival.
+    if abs((time[0] - stamp) - (series.log_time[0] - log_time)) > 60.0:
+        time = series.log_time - log_time + stamp
+    rotation = None
+    if np.isfinite(series.quaternion).all(axis=1).any():
+        rotation = _matrices(series.quaternion)
+    return Track(name.lstrip('/'), time, series.position, rotation)
+
+
+def _matrices(quaternion: Array) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    found = np.full((len(quaternion), 3, 3), np.nan)
+    seen = np.isfinite(quaternion).all(axis=1) & (
+        np.linalg.norm(np.nan_to_num(quaternion), axis=1) > 0.5
+    )
+    found[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
+    return found
+
+
+def _is_moving(table: PostureTable) -> bool:
+    """Return whether rows follow each other so fast that the arm cannot rest in each."""
+    return (
+        table.time is not None
+        and len(table) > _MANY
+        and float(np.nanmedian(np.diff(table.time))) < _MOVING
+    )
+
+
+def _recording_of(table: PostureTable) -> tuple[JointRecording, list[Track]]:
+    assert table.time is not None
+    names = tuple(table.joints)
+    position = np.column_stack([table.joints[name] for name in names])
+    tracks = [
+        Track(name, table.time, one.position, one.rotation)
+        for name, one in table.measured.items()
+    ]  # fmt: skip
+    return JointRecording(names, table.time, position), tracks
+
+
+def _of_table(
+    table: PostureTable, names: Sequence[str], path: Path, options: argparse.Namespace
+) -> Observations:
+    q = np.column_stack([table.joints[name] for name in names])
+    sources: list[Source] = []
+    markers = {name: one for name, one in table.measured.items() if one.rotation is None}
+    if markers:
+        position = np.stack([one.position for one in markers.values()], axis=1)
+        sources.append(
+            MarkerSource('mocap', tuple(markers), position, base_known=options.base_known)
+        )
+    for name, one in table.measured.items():
+        if one.rotation is not None:
+            in_hand = name in options.eye_in_hand
+            known = options.base_known and not in_hand
+            sources.append(PoseSource(name, one.rotation, one.position, in_hand, base_known=known))
+    sources += [PlaneSource(name, touches) for name, touches in table.contacts.items()]
+    if not sources:
+        raise CalibrationError(f'{path}: nothing measured is left: check --ignore')
+    unknown = [name for name in options.eye_in_hand if name not in table.measured]
+    if unknown:
+        raise CalibrationError(
+            f'--eye-in-hand {unknown[0]}: {path} has no pose of that name, but '
+            f'{", ".join(table.measured) or "none"}'
+        )
+    labels = tuple(f'{path.name}, row {k + 1}' for k in range(len(q)))
+    return Observations(q, tuple(sources), labels)
+
+
+def joined(parts: Sequence[Observations]) -> Observations:
+    """Return the postures of several inputs of the same setup as one.
+
+    Raises
+    ------
+    CalibrationError
+        If they do not have the same sources.
+    """
+    first = parts[0]
+    if len(parts) == 1:
+        return first
+    sources: list[Source] = []
+    for k, source in enumerate(first.sources):
+        own = [part.sources[k] for part in parts if k < len(part.sources)]
+        if len(own) < len(parts) or any(
+            type(one) is not type(source) or one.unknowns != source.unknowns for one in own
+        ):
+            raise CalibrationError(
+                'the files of --bag do not have the same markers and poses: calibrate them one by '
+                'one, or pass --ignore'
+            )
+        sources.append(_stacked(source, own))
+    labels = tuple(label for part in parts for label in part.labels)
+    return Observations(np.vstack([part.q for part in parts]), tuple(sources), labels)
+
+
+def _stacked(source: Source, parts: Sequence[Source]) -> Source:
+    if isinstance(source, MarkerSource):
+        whole = np.concatenate([p.position for p in parts if isinstance(p, MarkerSource)])
+        return replace(source, position=whole)
+    if isinstance(source, PoseSource):
+        poses = [p for p in parts if isinstance(p, PoseSource)]
+        rotation = np.concatenate([p.rotation for p in poses])
+        return replace(
+            source, rotation=rotation, position=np.concatenate([p.position for p in poses])
+        )
+    assert isinstance(source, PlaneSource)
+    touches = np.concatenate([p.touches for p in parts if isinstance(p, PlaneSource)])
+    return replace(source, touches=touches)
+
+
+def _pair(text: str) -> tuple[str, str]:
+    left, equals, right = text.partition('=')
+    if not (left and equals and right):
+        raise CalibrationError(f'--rename {text}: write it as COLUMN=JOINT')
+    return left, right

@@ -1,0 +1,162 @@
+"""The calibrator's run for the mount: a bag of a moving drone in, a drone file out."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerarm_ros.calibration.chain import chain_of
+from aerarm_ros.calibration.geometry import ArmGeometry
+from aerarm_ros.calibration.mount import (
+    FramePose,
+    ImuResult,
+    MountResult,
+    calibrate_imu,
+    calibrate_mount,
+    drone_yaml,
+)
+from aerarm_ros.calibration.observations import CalibrationError
+from aerarm_ros.description.config_reader import config_path
+from aerarm_ros.description.drone_config import PoseConfig, load_drone_config
+from aerarm_ros.description.robot import read_urdf
+from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.pages.html_text import origin, page, paragraph, section, table
+from aerarm_ros.ros.programs.calibrator_input import FlightRecording, read_flight
+
+DRONE, REPORT = 'drone.yaml', 'report.html'
+MOUNT_FILES = (DRONE, REPORT, MARKER)
+"""All that a result may hold."""
+_NOTE = (
+    "Pose of the arm's base frame and of the IMU in the frame of the drone's body. Standard "
+    'deviations are those of the fit. The turn is that from the file to the estimate.'
+)
+
+
+class MountRun:
+    """What `calibrator --mount` asks for.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed arguments of the calibrator.
+
+    Raises
+    ------
+    CalibrationError, ConfigError, DescriptionError
+        If an option or a file is wrong.
+    """
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self._options = options
+        if len(options.bag) != 1:
+            raise CalibrationError('--mount takes one --bag, of a drone and an arm that move')
+        self._source = config_path(options.drone, 'drone.yaml')
+        self._drone = load_drone_config(self._source)
+        self._urdf, _ = read_urdf(options.urdf)
+
+    def execute(self) -> str:
+        """Estimate, write the drone file and a report, and return a table for the terminal.
+
+        Raises
+        ------
+        CalibrationError, BagError, IdentificationError
+            If the bag cannot be used, or the result cannot be written.
+        """
+        options = self._options
+        default = Path('output') / time.strftime('mount_%Y%m%d_%H%M%S', options.started)
+        with ResultDirectory(options.out or default, files=MOUNT_FILES) as directory:
+            flight = read_flight(options.bag[0], options)
+            mount = self._mount(flight)
+            imu = self._imu(flight)
+            text = drone_yaml(self._source, mount.pose, imu.pose if imu else None)
+            directory.write(DRONE, text)
+            load_drone_config(directory.path(DRONE))  # what no node could read is not kept
+            rows = self._rows(mount, imu)
+            directory.write_json(MARKER, _summary(mount, imu))
+            directory.write(REPORT, _html(rows))
+        lines = [f'{name}: {value}' for name, value in rows]
+        return '\n'.join([*lines, f'Report: {directory.target / REPORT}'])
+
+    def _imu(self, flight: FlightRecording) -> ImuResult | None:
+        """Return where the IMU is; None, with a message, if the bag does not show it."""
+        values, stays = flight.imu, f'the pose of the IMU stays as in {self._source.name}'
+        if values is None:
+            _tell(f'no IMU on {self._options.imu}: {stays}')
+            return None
+        try:
+            return calibrate_imu(
+                flight.drone, values.stamp, values.angular_velocity, values.linear_acceleration
+            )
+        except CalibrationError as error:
+            _tell(f'{stays}: {error}')
+            return None
+
+    def _mount(self, flight: FlightRecording) -> MountResult:
+        options, joints = self._options, flight.joints
+        gravity = self._drone.gravity_in_base.tolist()
+        chain = chain_of(self._urdf, joints.names, options.link, options.lock, gravity)
+        geometry = ArmGeometry(chain.robot, chain.link)
+        q = joints.columns(chain.robot.joint_names)
+        return calibrate_mount(geometry, joints.time, q, flight.drone, flight.markers)
+
+    def _rows(self, mount: MountResult, imu: ImuResult | None) -> list[tuple[str, str]]:
+        drone = self._drone
+        rows = [
+            *_pose_rows('mount', mount.pose, drone.mount),
+            ('markers after the fit [mm RMS per axis]', f'{1e3 * mount.fit.length:.2f}'),
+            ('joint states late [ms]', f'{1e3 * mount.late:.1f}'),
+        ]
+        if imu is not None:
+            rows += [
+                *_pose_rows('imu', imu.pose, drone.imu),
+                ('IMU late [ms]', f'{1e3 * imu.late:.1f}'),
+                ('accelerometer bias [m/s^2]', _numbers(imu.bias, 3)),
+            ]
+        return rows
+
+
+def _pose_rows(name: str, pose: FramePose, drawn: PoseConfig) -> list[tuple[str, str]]:
+    turn = drawn.rotation.T @ pose.rotation
+    angle = float(np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0)))
+    moved = float(np.linalg.norm(pose.position - np.array(drawn.position)))
+    return [
+        (f'{name} position [m]', _numbers(pose.position, 5)),
+        (f'{name} position deviation [mm]', _numbers(1e3 * pose.position_std, 2)),
+        (f'{name} rpy [rad]', _numbers(pose.rpy, 5)),
+        (f'{name} rotation deviation [mrad]', _numbers(1e3 * pose.rotation_std, 2)),
+        (f'{name} moved from the file', f'{1e3 * moved:.2f} mm, {1e3 * angle:.2f} mrad'),
+    ]
+
+
+def _summary(mount: MountResult, imu: ImuResult | None) -> dict[str, Any]:
+    found: dict[str, Any] = {'mount': _plain(mount.pose), 'joint_states_late': mount.late}
+    if imu is not None:
+        found |= {'imu': _plain(imu.pose), 'imu_late': imu.late}
+    return found
+
+
+def _plain(pose: FramePose) -> dict[str, Any]:
+    return {
+        'position': pose.position.tolist(),
+        'rpy': pose.rpy.tolist(),
+        'position_std': pose.position_std.tolist(),
+        'rotation_std': pose.rotation_std.tolist(),
+    }
+
+
+def _html(rows: list[tuple[str, str]]) -> str:
+    body = [paragraph(_NOTE, 'lead'), section('Poses', table(['quantity', 'value'], rows))]
+    return page('Calibration of mount and IMU', '', body, origin())
+
+
+def _numbers(values: Any, digits: int) -> str:
+    return ', '.join(f'{float(value):.{digits}f}' for value in values)
+
+
+def _tell(text: str) -> None:
+    print(f'calibrator: {text}', file=sys.stderr)

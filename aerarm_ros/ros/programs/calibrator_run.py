@@ -1,0 +1,145 @@
+"""One run of the calibrator: postures in, URDF, YAML and report out."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from aerarm_ros.calibration.calibrate import (
+    Calibration,
+    CalibrationOptions,
+    HeldOut,
+    calibrate,
+)
+from aerarm_ros.calibration.files import (
+    calibrated_urdf,
+    calibration_yaml,
+    config_yaml,
+    summary,
+)
+from aerarm_ros.calibration.observations import CalibrationError, Observations
+from aerarm_ros.calibration.report import calibration_html, calibration_text
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.config_reader import config_path
+from aerarm_ros.description.robot import read_urdf
+from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.ros.programs.calibrator_input import (
+    CalibratorInput,
+    find_chain,
+    joined,
+    read_input,
+    to_observations,
+)
+
+URDF, YAML, CONFIG, REPORT = 'calibrated.urdf', 'calibration.yaml', 'arm.yaml', 'report.html'
+RESULT_FILES = (URDF, YAML, CONFIG, REPORT, MARKER)
+"""All that a result may hold."""
+_SEED = 0  # of the postures that are held out
+
+
+class CalibratorRun:
+    """What the command line asks for.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed arguments of the calibrator.
+
+    Raises
+    ------
+    CalibrationError, ConfigError, DescriptionError
+        If an option, the URDF or the configuration is wrong.
+    """
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        if not 0.0 <= options.holdout < 1.0:
+            raise CalibrationError(f'--holdout {options.holdout:g} must lie in 0 .. 1')
+        self._options = options
+        self._choice = CalibrationOptions(
+            options.level, not options.no_compliance, options.eccentricity
+        )
+        self._urdf, _ = read_urdf(options.urdf)
+        # The packaged configuration is that of the packaged URDF.
+        has_config = options.config is not None or options.urdf is None
+        self._config_path = config_path(options.config, 'aerarm.yaml') if has_config else None
+        self._config = load_arm_config(self._config_path) if has_config else None
+
+    def execute(self) -> str:
+        """Calibrate, write the result, and return a table for the terminal.
+
+        Raises
+        ------
+        CalibrationError, BagError, IdentificationError
+            If the input cannot be used, or the result cannot be written.
+        """
+        options = self._options
+        default = Path('output') / time.strftime('calibration_%Y%m%d_%H%M%S', options.started)
+        with ResultDirectory(options.out or default, files=RESULT_FILES) as directory:
+            calibration, mapping = self._calibrate()
+            self._write(calibration, mapping, directory)
+        report = directory.target / REPORT
+        return f'{calibration_text(calibration)}\nReport: {report}'
+
+    def _calibrate(self) -> tuple[Calibration, list[str]]:
+        options = self._options
+        training = [read_input(path, self._urdf, options) for path in options.bag]
+        validation = [read_input(path, self._urdf, options) for path in options.validation]
+        gravity = options.gravity or (self._config and self._config.gravity_in_base)
+        chain = find_chain([*training, *validation], self._urdf, options, gravity)
+        observations = joined([to_observations(one, chain, options) for one in training])
+        held_out = [
+            HeldOut(one.path.stem, to_observations(one, chain, options)) for one in validation
+        ]
+        mapping = _mapping([*training, *validation])
+        mapping.append(f'markers and poses are attached to link {chain.link}')
+        if chain.ignored:
+            mapping.append(f'joints that do not move it: {", ".join(chain.ignored)}')
+        _tell(mapping)
+        if options.holdout > 0.0:
+            observations, rest = _divided(observations, options.holdout)
+            held_out.insert(0, HeldOut('held out', rest))
+        result = calibrate(chain, observations, held_out, self._choice)
+        result.messages[:0] = [text for one in training for text in one.messages]
+        _tell(result.messages)
+        return result, mapping
+
+    def _write(
+        self, result: Calibration, mapping: Sequence[str], directory: ResultDirectory
+    ) -> None:
+        in_config = self._config is not None and set(result.joint_values('offset')) <= set(
+            self._config.joint_names
+        )
+        directory.write(URDF, calibrated_urdf(result, with_offsets=not in_config))
+        directory.write(YAML, calibration_yaml(result, CONFIG if in_config else URDF))
+        if in_config and self._config_path is not None:
+            directory.write(CONFIG, config_yaml(result, self._config_path))
+            load_arm_config(directory.path(CONFIG))  # what the bridge could not read is not kept
+        directory.write_json(MARKER, summary(result))
+        directory.write(REPORT, calibration_html(result, mapping))
+
+
+def _divided(observations: Observations, share: float) -> tuple[Observations, Observations]:
+    count = len(observations)
+    out = round(share * count)
+    if out < 1 or count - out < 1:
+        raise CalibrationError(f'--holdout {share:g}: leaves no postures of {count}')
+    order = np.random.default_rng(_SEED).permutation(count)
+    return observations.rows(np.sort(order[out:])), observations.rows(np.sort(order[:out]))
+
+
+def _mapping(inputs: Sequence[CalibratorInput]) -> list[str]:
+    lines: list[str] = []
+    for one in inputs:
+        # Files of one kind are described once.
+        lines += [f'{one.path.name}: {text}' for text in one.mapping]
+    return lines
+
+
+def _tell(texts: Iterable[str]) -> None:
+    for text in texts:
+        print(f'calibrator: {text}', file=sys.stderr)

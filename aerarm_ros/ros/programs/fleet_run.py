@@ -1,0 +1,236 @@
+"""`identifier --each`: every bag of a fleet identified by itself, one table, one page."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import glob
+import hashlib
+import io
+import json
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+from aerarm_ros.description.resources import write_whole
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.recording.table_file import TABLES
+from aerarm_ros.identification.report.fleet_page import fleet_page
+from aerarm_ros.parallel import Failure, run_each, run_each_on_ray
+from aerarm_ros.ros.programs.fleet_row import KEYS, OK, Row, first_columns, identify
+from aerarm_ros.ros.progress_line import ProgressLine
+
+JOURNAL, TABLE, COLUMNS, PAGE = 'rows.jsonl', 'fleet.csv', 'fleet.parquet', 'fleet.html'
+_BAG_FILES = ('.mcap', '.db3', '.bag', *TABLES)
+_LIST = '.txt'
+# Options that change how the rows are made, but not what is in them.
+_NOT_IN_ROWS = ('each', 'out', 'workers', 'worker_memory', 'ray', 'started', 'bag')
+
+
+class FleetRun:
+    """Identifies each bag, and keeps every row as soon as it is there.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed arguments of the identifier.
+
+    Raises
+    ------
+    IdentificationError
+        If there is no bag, or an option does not go with --each.
+    """
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        given = {'--bag': options.bag, '--validation': options.validation}
+        given |= {'--payload': options.payload, '--truth': options.truth}
+        if wrong := [name for name, value in given.items() if value]:
+            raise IdentificationError(
+                f'{", ".join(wrong)}: --each identifies from each bag by itself: leave it out, and '
+                'validate by --holdout'
+            )
+        self._bags = find_bags(options.each)
+        folders = {bag.resolve().parent for bag in self._bags}
+        self._settings = argparse.Namespace(**vars(options), arm_of_folder=len(folders) > 1)
+        default = Path('output') / time.strftime('fleet_%Y%m%d_%H%M%S', options.started)
+        self._out: Path = options.out or default
+        self._rows: dict[str, Row] = {}
+
+    @property
+    def passed(self) -> bool:
+        """Whether every bag that was identified keeps the limits that were asked for."""
+        return all(row.get('verdict') is not False for row in self._rows.values())
+
+    def execute(self) -> str:
+        """Identify what is not in the table yet; return a summary for the terminal.
+
+        Raises
+        ------
+        IdentificationError
+            If nothing can be written, or no bag could be identified from.
+        """
+        self._out.mkdir(parents=True, exist_ok=True)
+        marks = {str(bag): self._mark(bag) for bag in self._bags}
+        known = self._known(marks)
+        self._rows |= known
+        missing = [bag for bag in self._bags if str(bag) not in known]
+        if known:
+            self._say(f'{len(known)} of {len(self._bags)} bags are in {self._out} already')
+        progress = ProgressLine('identifier', sys.stderr)
+        try:
+            with (self._out / JOURNAL).open('a', encoding='utf-8') as journal:
+                for index, outcome in self._outcomes(missing):
+                    row = self._row(missing[index], outcome)
+                    self._rows[str(row['bag'])] = row
+                    if not isinstance(outcome, Failure) or outcome.is_final:
+                        entry = {'mark': marks[str(row['bag'])], 'row': row}
+                        journal.write(json.dumps(entry, allow_nan=False) + '\n')
+                        journal.flush()
+                    tenth = str(10 * len(self._rows) // len(self._bags))
+                    if progress.due(time.monotonic_ns(), tenth):
+                        progress.show(_bar(len(self._rows), len(self._bags)))
+        finally:
+            progress.close()
+            self._write()
+        return self._summary()
+
+    def _outcomes(self, bags: Sequence[Path]) -> Iterator[tuple[int, Row | Failure]]:
+        function = partial(identify, settings=self._settings)
+        if self._settings.ray:
+            try:
+                yield from run_each_on_ray(function, bags, self._settings.ray)
+            except RuntimeError as error:
+                raise IdentificationError(str(error)) from None
+        else:
+            settings = self._settings
+            yield from run_each(function, bags, settings.workers, settings.worker_memory)
+
+    def _row(self, bag: Path, outcome: Row | Failure) -> Row:
+        if not isinstance(outcome, Failure):
+            return outcome
+        return first_columns(bag, self._settings) | {'reason': outcome.reason}
+
+    def _mark(self, bag: Path) -> str:
+        """Return what a row depends on: the bag's files as they are, and the options."""
+        files = sorted(bag.iterdir()) if bag.is_dir() else [bag]
+        facts = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+        options = sorted(
+            (name, str(value))
+            for name, value in vars(self._settings).items()
+            if name not in _NOT_IN_ROWS
+        )
+        return hashlib.sha256(repr((facts, options)).encode()).hexdigest()[:16]
+
+    def _known(self, marks: dict[str, str]) -> dict[str, Row]:
+        """Return the rows of an earlier run that still hold; what was cut off is left out."""
+        found: dict[str, Row] = {}
+        path = self._out / JOURNAL
+        if not path.is_file():
+            if any(self._out.iterdir()):
+                raise IdentificationError(
+                    f'{self._out}: holds other files: name another folder with --out'
+                )
+            return found
+        for line in path.read_text(encoding='utf-8').splitlines():
+            try:
+                entry = json.loads(line)
+                bag = str(entry['row']['bag'])
+                if marks.get(bag) == entry['mark']:
+                    found[bag] = entry['row']
+            except (ValueError, KeyError, TypeError):
+                continue  # the line that was written when the run was ended
+        return found
+
+    def _write(self) -> None:
+        rows = [self._rows[str(bag)] for bag in self._bags if str(bag) in self._rows]
+        names = dict.fromkeys(name for row in rows for name in row)
+        columns = [*KEYS, *(name for name in names if name not in KEYS)]
+        text = io.StringIO(newline='')
+        writer = csv.DictWriter(text, columns, lineterminator='\n')
+        writer.writeheader()
+        writer.writerows(rows)
+        write_whole(self._out / TABLE, text.getvalue())
+        write_whole(self._out / PAGE, fleet_page(rows))
+        try:
+            import pyarrow
+            import pyarrow.parquet
+        except ImportError:
+            self._say(f"{COLUMNS} is not written: pip install 'aerarm_ros[fleet]' (pyarrow)")
+            return
+        table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns})
+        partial_file = self._out / f'.{COLUMNS}.part'
+        pyarrow.parquet.write_table(table, partial_file)
+        partial_file.replace(self._out / COLUMNS)
+
+    def _summary(self) -> str:
+        failed = [row for row in self._rows.values() if row['status'] != OK]
+        if len(failed) == len(self._rows):
+            first = failed[0]
+            raise IdentificationError(
+                f'none of {len(failed)} bags could be identified from; the first, {first["bag"]}: '
+                f'{first["reason"]}'
+            )
+        lines = [f'{len(self._rows) - len(failed)} of {len(self._rows)} bags identified']
+        lines += [f'failed: {row["bag"]}: {row["reason"]}' for row in failed]
+        lines += [f'Table: {self._out / TABLE}', f'Page: {self._out / PAGE}']
+        return '\n'.join(lines)
+
+    @staticmethod
+    def _say(text: str) -> None:
+        print(f'identifier: {text}', file=sys.stderr)
+
+
+def find_bags(given: Sequence[Path]) -> list[Path]:
+    """Return the bags that paths, folders, patterns and lists name, each once, sorted.
+
+    A folder without bag files of its own is looked through; a .txt file lists one path a line.
+
+    Raises
+    ------
+    IdentificationError
+        If one names no bag.
+    """
+    found: list[Path] = []
+    for path in given:
+        bags = list(_bags_of(path))
+        if not bags:
+            raise IdentificationError(
+                f'--each {path}: no bag there: give rosbag2 folders, {", ".join(_BAG_FILES)} '
+                f'files, folders of them, a pattern in quotes, or a {_LIST} file with one path '
+                'per line'
+            )
+        found += bags
+    return sorted(dict.fromkeys(found))
+
+
+def _bags_of(path: Path) -> Iterator[Path]:
+    if path.suffix == _LIST and path.is_file():
+        lines = [line.strip() for line in path.read_text(encoding='utf-8').splitlines()]
+        for line in lines:
+            if line and not line.startswith('#'):
+                yield from _bags_of(path.parent / line)
+    elif path.is_file():
+        yield path
+    elif path.is_dir():
+        yield from _bags_in(path)
+    elif glob.has_magic(str(path)):
+        for match in sorted(glob.glob(str(path), recursive=True)):
+            yield from _bags_of(Path(match))
+
+
+def _bags_in(folder: Path) -> Iterator[Path]:
+    if (folder / 'metadata.yaml').is_file():
+        yield folder
+        return
+    for entry in sorted(folder.iterdir()):
+        if entry.is_dir():
+            yield from _bags_in(entry)
+        elif entry.suffix.lower() in _BAG_FILES:
+            yield entry
+
+
+def _bar(done: int, total: int, width: int = 30) -> str:
+    filled = width * done // total
+    return f'[{"#" * filled}{"." * (width - filled)}] {done} of {total} bags'

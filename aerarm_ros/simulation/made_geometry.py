@@ -1,0 +1,171 @@
+"""The geometry of a made arm, which differs from its drawing.
+
+Nothing here is shared with the calibration: rotations are computed from their formulas, and where
+a link is comes from the physics engine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import cos, sin
+from xml.etree import ElementTree
+
+import numpy as np
+
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.drone_config import DroneConfig, PoseConfig
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.motion.signals import Array
+
+
+@dataclass(frozen=True)
+class GeometrySpread:
+    """Standard deviations of what a made arm differs from its drawing by.
+
+    Attributes
+    ----------
+    offset : float
+        Of the joints' zeros [rad].
+    length, tilt : float
+        Of each axis of a joint's place [m] and of its direction [rad].
+    mount_length, mount_tilt : float
+        Of the arm's base on its carrier [m], [rad].
+    imu_length, imu_tilt : float
+        Of the IMU on the drone [m], [rad].
+    """
+
+    offset: float = 0.010
+    length: float = 1e-3
+    tilt: float = 2e-3
+    mount_length: float = 3e-3
+    mount_tilt: float = 0.02
+    imu_length: float = 2e-3
+    imu_tilt: float = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class MadeGeometry:
+    """A made arm.
+
+    Attributes
+    ----------
+    robot : Robot
+        With displaced joints.
+    offsets : (n,) ndarray
+        True position less the position by the drawn configuration [rad].
+    mount_shift, mount_turn, imu_shift, imu_turn : (3,) ndarray
+        Displacement [m] and rotation vector [rad] of the arm's base and the IMU on the carrier.
+    """
+
+    robot: Robot
+    offsets: Array
+    mount_shift: Array
+    mount_turn: Array
+    imu_shift: Array
+    imu_turn: Array
+
+    @classmethod
+    def of(cls, robot: Robot, seed: int, spread: GeometrySpread | None = None) -> MadeGeometry:
+        """Return an arm with random deviations, normal ones of the spread's sizes."""
+        spread = spread or GeometrySpread()
+        random = np.random.default_rng([seed, 37])
+        n = robot.n
+        shifts = spread.length * random.standard_normal((n, 3))
+        turns = spread.tilt * random.standard_normal((n, 3))
+        text = displaced_urdf(robot.urdf_text, robot.joint_names, shifts, turns)
+        made = load_robot(
+            text, gravity_in_base=robot.gravity_in_base, joint_names=robot.joint_names
+        )
+        # The names have their prefix already.
+        made = replace(made, prefix=robot.prefix, path=robot.path)
+        return cls(
+            made,
+            spread.offset * random.standard_normal(n),
+            spread.mount_length * random.standard_normal(3),
+            spread.mount_tilt * random.standard_normal(3),
+            spread.imu_length * random.standard_normal(3),
+            spread.imu_tilt * random.standard_normal(3),
+        )
+
+    def config(self, drawn: ArmConfig) -> ArmConfig:
+        """Return the configuration by which motor angles and true positions correspond."""
+        joints = tuple(
+            replace(joint, offset=joint.offset + float(offset))
+            for joint, offset in zip(drawn.joints, self.offsets, strict=True)
+        )
+        return replace(drawn, joints=joints)
+
+    def drone(self, drawn: DroneConfig) -> DroneConfig:
+        """Return the drone with the mount and the IMU where they are."""
+        return replace(
+            drawn,
+            mount=_moved(drawn.mount, self.mount_shift, self.mount_turn, drawn.size),
+            imu=_moved(drawn.imu, self.imu_shift, self.imu_turn, drawn.size),
+        )
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the deviations in plain numbers for a YAML file."""
+        values = {
+            'joint_offsets': self.offsets,
+            'mount_shift': self.mount_shift,
+            'mount_turn': self.mount_turn,
+            'imu_shift': self.imu_shift,
+            'imu_turn': self.imu_turn,
+        }
+        return {key: value.tolist() for key, value in values.items()}
+
+
+def displaced_urdf(text: str, joint_names: tuple[str, ...], shifts: Array, turns: Array) -> str:
+    """Return a URDF whose joints lie elsewhere.
+
+    Parameters
+    ----------
+    text : str
+    joint_names : tuple of n str
+    shifts, turns : (n, 3) ndarray
+        Added to a joint's place, along the axes of the link it is on [m], and turned about these
+        axes [rad].
+    """
+    root = ElementTree.fromstring(text)
+    joints = {joint.get('name'): joint for joint in root.findall('joint')}
+    for name, shift, turn in zip(joint_names, shifts, turns, strict=True):
+        origin = joints[name].find('origin')
+        if origin is None:
+            origin = ElementTree.SubElement(joints[name], 'origin')
+        place = np.array([float(part) for part in origin.get('xyz', '0 0 0').split()])
+        angles = [float(part) for part in origin.get('rpy', '0 0 0').split()]
+        turned = rotation_about(turn) @ PoseConfig((0.0, 0.0, 0.0), tuple(angles)).rotation
+        origin.set('xyz', _text(place + shift))
+        origin.set('rpy', _text(angles_of(turned)))
+    return ElementTree.tostring(root, encoding='unicode')
+
+
+def rotation_about(vector: Array) -> Array:
+    """Return the rotation (3, 3) of a rotation vector [rad], Rodrigues' formula."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + sin(angle) * cross + (1.0 - cos(angle)) * cross @ cross)
+
+
+def angles_of(rotation: Array) -> Array:
+    """Return roll, pitch and yaw (3,) [rad] of a rotation, as in a URDF."""
+    pitch = -np.arcsin(np.clip(rotation[2, 0], -1.0, 1.0))
+    if abs(np.cos(pitch)) < 1e-9:
+        return np.array([0.0, pitch, np.arctan2(-rotation[0, 1], rotation[1, 1])])
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
+    return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
+
+
+def _moved(pose: PoseConfig, shift: Array, turn: Array, size: tuple[float, ...]) -> PoseConfig:
+    """Return a pose that is displaced, as far as its part stays on the body."""
+    half = 0.5 * np.array(size)
+    place = np.clip(np.array(pose.position) + shift, -half, half)
+    angles = angles_of(rotation_about(turn) @ pose.rotation)
+    return PoseConfig(tuple(place.tolist()), tuple(angles.tolist()))
+
+
+def _text(values: Array) -> str:
+    return ' '.join(repr(float(value)) for value in values)

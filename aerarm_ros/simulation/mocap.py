@@ -1,0 +1,270 @@
+"""Emulated motion capture and camera: where they see a link that the physics engine moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.simulation.base_profile import BaseState
+from aerarm_ros.simulation.made_geometry import rotation_about
+
+# On a plate at the wrist, as markers are glued: [m] in the frame of the last link.
+MARKERS = (
+    (0.10, 0.05, 0.04),
+    (0.10, -0.05, 0.04),
+    (0.02, 0.04, 0.055),
+    (0.16, 0.0, 0.045),
+)
+_CAMERAS = 8  # of the motion capture, on a ring
+_RING = (3.0, 1.6)  # [m] radius and height
+_STEEP = 0.35  # cosine of the view below which a marker is not seen
+_BODY = 0.2  # [m] between the markers of the drone
+_TWO = 2  # cameras that must see it
+_CORNERS = ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))
+_ITERATIONS = 15
+
+
+class Located(Protocol):
+    """What tells where a link is."""
+
+    def link_pose(self, link: str) -> tuple[Array, Array]:
+        """Return rotation (3, 3) and place (3,) [m] of a link in the world."""
+
+
+class Carried(Protocol):
+    """A plant on a body."""
+
+    @property
+    def base(self) -> BaseState:
+        """State of the body."""
+
+
+@dataclass(frozen=True)
+class MocapSettings:
+    """How good the motion capture is.
+
+    Attributes
+    ----------
+    noise : float
+        Of each axis of a marker's position [m].
+    dropout : float
+        Share of frames in which a marker is lost for no reason.
+    """
+
+    noise: float = 0.2e-3
+    dropout: float = 0.02
+
+
+class EmulatedMocap:
+    """Sees markers on a link, in a frame of its own.
+
+    A marker is seen if at least two of eight cameras on a ring look at its front; a normal points
+    away from the link's axis.
+
+    Parameters
+    ----------
+    link : str
+    seed : int
+    settings : MocapSettings
+    markers : sequence of (3,)
+        In the link's frame [m].
+
+    Attributes
+    ----------
+    rotation, translation : (3, 3) and (3,) ndarray
+        Of the world in the motion capture's frame.
+    """
+
+    def __init__(
+        self,
+        link: str,
+        seed: int,
+        settings: MocapSettings | None = None,
+        markers: tuple[tuple[float, ...], ...] = MARKERS,
+    ) -> None:
+        self._link = link
+        self._settings = settings or MocapSettings()
+        self._markers = np.array(markers)
+        random = np.random.default_rng([seed, 38])
+        self._random = random
+        self._normals = self._markers * (0.3, 1.0, 1.0)
+        self._normals /= np.linalg.norm(self._normals, axis=1)[:, None]
+        self.rotation = rotation_about(
+            np.array([0.02, -0.03, 0.0]) * random.standard_normal(3) + (0.0, 0.0, 0.6)
+        )
+        self.translation = np.array([0.5, -0.2, 0.9]) + 0.1 * random.standard_normal(3)
+        angles = 2.0 * np.pi * np.arange(_CAMERAS) / _CAMERAS
+        ring = _RING[0] * np.array([np.cos(angles), np.sin(angles)])
+        heights = _RING[1] * np.where(np.arange(_CAMERAS) % 2, 1.0, -0.6)
+        self._cameras = np.column_stack([*ring, heights])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the markers."""
+        return tuple(f'marker{k + 1}' for k in range(len(self._markers)))
+
+    def true_positions(self, plant: Located) -> Array:
+        """Return where the markers are in the motion capture's frame, (K, 3) [m]."""
+        rotation, place = plant.link_pose(self._link)
+        in_world = place + self._markers @ rotation.T
+        return np.asarray(in_world @ self.rotation.T + self.translation)
+
+    def read(self, plant: Located) -> Array:
+        """Return a frame (K, 3) [m] with noise; NaN where a marker is hidden."""
+        settings = self._settings
+        seen = self._visible(plant)
+        position = self.true_positions(plant)
+        position = position + settings.noise * self._random.standard_normal(position.shape)
+        lost = self._random.random(len(position)) < settings.dropout
+        position[~seen | lost] = np.nan
+        return position
+
+    def read_body(self, plant: Carried) -> tuple[Array, Array]:
+        """Return rotation (3, 3) and place (3,) [m] of the body that carries the arm, with noise.
+
+        As of a rigid body of markers that are 0.2 m apart.
+        """
+        base, noise = plant.base, self._settings.noise
+        turn = noise / _BODY * self._random.standard_normal(3)
+        rotation = self.rotation @ _rotation_of(base.quaternion) @ rotation_about(turn)
+        place = self.rotation @ base.position + self.translation
+        return rotation, place + noise * self._random.standard_normal(3)
+
+    def _visible(self, plant: Located) -> NDArray[np.bool_]:
+        rotation, place = plant.link_pose(self._link)
+        markers, normals = place + self._markers @ rotation.T, self._normals @ rotation.T
+        to_camera = self._cameras[None] - markers[:, None]
+        to_camera /= np.linalg.norm(to_camera, axis=2)[:, :, None]
+        facing = np.einsum('kci,ki->kc', to_camera, normals)
+        return np.asarray((facing > _STEEP).sum(axis=1) >= _TWO)
+
+
+@dataclass(frozen=True)
+class CameraSettings:
+    """A camera and an optical marker.
+
+    Attributes
+    ----------
+    focal_length : float
+        [px]
+    pixel_noise : float
+        Of each coordinate of a corner [px].
+    side : float
+        Of the marker [m].
+    """
+
+    focal_length: float = 1200.0
+    pixel_noise: float = 0.15
+    side: float = 0.08
+
+
+class EmulatedCamera:
+    """Sees an optical marker on a link, and estimates its pose as ArUco's detector does.
+
+    The four corners are projected, their pixels get noise, and the pose with the least
+    reprojection error is the reading. So depth and tilt are as uncertain as with a real camera.
+
+    Parameters
+    ----------
+    link : str
+    seed : int
+    settings : CameraSettings
+    eye_in_hand : bool
+        Whether the camera is on the link, and the marker fixed in the world.
+    """
+
+    def __init__(
+        self,
+        link: str,
+        seed: int,
+        settings: CameraSettings | None = None,
+        eye_in_hand: bool = False,
+    ) -> None:
+        self._link = link
+        self._settings = settings or CameraSettings()
+        self._eye_in_hand = eye_in_hand
+        self._random = np.random.default_rng([seed, 39])
+        half = self._settings.side
+        self._corners = np.array([(half * x, half * y, 0.0) for x, y in _CORNERS])
+        # The marker looks at a camera 1.2 m away; on a link it is turned away from the axis.
+        self._on_link = rotation_about(np.array([0.2, 1.3, -0.1])), np.array([0.08, 0.0, 0.05])
+        self._fixed = _looking((0.9, -0.9, 0.5), (0.1, 0.0, 0.3))
+
+    def read(self, plant: Located) -> tuple[Array, Array] | None:
+        """Return rotation (3, 3) and place (3,) [m] of the marker in the camera's frame.
+
+        None where the marker is turned away, or behind the camera.
+        """
+        rotation, place = self.true_pose(plant)
+        normal, view = rotation[:, 2], place / np.linalg.norm(place)
+        if place[2] < 0.1 or float(normal @ view) > -0.25:
+            return None
+        settings = self._settings
+        corners = place + self._corners @ rotation.T
+        pixels = settings.focal_length * corners[:, :2] / corners[:, 2:]
+        pixels += settings.pixel_noise * self._random.standard_normal(pixels.shape)
+        return self._solved(pixels, rotation, place)
+
+    def true_pose(self, plant: Located) -> tuple[Array, Array]:
+        """Return the true pose of the marker in the camera's frame."""
+        rotation, place = plant.link_pose(self._link)
+        own_rotation, own_place = self._on_link
+        on_link = rotation @ own_rotation, place + rotation @ own_place
+        camera, marker = (on_link, self._fixed) if self._eye_in_hand else (self._fixed, on_link)
+        return camera[0].T @ marker[0], camera[0].T @ (marker[1] - camera[1])
+
+    def _solved(self, pixels: Array, rotation: Array, place: Array) -> tuple[Array, Array]:
+        """Return the pose of least reprojection error, by Gauss-Newton from a near one."""
+        focal = self._settings.focal_length
+        for _ in range(_ITERATIONS):
+            turned = self._corners @ rotation.T
+            corners = turned + place
+            x, y, z = corners.T
+            residual = (focal * corners[:, :2] / z[:, None] - pixels).ravel()
+            jacobian = np.zeros((len(corners), 2, 6))
+            jacobian[:, 0, 0] = jacobian[:, 1, 1] = focal / z
+            jacobian[:, 0, 2], jacobian[:, 1, 2] = -focal * x / z**2, -focal * y / z**2
+            for k, lever in enumerate(turned):
+                cross = np.array(
+                    [
+                        [0.0, lever[2], -lever[1]],
+                        [-lever[2], 0.0, lever[0]],
+                        [lever[1], -lever[0], 0.0],
+                    ]
+                )
+                jacobian[k, :, 3:] = jacobian[k, :, :3] @ cross
+            step = -np.linalg.lstsq(jacobian.reshape(-1, 6), residual, rcond=None)[0]
+            place = place + step[:3]
+            rotation = rotation_about(step[3:]) @ rotation
+            if float(np.abs(step).max()) < 1e-12:
+                break
+        return rotation, place
+
+
+def quaternion_of(rotation: Array) -> Array:
+    """Return the quaternion (x, y, z, w) of a rotation (3, 3)."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
+    return np.roll(quaternion, -1)
+
+
+def _rotation_of(quaternion: Array) -> Array:
+    """Return the rotation (3, 3) of a unit quaternion (w, x, y, z)."""
+    w, x, y, z = quaternion
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross)
+
+
+def _looking(at: tuple[float, ...], towards: tuple[float, ...]) -> tuple[Array, Array]:
+    """Return a pose at a place, its z axis towards another."""
+    place = np.array(at)
+    forward = np.array(towards) - place
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    return np.column_stack([right, np.cross(forward, right), forward]), place

@@ -1,0 +1,485 @@
+"""Where the arm's base is in the world now, from an odometry that is late and from the IMU."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from aerarm_ros.control.base.base_motion import ImuSample, Mount, rotation_matrix
+from aerarm_ros.control.checks import RejectedInputError, positive
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.flight.flight_estimator import FreezeWatch
+from aerarm_ros.flight.flight_state import OdometrySample
+from aerarm_ros.model.inertia import cross
+from aerarm_ros.motion.signals import Array
+
+_GRAVITY = np.array([0.0, 0.0, -9.81])
+# Variances per second of what the prediction does not know: of the velocity [m^2/s^3], where the
+# IMU is used and where it is not, and of the accelerometer's bias [m^2/s^5].
+_DRIVE, _DRIVE_BLIND, _BIAS_DRIVE = 2e-3, 0.5, 1e-3
+_FIRST = np.diag([1e-4, 1e-2, 4e-2])  # variances at first: position, velocity, bias
+_BIAS_MAX = 0.8  # [m/s^2]
+# Noise of the odometry: position [m], velocity [m/s], at first and at least; it is measured over
+# so many samples.
+_NOISE = np.array([3e-3, 1e-2])
+_NOISE_MIN = np.array([3e-4, 1e-3])
+_NOISE_SAMPLES = 50.0
+_OUTLIER = 4.0  # times the variance, at most, that one sample counts
+_ATTITUDE_TIME = 0.5  # [s] in which the gyroscope's drift is corrected by the odometry's attitude
+_HISTORY = 200  # predicted poses: 0.8 s at 250 Hz
+_IMU_GAP = 0.05  # [s] without an IMU sample, after which the base is extrapolated without
+_LONGEST_STEP = 0.02  # [s] of a prediction that is not split
+# A sample that is further off what is predicted is doubted: [m], [rad]; and standard deviations.
+_JUMP, _TURN, _DEVIATIONS = 0.03, 0.15, 6.0
+_DOUBT = 0.1  # [s] for which a jump must stay before it is accepted
+_GROWTH = 0.3  # [m/s] by which a prediction without odometry may be wrong
+_SAME_CLOCK = (
+    0.25  # [s] up to which an IMU sample's age is one and not the difference of two clocks
+)
+_AGE_TIME = 1.0  # [s] over which the age is averaged
+_FROZEN, _MOVING_RATE, _MOVING_SPEED = 0.1, 0.02, 0.02  # [s], [rad/s], [m/s]
+_FORGOTTEN = 1.0  # [s] without any odometry, after which the next one is believed as it is
+_READY = 0.2  # [s] of good samples before the pose is used
+
+
+class BasePose(NamedTuple):
+    """Pose and motion of the arm's base frame.
+
+    Attributes
+    ----------
+    position, velocity : (3,) ndarray
+        Of its origin in the world [m], [m/s].
+    rotation : (3, 3) ndarray
+        Base to world.
+    rate : (3,) ndarray
+        Angular velocity, in base axes [rad/s].
+    """
+
+    position: Array
+    velocity: Array
+    rotation: Array
+    rate: Array
+
+    def to_world(self, place: Array) -> Array:
+        """Return a place (3,) of the base frame in the world [m]."""
+        moved: Array = self.position + self.rotation @ place
+        return moved
+
+    def to_base(self, place: Array) -> Array:
+        """Return a place (3,) of the world in the base frame [m]."""
+        moved: Array = self.rotation.T @ (place - self.position)
+        return moved
+
+
+@dataclass(frozen=True, eq=False)
+class OdometryFrames:
+    """Where base and IMU are in the frame whose pose the odometry gives.
+
+    Attributes
+    ----------
+    base_position, imu_position : (3,) ndarray
+        [m]
+    base_rotation, imu_rotation : (3, 3) ndarray
+        Base, or IMU, to that frame.
+    """
+
+    base_position: Array
+    base_rotation: Array
+    imu_position: Array
+    imu_rotation: Array
+
+    @classmethod
+    def of(cls, drone: DroneConfig | None, mount: Mount) -> 'OdometryFrames':
+        """Return the frames of a drone's body, or of a base that is itself what is measured."""
+        if drone is None:
+            return cls(
+                np.zeros(3), np.eye(3), mount.imu_position_in_base, mount.rotation_imu_to_base
+            )
+        base, imu = drone.mount, drone.imu
+        return cls(np.array(base.position), base.rotation, np.array(imu.position), imu.rotation)
+
+
+class _Predicted(NamedTuple):
+    """State of the IMU's place at a time of the drone's clock."""
+
+    time: float
+    position: Array
+    velocity: Array
+    rotation: Array  # body to world
+
+
+class BasePoseEstimator:
+    """Predicts the pose by the IMU and corrects it by the odometry, at the time of each sample.
+
+    A Kalman filter of position, velocity and the accelerometer's bias of the IMU's place, whose
+    motion the accelerometer measures without knowledge of the angular acceleration; the
+    gyroscope turns the attitude, which the odometry corrects within 0.5 s. A sample of the
+    odometry is compared with what was predicted for its stamp, and the correction is applied to
+    everything since: an old sample is as good as a new one, but for what the IMU adds. The noise
+    of the odometry is measured by what is left after the comparison.
+
+    Without IMU samples the pose is extrapolated by the odometry's own velocities.
+
+    Ages are measured by the drone's clock, which is that of the odometry and the IMU. The arm's
+    clock may be another one: it is compared by the arrival of IMU samples.
+
+    Parameters
+    ----------
+    frames : OdometryFrames
+    timeout : float
+        Age [s] of the newest usable odometry up to which the pose is used.
+    jump_max : float
+        Largest jump [m] of the odometry that is accepted.
+    imu_latency : float
+        Age of an IMU sample when it is received [s], where its clock is not the arm's.
+
+    Attributes
+    ----------
+    age : float
+        Of an odometry when it is received, mean over 1 s [s]; NaN before the first.
+    noise : (2,) ndarray
+        Standard deviations of the odometry's position [m] and velocity [m/s], as measured.
+    jumps : int
+        Jumps that were accepted.
+    rejections : int
+        Samples that were not used.
+    """
+
+    def __init__(
+        self,
+        frames: OdometryFrames,
+        timeout: float = 0.2,
+        jump_max: float = 0.5,
+        imu_latency: float = 0.0,
+    ) -> None:
+        self._frames = frames
+        self._timeout = positive('odometry_timeout', timeout)
+        self._jump_max = positive('jump_max', jump_max)
+        self._imu_latency = imu_latency
+        self.age = np.nan
+        self.jumps = self.rejections = 0
+        self.noise = _NOISE.copy()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Start again with the next odometry."""
+        self._state: _Predicted | None = None
+        self._bias, self._variance = np.zeros(3), _FIRST.copy()
+        self._rate, self._force = np.zeros(3), np.zeros(3)
+        self._history: deque[_Predicted] = deque(maxlen=_HISTORY)
+        self._imu_stamp = self._stamp = -np.inf
+        self._interval = 0.0  # of the newest odometry from the one before [s]
+        self._offset: float | None = None  # the arm's clock less the drone's [s]
+        self._received = -np.inf  # of the newest good odometry, by the arm's clock
+        self._good_since = np.inf
+        self._doubted: tuple[float, Array] | None = None
+        self._problem = ''
+        self._frozen = FreezeWatch(_FROZEN)
+
+    def problem(self, now: float) -> str:
+        """Return why the pose cannot be used at `now` [s], '' if it can."""
+        if np.isinf(self._received):
+            return f'odometry: {self._problem}' if self._problem else 'no odometry yet'
+        age = now - self._received
+        if self._problem and age > self._timeout:
+            return f'odometry: {self._problem}'
+        if not -self._timeout <= age <= self._timeout:
+            return f'no usable odometry for {age:.2f} s'
+        if now - self._good_since < _READY:
+            return 'the odometry has just begun'
+        return ''
+
+    def accept_next(self) -> None:
+        """Believe the next odometry whatever it says: somebody gave a target in its numbers."""
+        if self._problem:
+            offset = self._offset
+            self._forget()
+            self._offset = offset
+
+    def offer_imu(self, sample: ImuSample, now: float) -> None:
+        """Take a checked IMU sample, received at `now` [s] of the arm's clock."""
+        self._compare_clocks(sample.stamp, now)
+        if -1.0 < sample.stamp - self._imu_stamp <= 0.0:
+            return
+        step = sample.stamp - self._imu_stamp
+        self._imu_stamp = sample.stamp
+        to_body = self._frames.imu_rotation
+        rate, force = to_body @ sample.angular_velocity, to_body @ sample.specific_force
+        before = self._rate, self._force
+        self._rate, self._force = rate, force
+        if self._state is None:
+            return
+        if not 0.0 < step < _IMU_GAP:
+            self._history.clear()
+            self._history.append(self._state)
+            before = rate, force
+        ahead = sample.stamp - self._state.time
+        if ahead <= 0.0:
+            return
+        self._predict(min(ahead, _IMU_GAP), 0.5 * (before[0] + rate), 0.5 * (before[1] + force))
+        self._state = self._state._replace(time=sample.stamp)
+        self._history.append(self._state)
+
+    def offer_odometry(self, sample: OdometrySample, now: float) -> None:
+        """Take a checked odometry sample, received at `now` [s] of the arm's clock.
+
+        Raises
+        ------
+        RejectedInputError
+            If it is not newer than the one before, too old, of another clock, frozen or a jump.
+        """
+        try:
+            self._take(sample, now)
+        except RejectedInputError as error:
+            self.rejections += 1
+            raise RejectedInputError(f'odometry: {error}') from None
+
+    def pose(self, now: float) -> BasePose:
+        """Return the pose at `now` [s] of the arm's clock; call `problem` first."""
+        state = self._state
+        assert state is not None
+        step = min(max(self._drone_time(now) - state.time, 0.0), self._timeout)
+        rate, frames = self._rate, self._frames
+        rotation = state.rotation @ _turned(step * rate)
+        acceleration = np.zeros(3)
+        if self._has_imu(state.time):
+            acceleration = state.rotation @ (self._force - self._bias) + _GRAVITY
+        lever = frames.base_position - frames.imu_position
+        velocity = state.velocity + step * acceleration
+        place = state.position + step * (state.velocity + (0.5 * step) * acceleration)
+        return BasePose(
+            place + rotation @ lever,
+            velocity + rotation @ cross(rate, lever),
+            rotation @ frames.base_rotation,
+            frames.base_rotation.T @ rate,
+        )
+
+    # Time.
+
+    def _compare_clocks(self, stamp: float, now: float) -> None:
+        offset = now - stamp
+        if 0.0 <= offset <= _SAME_CLOCK:
+            self._offset = 0.0
+            return
+        offset -= self._imu_latency
+        if self._offset is None or self._offset == 0.0 or abs(offset - self._offset) > 1.0:
+            self._offset = offset
+        # What comes earliest was delayed least; a slow drift of the clocks is followed.
+        self._offset = min(self._offset + 1e-6, offset)
+
+    def _drone_time(self, now: float) -> float:
+        return now - (self._offset or 0.0)
+
+    def _has_imu(self, time: float) -> bool:
+        return abs(time - self._imu_stamp) < _IMU_GAP
+
+    # Prediction and correction.
+
+    def _predict(self, step: float, rate: Array, force: Array | None) -> None:
+        """Advance the state by `step` [s], by a body rate and the specific force in body axes."""
+        state = self._state
+        assert state is not None
+        acceleration, drive = np.zeros(3), _DRIVE_BLIND
+        if force is not None:
+            middle = state.rotation @ _turned(0.5 * step * rate)
+            acceleration, drive = middle @ (force - self._bias) + _GRAVITY, _DRIVE
+        self._state = _Predicted(
+            state.time + step,
+            state.position + step * (state.velocity + (0.5 * step) * acceleration),
+            state.velocity + step * acceleration,
+            state.rotation @ _turned(step * rate),
+        )
+        share = -step if force is not None else 0.0
+        change = np.array([[1.0, step, 0.5 * step * share], [0.0, 1.0, share], [0.0, 0.0, 1.0]])
+        self._variance = change @ self._variance @ change.T
+        self._variance[1, 1] += step * drive
+        self._variance[2, 2] += step * _BIAS_DRIVE
+
+    def _take(self, sample: OdometrySample, now: float) -> None:
+        if -1.0 < sample.stamp - self._stamp <= 0.0:
+            raise RejectedInputError(
+                'a sample is not newer than the one before: one publisher only'
+            )
+        age = self._drone_time(now) - sample.stamp
+        if not -0.01 < age < self._timeout:
+            self._problem = (
+                f'it is {age:.2f} s old (odometry_timeout: {self._timeout:g}): check '
+                'its delay, and the clock of what stamps it'
+            )
+            if abs(age) > 5.0 * self._timeout:
+                self._problem = (
+                    f'its clock is {-age:+.2f} s off: synchronise the clocks of what '
+                    'stamps odometry, IMU and joint states'
+                )
+            raise RejectedInputError(self._problem)
+        interval = self._interval = sample.stamp - self._stamp
+        self._stamp = sample.stamp
+        share = min(1.0, max(interval, 0.0) / _AGE_TIME) if np.isfinite(self.age) else 1.0
+        self.age = age if share == 1.0 else self.age + share * (age - self.age)
+        moving = max(
+            float(np.linalg.norm(sample.velocity)) - _MOVING_SPEED,
+            float(np.linalg.norm(self._rate)) - _MOVING_RATE,
+        )
+        reading = np.concatenate([sample.position, sample.attitude])
+        if self._frozen.is_frozen(reading, sample.stamp, moving > 0.0):
+            self._problem = 'it repeats itself while the drone moves: frozen'
+            raise RejectedInputError(self._problem)
+        measured = self._measured(sample)
+        if self._state is None or not -_FORGOTTEN < interval < _FORGOTTEN:
+            self._begin(measured, sample, now)
+            return
+        if not self._has_imu(self._state.time) or not self._has_imu(sample.stamp):
+            self._advance_blindly(sample)
+        self._correct(measured, now)
+
+    def _measured(self, sample: OdometrySample) -> _Predicted:
+        """Return what a sample says of the IMU's place."""
+        rotation, lever = rotation_matrix(sample.attitude), self._frames.imu_position
+        velocity = rotation @ (sample.velocity + cross(sample.rate, lever))
+        return _Predicted(sample.stamp, sample.position + rotation @ lever, velocity, rotation)
+
+    def _begin(self, measured: _Predicted, sample: OdometrySample, now: float) -> None:
+        self._state = measured
+        self._bias, self._variance = np.zeros(3), _FIRST.copy()
+        self._history.clear()
+        self._history.append(measured)
+        if not self._has_imu(sample.stamp):
+            self._rate = sample.rate
+        self._accept(now)
+        self._good_since = now
+
+    def _accept(self, now: float) -> None:
+        if self._problem:
+            self._good_since = now
+        self._problem, self._doubted, self._received = '', None, now
+
+    def _advance_blindly(self, sample: OdometrySample) -> None:
+        """Without IMU: go on with the velocities of the odometry before."""
+        state = self._state
+        assert state is not None
+        self._rate = sample.rate
+        step = sample.stamp - state.time
+        if step > 0.0:
+            self._predict(min(step, _IMU_GAP * 4.0), sample.rate, None)
+            self._state = self._state._replace(time=sample.stamp)  # type: ignore[union-attr]
+            self._history.append(self._state)
+
+    def _at(self, time: float) -> _Predicted:
+        """Return what was predicted for a time."""
+        earlier = self._history[0]
+        for state in self._history:
+            if state.time > time:
+                if earlier.time >= time:
+                    break
+                share = (time - earlier.time) / (state.time - earlier.time)
+                return _Predicted(
+                    time,
+                    earlier.position + share * (state.position - earlier.position),
+                    earlier.velocity + share * (state.velocity - earlier.velocity),
+                    earlier.rotation @ _turned(share * _turn(earlier.rotation.T @ state.rotation)),
+                )
+            earlier = state
+        step = time - earlier.time
+        return earlier._replace(
+            time=time,
+            position=earlier.position + step * earlier.velocity,
+            rotation=earlier.rotation @ _turned(step * self._rate),
+        )
+
+    def _correct(self, measured: _Predicted, now: float) -> None:
+        predicted = self._at(measured.time)
+        off = measured.position - predicted.position
+        faster = measured.velocity - predicted.velocity
+        turn = _turn(predicted.rotation.T @ measured.rotation)
+        if self._has_jumped(off, turn, now):
+            self._apply(self._history[0].time, off, np.zeros(3), _turned(turn))
+            off = turn = np.zeros(3)
+        share = 1.0 / _NOISE_SAMPLES
+        matrix = self._variance[:2, :2] + np.diag(self.noise**2)
+        gain = self._variance[:, :2] @ np.linalg.inv(matrix)
+        left = np.array([off @ off, faster @ faster]) / 3.0 - np.diag(self._variance)[:2]
+        # What is left after a jump is no noise.
+        left = np.minimum(np.maximum(left, 0.0), _OUTLIER * np.maximum(self.noise, _NOISE) ** 2)
+        variance = (1.0 - share) * self.noise**2 + share * left
+        self.noise = np.sqrt(np.maximum(variance, _NOISE_MIN**2))
+        self._variance = self._variance - gain @ self._variance[:2]
+        self._variance = 0.5 * (self._variance + self._variance.T)
+        shift, change, bias = gain @ np.array([off, faster])
+        interval = min(now - self._received, _ATTITUDE_TIME)
+        correction = _turned(interval / _ATTITUDE_TIME * turn)
+        self._apply(measured.time, shift, change, correction)
+        bias = self._bias + predicted.rotation.T @ bias
+        self._bias = np.minimum(np.maximum(bias, -_BIAS_MAX), _BIAS_MAX)
+        self._accept(now)
+
+    def _apply(self, time: float, shift: Array, change: Array, correction: Array) -> None:
+        """Correct what was predicted from a time on."""
+        corrected = [
+            _Predicted(
+                state.time,
+                state.position + shift + (state.time - time) * change,
+                state.velocity + change,
+                state.rotation @ correction,
+            )
+            for state in self._history
+            if state.time >= time - _IMU_GAP
+        ]
+        self._history.clear()
+        self._history.extend(corrected)
+        self._state = corrected[-1]
+
+    def _has_jumped(self, off: Array, turn: Array, now: float) -> bool:
+        """Doubt what jumps; return whether a jump has stayed, and is one that is accepted."""
+        # A sample that is doubted is no silence: a jump must not pass for growth.
+        silent = min(max(self._interval, 0.0), _FORGOTTEN)
+        spread = np.sqrt(self._variance[0, 0] + self.noise[0] ** 2)
+        allowed = min(_JUMP + _DEVIATIONS * float(spread) + _GROWTH * silent, self._jump_max)
+        distance, angle = float(np.linalg.norm(off)), float(np.linalg.norm(turn))
+        if distance <= allowed and angle <= _TURN:
+            return False
+        self._problem = f'it jumped by {distance:.2f} m and {angle:.2f} rad'
+        if distance > self._jump_max or angle > self._jump_max:
+            self._problem += f' (jump_max: {self._jump_max:g}): check it, or send a new target'
+            raise RejectedInputError(self._problem)
+        before = self._doubted
+        if before is None or float(np.linalg.norm(off - before[1])) > allowed:
+            before = self._doubted = now, off
+        if now - before[0] < _DOUBT:
+            raise RejectedInputError(self._problem)
+        self.jumps += 1
+        self._problem = ''
+        return True
+
+
+def _turned(turn: Array) -> Array:
+    """Return the rotation (3, 3) of a turn vector [rad]."""
+    x, y, z = turn.tolist()
+    angle = (x * x + y * y + z * z) ** 0.5
+    if angle < 1e-9:
+        return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
+    s, c = np.sin(angle) / angle, (1.0 - np.cos(angle)) / (angle * angle)
+    return np.array(
+        [
+            [1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y],
+            [c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x],
+            [c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)],
+        ]
+    )
+
+
+def _turn(rotation: Array) -> Array:
+    """Return the turn vector (3,) [rad] of a rotation of less than half a turn."""
+    half = 0.5 * np.array(
+        [
+            rotation[2, 1] - rotation[1, 2],
+            rotation[0, 2] - rotation[2, 0],
+            rotation[1, 0] - rotation[0, 1],
+        ]
+    )
+    sine = float(np.sqrt(half @ half))
+    if sine < 1e-9:
+        return half
+    angle = float(np.arctan2(sine, 0.5 * (np.trace(rotation) - 1.0)))
+    turn: Array = (angle / sine) * half
+    return turn

@@ -1,0 +1,175 @@
+"""How far the drone may move until the arm cannot hold its tool, and where it should be."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.checks import JointLimits, finite, positive
+from aerarm_ros.control.laws.kinematic_control import DampedInverse
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.flight.flight_state import FlightTarget, yaw_of
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.world.base_pose import BasePose
+
+_REACHED = 3e-3  # [m] off a place that counts as reached
+_STEP = 0.02  # [m] of the way along a direction
+_FARTHEST = 0.3  # [m]; farther is not looked
+_STEP_ITERATIONS, _ITERATIONS, _MORE_ITERATIONS = 3, 40, 12
+_LOOKS = 12  # places of a path: a controller looks between two states
+_LARGEST_TURN = 0.3  # [rad] of a joint in an iteration
+_MARGIN = 0.03  # [rad] kept from position limits
+_LONGEST = 60.0  # [s]; later is not told
+_SLOW = 0.01  # [m/s]
+
+DIRECTIONS = np.vstack([np.eye(3), -np.eye(3)])
+"""(6, 3): along the world's axes, then against them."""
+
+
+class ReachMargin(NamedTuple):
+    """How far the base may move while the tool stays where it is.
+
+    Attributes
+    ----------
+    along : (6,) ndarray
+        Along `DIRECTIONS`, up to 0.3 [m].
+    least : float
+        The smallest of them [m].
+    time : float
+        Until the end at the present velocity of the base, up to 60 [s].
+    """
+
+    along: Array
+    least: float
+    time: float
+
+
+class ArmReach:
+    """Finds by inverse kinematics which places the tool can reach.
+
+    From the present posture on the way to a place, so that a place behind a singularity, which
+    the arm could reach only by another way, counts as out of reach.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+        An instance of its own, if it is used in another thread.
+    limits : JointLimits
+    inverse : DampedInverse, optional
+    """
+
+    def __init__(
+        self, kinematics: Kinematics, limits: JointLimits, inverse: DampedInverse | None = None
+    ) -> None:
+        self._kinematics = kinematics
+        self._low = limits.position_min + _MARGIN
+        self._high = limits.position_max - _MARGIN
+        self._inverse = DampedInverse(0.03, 0.02) if inverse is None else inverse
+
+    def beyond(self, place: Array, q: Array) -> float:
+        """Return how far a place (3,) of the base frame is out of reach [m], 0 if it is not."""
+        return self.beyond_any(place[np.newaxis], q)
+
+    def beyond_any(self, places: Array, q: Array) -> float:
+        """Return how far one of the places (M, 3) along a path is out of reach [m], 0 if none.
+
+        At most 12 of them are looked at, each from the posture of the one before.
+        """
+        looked = np.unique(np.linspace(0, len(places) - 1, _LOOKS).round().astype(int))
+        farthest, iterations = 0.0, _ITERATIONS
+        for place in places[looked]:
+            q, off = self._approach(place, q, iterations)
+            farthest, iterations = max(farthest, off), _MORE_ITERATIONS
+        return 0.0 if farthest <= _REACHED else farthest
+
+    def margin(self, q: Array, pose: BasePose, place: Array) -> ReachMargin:
+        """Return how far the base may move while the tool is at a place (3,) of the world [m]."""
+        along = np.array([self._way(q, pose, place, direction) for direction in DIRECTIONS])
+        speed, time = float(np.linalg.norm(pose.velocity)), _LONGEST
+        if speed > _SLOW:
+            time = min(self._way(q, pose, place, pose.velocity / speed) / speed, _LONGEST)
+        return ReachMargin(along, float(along.min()), time)
+
+    def _way(self, q: Array, pose: BasePose, place: Array, direction: Array) -> float:
+        way = 0.0
+        while way < _FARTHEST:
+            moved = pose._replace(position=pose.position + (way + _STEP) * direction)
+            q, off = self._approach(moved.to_base(place), q, _STEP_ITERATIONS)
+            if off > _REACHED:
+                return way + max(0.0, _STEP - off)
+            way += _STEP
+        return _FARTHEST
+
+    def _approach(self, place: Array, q: Array, iterations: int) -> tuple[Array, float]:
+        """Return the posture nearest to a place, and how far off it the tool is [m]."""
+        for _ in range(iterations):
+            error = place - self._kinematics.position(q)
+            if error @ error < (0.1 * _REACHED) ** 2:
+                break
+            turn = self._inverse.of(self._kinematics.position_jacobian(q)).inverse @ error
+            largest = float(np.abs(turn).max())
+            turn = turn * min(1.0, _LARGEST_TURN / largest) if largest > 0.0 else turn
+            q = np.minimum(np.maximum(q + turn, self._low), self._high)
+        return q, float(np.linalg.norm(place - self._kinematics.position(q)))
+
+
+class DroneRequest:
+    """Where the drone should be so that the arm is in the middle of its reach; slowly.
+
+    The place follows from the tool's target and from the heading at which the request began:
+    neither from where the drone is nor from what the arm does, so it closes no loop through the
+    drone. It is left alone within `deadband`, and led to where it should be at `speed`.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    drone : DroneConfig
+    middle : (n,) array_like
+        Posture in which the arm is in the middle of its reach [rad].
+    speed : float
+        [m/s]
+    deadband : float
+        [m]
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        drone: DroneConfig,
+        middle: npt.ArrayLike,
+        speed: float = 0.05,
+        deadband: float = 0.03,
+    ) -> None:
+        rotation, mount = drone.mount.rotation, np.array(drone.mount.position)
+        posture = finite('middle', middle, kinematics.robot.n)
+        self._to_mount, self._mount = rotation, mount
+        self._tool = mount + rotation @ kinematics.position(posture)  # in body axes
+        self._speed, self._deadband = positive('speed', speed), positive('deadband', deadband)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin at where the drone is next."""
+        self._place: Array | None = None
+        self._yaw = 0.0
+        self._time = 0.0
+        self._moves = False
+
+    def update(self, now: float, target: Array, pose: BasePose) -> FlightTarget:
+        """Return where the drone should be at `now` [s], for a tool target (3,) in the world."""
+        body = pose.rotation @ self._to_mount.T
+        if self._place is None:
+            self._place, self._yaw, self._time = (
+                pose.position - body @ self._mount,
+                yaw_of(body),
+                now,
+            )
+        step, self._time = min(max(now - self._time, 0.0), 1.0), now
+        c, s = np.cos(self._yaw), np.sin(self._yaw)
+        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        way = target - turned @ self._tool - self._place
+        left = float(np.linalg.norm(way))
+        self._moves = left > (1e-6 if self._moves else self._deadband)
+        if self._moves:
+            self._place = self._place + min(1.0, self._speed * step / left) * way
+        return FlightTarget(self._place, self._yaw)

@@ -1,0 +1,339 @@
+"""The law that holds the tool in the world on a base that answers the arm."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.free_base_estimator import FreeBaseMotion
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks import JointLimits, finite, non_negative_number, positive
+from aerarm_ros.control.compensation import FrictionCompensation
+from aerarm_ros.control.laws.kinematic_control import DampedInverse, resolve_within
+from aerarm_ros.model.inertia import cross
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+from aerarm_ros.motion.path_stop import brake
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference, limited
+from aerarm_ros.world.base_pose import BasePose
+
+# Of the acceleration limits, what braking in the base frame uses.
+_BRAKE_SHARE = 0.7
+# Rate [1/s] at which a joint's velocity is led to what its limits allow, and that over the distance
+# from a position limit.
+_VELOCITY_RATE, _LIMIT_RATE = 40.0, 8.0
+_LIMIT_MARGIN = 0.03  # [rad] kept from position limits
+_ANGLE_MAX = 0.3  # [rad] of an orientation error that is corrected at once
+
+
+class WorldReference(NamedTuple):
+    """What the tool shall do in the world.
+
+    Attributes
+    ----------
+    p, dp, ddp : (3,) ndarray
+        Place in the world [m], its velocity [m/s] and acceleration [m/s^2].
+    rotation : (3, 3) ndarray or None
+        Wanted orientation, tool to world; None where any will do.
+    base : BasePose or None
+        Where the base is; None while nothing can be held in the world: the arm stops and stays in
+        the base frame.
+    """
+
+    p: Array
+    dp: Array
+    ddp: Array
+    rotation: Array | None
+    base: BasePose | None
+
+
+class WorldGains(NamedTuple):
+    """Gains of `WorldLaw`.
+
+    Attributes
+    ----------
+    kp, kd, ki : float
+        Of the tool's place [1/s^2], [1/s], [1/s^3].
+    orientation : float
+        Weight of the orientation over that of the posture where the place leaves joints free [-].
+    posture_kp, posture_kd : float
+        Of the posture, there [1/s^2], [1/s].
+    joint_kp, joint_kd : float
+        Of the joints while the arm stays in the base frame [1/s^2], [1/s].
+    integral_max : float
+        Largest integral action [m/s^2].
+    """
+
+    kp: float = 400.0
+    kd: float = 40.0
+    ki: float = 0.0
+    orientation: float = 1.0
+    posture_kp: float = 4.0
+    posture_kd: float = 4.0
+    joint_kp: float = 400.0
+    joint_kd: float = 40.0
+    integral_max: float = 1.0
+
+
+class WorldLaw:
+    """Computed torque of the tool in the world, by the generalised Jacobian.
+
+    Umetani and Yoshida 1989, for a base that rotors push and that answers the arm.
+
+    In base axes, about the origin of the base, with `J_b` and `J_q` the tool's Jacobians of base
+    and joints, s the base's specific force and angular acceleration and `(w - c_b)` the rotors'
+    wrench without centrifugal forces::
+
+        J_g  = J_q - J_b M_bb^-1 M_bj
+        ddx  = J_b (s_0 + M_bb^-1 (w - c_b)) + g + J_g ddq + b(q, dq, omega)
+        ddq  = J_g^# (ddx_d + Kd (dx_d - dx) + Kp (x_d - x) + Ki int(x_d - x) - what moves the tool
+               without ddq) + (1 - J_g^# J_g) z
+        tau  = M_jb s + M_jj ddq + c_j
+
+    `b` holds what velocities do, `s_0` and how much of the base's answer is believed come from
+    `FreeBaseMotion`. On a base that is moved, J_g is the ordinary Jacobian and s what is measured.
+    `J_g^#` is the damped inverse with its bounds; z leads to the posture and, by a weighted least
+    square, to the wanted orientation. Joints keep within their limits of position, velocity and
+    acceleration, and the others take over a part that one cannot give.
+
+    Without a base pose the arm brakes and stays in the base frame.
+
+    Parameters
+    ----------
+    dynamics : MovingBaseDynamics
+    kinematics : Kinematics
+        Of the frame that is held.
+    limits : JointLimits
+    posture : (n,) array_like or None
+        Where the joints are led that the tool leaves free [rad]; where control begins if None.
+    gains : WorldGains
+    inverse : DampedInverse
+        Its values are of a Jacobian [m/rad].
+    friction : FrictionCompensation, optional
+
+    Attributes
+    ----------
+    posture : (n,) ndarray
+        May be replaced.
+    acceleration_max : (n,) ndarray
+        Of the joints [rad/s^2]; may be replaced, by a governor.
+    error : (3,) ndarray
+        Of the tool, along the base's axes [m].
+    least_singular_value : float
+        Of J_g [m/rad]: how far from singular the arm is.
+    ddq : (n,) ndarray
+        Joint acceleration that was asked for last [rad/s^2].
+    is_stopped : bool
+        Whether the arm stays in the base frame.
+    """
+
+    def __init__(
+        self,
+        dynamics: MovingBaseDynamics,
+        kinematics: Kinematics,
+        limits: JointLimits,
+        posture: npt.ArrayLike | None = None,
+        gains: WorldGains | None = None,
+        inverse: DampedInverse | None = None,
+        friction: FrictionCompensation | None = None,
+    ) -> None:
+        self._dynamics = dynamics
+        self._kinematics = kinematics
+        self._limits = limits
+        self.gains = gains = WorldGains() if gains is None else gains
+        for name, value in zip(gains._fields, gains, strict=True):
+            non_negative_number(name, value)
+        positive('kp', gains.kp)
+        self._inverse = DampedInverse(0.06, 0.03) if inverse is None else inverse
+        self._friction = friction
+        self._keeps = posture is not None
+        self.posture = finite('posture', 0.0 if posture is None else posture, limits.n)
+        self.acceleration_max = limits.acceleration_max.copy()
+        self._low = limits.position_min + _LIMIT_MARGIN
+        self._high = limits.position_max - _LIMIT_MARGIN
+        self.least_singular_value = np.inf
+        self.take_over(np.zeros(limits.n))
+
+    def take_over(self, q: Array) -> None:
+        """Start at the present posture, without integral."""
+        if not self._keeps:
+            self.posture = np.array(q)
+        self._integral = np.zeros(3)
+        self._brake: tuple[PolynomialPath, float] | None = None
+        self._time = 0.0
+        self.error = np.zeros(3)
+        self.ddq = np.zeros(self._limits.n)
+        self.is_stopped = False
+
+    def update(
+        self,
+        state: ArmState,
+        reference: WorldReference,
+        dt: float,
+        base: BaseMotion | None = None,
+    ) -> JointCommand:
+        """Return the effort (n,) [Nm] for this cycle of `dt` [s]."""
+        self._time += dt
+        motion = self._dynamics.still if base is None else base
+        if reference.base is None:
+            return self._stay(state, motion)
+        self._brake, self.is_stopped = None, False
+        self.ddq = self._wanted(state, reference, reference.base, motion, dt)
+        return self._command(state, self.ddq, motion)
+
+    def _stay(self, state: ArmState, base: BaseMotion) -> JointCommand:
+        """Brake, and stay in the base frame."""
+        if self._brake is None:
+            start = JointReference(state.q, state.dq, np.zeros(self._limits.n))
+            path = brake(start, _BRAKE_SHARE * self._limits.acceleration_max)
+            self._brake = path, self._time
+            self._integral = np.zeros(3)
+            self.is_stopped = True
+        path, begin = self._brake
+        q, dq, ddq = path.evaluate(self._time - begin)
+        gains = self.gains
+        self.ddq = ddq + gains.joint_kd * (dq - state.dq) + gains.joint_kp * (q - state.q)
+        return self._command(state, self.ddq, base)
+
+    def _command(self, state: ArmState, ddq: Array, base: BaseMotion) -> JointCommand:
+        u = self._dynamics.inverse(state.q, state.dq, ddq, base)
+        if self._friction is not None:
+            load = u - self._dynamics.fixed.rotor_inertia * ddq
+            u = u + self._friction.torque(state.dq, load)
+        return JointCommand(tau=u)
+
+    def _wanted(
+        self,
+        state: ArmState,
+        reference: WorldReference,
+        pose: BasePose,
+        base: BaseMotion,
+        dt: float,
+    ) -> Array:
+        """Return the joints' acceleration (n,) [rad/s^2] that leads the tool along."""
+        q, dq, _ = state
+        transform = self._kinematics.transform(q)
+        place = transform[:3, 3]
+        jacobian = self._kinematics.jacobian(q)
+        linear, angular = jacobian[:3], jacobian[3:]
+        rate, to_base = pose.rate, pose.rotation.T
+        slide = linear @ dq
+        velocity = to_base @ pose.velocity + cross(rate, place) + slide
+        gains = self.gains
+        self.error = error = to_base @ (reference.p - pose.position) - place
+        wanted = to_base @ reference.ddp + gains.kp * error
+        wanted = wanted + gains.kd * (to_base @ reference.dp - velocity)
+        if gains.ki:
+            step = dt * gains.ki * (pose.rotation @ error)
+            self._integral = limited(self._integral + step, gains.integral_max)
+            wanted = wanted + to_base @ self._integral
+        pushed, answer, turned = self._drift(q, dq, base)
+        spin = pushed[3:]
+        # What moves the tool though no joint accelerates.
+        curve = cross(rate, cross(rate, place) + 2.0 * slide)
+        own = self._kinematics.acceleration_bias(q, dq)
+        drift = pushed[:3] + cross(spin, place) + base.gravity + curve + own[:3]
+        task = linear - (answer[:3] + np.array([cross(c, place) for c in answer[3:].T]).T)
+        preferred = self._preferred(q, dq)
+        if reference.rotation is not None and gains.orientation:
+            turning = angular - answer[3:]
+            wanted_spin = self._spin(transform, reference.rotation, pose, angular @ dq)
+            preferred = self._with_orientation(
+                task, wanted - drift, preferred, turning, wanted_spin - spin - own[3:] - turned
+            )
+        low, high = self._bounds(q, dq)
+        ddq, self.least_singular_value = resolve_within(
+            self._inverse, task, wanted - drift, preferred, low, high
+        )
+        return ddq
+
+    def _drift(self, q: Array, dq: Array, base: BaseMotion) -> tuple[Array, Array, Array]:
+        """Return the base's acceleration (6,) without ddq, and what ddq takes from it (6, n).
+
+        The third is the angular acceleration (3,) of the tool by the product of velocities.
+        """
+        own = np.concatenate([base.specific_force, base.angular_acceleration])
+        turned = cross(base.angular_velocity, self._kinematics.jacobian(q)[3:] @ dq)
+        if not isinstance(base, FreeBaseMotion):
+            return own, np.zeros((6, self._limits.n)), turned
+        whole = self._dynamics.whole
+        forces = whole.forces(q, dq, np.zeros(self._limits.n), base.angular_velocity)[:6]
+        inverse, coupling = whole.response(q)
+        share = base.share
+        answer = share[:, np.newaxis] * (inverse @ coupling)
+        return own + share * (inverse @ (base.wrench - forces)), answer, turned
+
+    def _preferred(self, q: Array, dq: Array) -> Array:
+        gains = self.gains
+        return np.asarray(gains.posture_kp * (self.posture - q) - gains.posture_kd * dq)
+
+    def _spin(self, transform: Array, wanted: Array, pose: BasePose, turning: Array) -> Array:
+        """Return the angular acceleration (3,) that turns the tool as wanted, in base axes."""
+        gains = self.gains
+        off = pose.rotation.T @ wanted @ transform[:3, :3].T
+        half = np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
+        error = limited(0.5 * half, _ANGLE_MAX)
+        return np.asarray(gains.kp * error - gains.kd * (turning + pose.rate))
+
+    def _with_orientation(
+        self, task: Array, place: Array, preferred: Array, turning: Array, spin: Array
+    ) -> Array:
+        """Return what joints do where the place leaves them free: posture and orientation.
+
+        The least of `weight |J_w ddq - spin|^2 + |z - preferred|^2` over z, with
+        `ddq = J^# place + N z`.
+        """
+        found = self._inverse.of(task)
+        free = turning @ found.null_space
+        left = spin - turning @ (found.inverse @ place)
+        weight = self.gains.orientation
+        matrix = weight * free.T @ free + np.eye(len(preferred))
+        solution = np.linalg.solve(matrix, weight * free.T @ left + preferred)
+        return np.asarray(solution, dtype=float)
+
+    def _bounds(self, q: Array, dq: Array) -> tuple[Array, Array]:
+        """Return the accelerations (n,) [rad/s^2] that keep the joints within their limits."""
+        fastest = self._limits.velocity_max
+        upper = np.minimum(fastest, _LIMIT_RATE * (self._high - q))
+        lower = np.maximum(-fastest, _LIMIT_RATE * (self._low - q))
+        most = self.acceleration_max
+        high = np.minimum(most, _VELOCITY_RATE * (upper - dq))
+        low = np.maximum(-most, _VELOCITY_RATE * (lower - dq))
+        # A joint that has to brake does, whatever its acceleration limit.
+        return np.minimum(low, high), np.maximum(low, high)
+
+
+def felt_share(whole: WholeBodyDynamics, kinematics: Kinematics, q: Array) -> float:
+    """Return how much of its inertia a drone feels when it turns under an arm that holds its tool.
+
+    The arm does not turn with the drone then. With `J_q^+` the inverse of the tool's Jacobian, a
+    base whose tool rests has the inertia `M_bb - M_bj J_q^+ J_b`: the least eigenvalue of its
+    angular part over that of arm and drone as one rigid body, about the common centre of mass, is
+    returned. The drone's attitude loop is faster by one over its root than with held joints.
+
+    Parameters
+    ----------
+    whole : WholeBodyDynamics
+        Arm and drone.
+    kinematics : Kinematics
+        Of the frame that is held.
+    q : (n,) ndarray
+        [rad]
+    """
+    matrix = np.array(whole.inertia_matrix(q))
+    _, com, inertia = whole.composite_inertia(q)
+    place = kinematics.position(q)
+    at_tool = np.hstack([np.eye(3), -_skew(place)])
+    joints = np.linalg.pinv(kinematics.position_jacobian(q)) @ at_tool
+    held = matrix[:6, :6] - matrix[:6, 6:] @ joints
+    # A turn about the centre of mass moves the base's origin by com x turn.
+    turn = np.vstack([_skew(com), np.eye(3)])
+    felt = turn.T @ held @ turn
+    return float(np.linalg.eigvals(np.linalg.solve(inertia, 0.5 * (felt + felt.T))).real.min())
+
+
+def _skew(vector: Array) -> Array:
+    x, y, z = vector.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

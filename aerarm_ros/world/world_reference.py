@@ -1,0 +1,372 @@
+"""What the tool is to do in the world: set points, timed paths, stops, jumps of the odometry."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.checks import RejectedInputError, positive
+from aerarm_ros.control.laws.kinematic_control import DampedInverse
+from aerarm_ros.control.references.target_follower import TargetFollower
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import Array, JointReference, TaskReference
+from aerarm_ros.world.base_pose import BasePose, BasePoseEstimator
+from aerarm_ros.world.world_law import WorldReference
+
+_ORIGIN = np.zeros(3)
+_PLACE_MAX = 1e4  # [m] beyond which a target is in another unit
+_LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, for a path's begin
+_OFF_TIME = 0.3  # [s] for which the tool must be off its target before it stops
+_LOOK = 0.1  # [s] between two looks whether the target can be reached
+_RESUME = 0.5  # [s] for which nothing may be wrong before the motion continues
+
+
+_STOPPED = WorldReference(_ORIGIN, _ORIGIN, _ORIGIN, None, None)
+
+
+class WorldPath:
+    """Quintics through places of the world; where it ends the tool stays.
+
+    Parameters
+    ----------
+    times : (M,) array_like
+        Of the points, from the begin [s], rising, the first not negative.
+    places : (M, 3) array_like
+        In the world [m].
+    velocities, accelerations : (M, 3) array_like, optional
+        [m/s], [m/s^2]; without them the slopes between neighbours, zero at both ends.
+    velocity_max, acceleration_max : float
+        Of the tool [m/s], [m/s^2].
+
+    Raises
+    ------
+    RejectedInputError
+        If a number is missing or not finite, times do not rise, or the path is too fast.
+    """
+
+    def __init__(
+        self,
+        times: npt.ArrayLike,
+        places: npt.ArrayLike,
+        velocities: npt.ArrayLike | None = None,
+        accelerations: npt.ArrayLike | None = None,
+        velocity_max: float = np.inf,
+        acceleration_max: float = np.inf,
+    ) -> None:
+        t, p = np.array(times, dtype=float), np.array(places, dtype=float)
+        if t.ndim != 1 or len(t) < 2 or p.shape != (len(t), 3):
+            raise RejectedInputError('tool path: two points or more, each with a time and a place')
+        slopes = _slopes(t, p) if velocities is None else np.array(velocities, dtype=float)
+        if slopes.shape != p.shape:
+            raise RejectedInputError('tool path: every point needs a velocity, or none')
+        curves = _slopes(t, slopes)
+        if accelerations is not None:
+            curves = np.array(accelerations, dtype=float)
+        if curves.shape != p.shape:
+            raise RejectedInputError('tool path: every point needs an acceleration, or none')
+        if not all(np.all(np.isfinite(rows)) for rows in (t, p, slopes, curves)):
+            raise RejectedInputError('tool path: NaN or infinite: check its sender')
+        if t[0] < 0.0 or np.any(np.diff(t) <= 0.0):
+            raise RejectedInputError('tool path: its times must rise, and not begin before zero')
+        self._path = PolynomialPath.quintic(t - t[0], p, slopes, curves)
+        self._begin = float(t[0])
+        self.duration = float(t[-1])
+        self.places = p
+        samples = self._path.sample()
+        fastest = float(np.linalg.norm(samples.dq, axis=1).max())
+        hardest = float(np.linalg.norm(samples.ddq, axis=1).max())
+        if fastest > velocity_max or hardest > acceleration_max:
+            raise RejectedInputError(
+                f'tool path: it takes {fastest:.2f} m/s and {hardest:.1f} m/s^2 (at most '
+                f'{velocity_max:g} and {acceleration_max:g}): give its points more time'
+            )
+
+    def at(self, time: float) -> TaskReference:
+        """Return place, velocity and acceleration `time` [s] after the begin."""
+        return TaskReference(*self._path.evaluate(float(time - self._begin)))
+
+
+class _Goal(NamedTuple):
+    """A place to stay at, or a path and when it begins [s]; and the wanted orientation."""
+
+    place: Array
+    path: WorldPath | None
+    begin: float
+    rotation: Array | None
+
+    def at(self, now: float) -> TaskReference:
+        if self.path is None:
+            return TaskReference(self.place, _ORIGIN, _ORIGIN)
+        return self.path.at(now - self.begin)
+
+
+class WorldToolReference:
+    """Makes `WorldReference` from targets and from where the base is.
+
+    The reference is the goal plus two offsets that vanish: one from set point to set point, at
+    the tool's limits of velocity and acceleration; a slow one, at `recovery_speed`, by which the
+    tool approaches its goal after a stop, and after a jump of the odometry, which moves the goal
+    and not the tool.
+
+    While something is wrong (no usable odometry, a target that cannot be reached) the reference
+    has no base: the arm stops in the base frame. Once nothing is wrong for 0.5 s, the tool goes on
+    toward its goal; a timed path that was interrupted ends where the tool stopped.
+
+    Parameters
+    ----------
+    base : BasePoseEstimator
+    kinematics : Kinematics
+        Of the frame that is held.
+    followers : tuple of TargetFollower
+        Of the quick and of the slow offset.
+    reach : callable
+        Returns by how much one of the places (M, 3) of the base frame is out of the arm's reach
+        [m], 0 if none is, from the posture (n,).
+    error_max : float
+        How far the tool may be off its reference [m] before it stops.
+
+    Attributes
+    ----------
+    reason : str
+        Why the tool is not held in the world, '' while it is.
+    stops : int
+        How often the arm was stopped in the base frame.
+    error : float
+        Of the tool [m].
+    reference : WorldReference or None
+        The last one, None while the arm is stopped.
+    """
+
+    def __init__(
+        self,
+        base: BasePoseEstimator,
+        kinematics: Kinematics,
+        followers: tuple[TargetFollower, TargetFollower],
+        reach: Callable[[Array, Array], float] = lambda places, q: 0.0,
+        error_max: float = 0.05,
+    ) -> None:
+        self.base = base
+        self._kinematics = kinematics
+        self._quick, self._slow = followers
+        self._reach = reach
+        self._error_max = positive('error_max', error_max)
+        self.stops = 0
+        self._q = np.zeros(kinematics.robot.n)
+        self.take_over(self._q)
+
+    def take_over(self, q: Array) -> None:
+        """Begin at the present posture: the tool is held where it is found."""
+        self._goal: _Goal | None = None
+        self.reference: WorldReference | None = None
+        self._off_since: float | None = None
+        self._wrong_at = self._looked = -np.inf
+        self._jumps, self._place = self.base.jumps, _ORIGIN  # of the tool, in the world
+        self.reason = 'control has just begun'
+        self.error = 0.0
+        self._q = q
+
+    # Targets.
+
+    @property
+    def goal(self) -> Array | None:
+        """Place (3,) in the world that the tool is to reach [m], None before control begins."""
+        if self._goal is None:
+            return None
+        return self._goal.place if self._goal.path is None else self._goal.path.places[-1]
+
+    def go_to(self, place: npt.ArrayLike, now: float, rotation: Array | None = None) -> None:
+        """Take a target (3,) [m], and an orientation (3, 3) if one is wanted, in the world.
+
+        Raises
+        ------
+        RejectedInputError
+            If it is not finite, or out of reach.
+        """
+        target = np.array(place, dtype=float)
+        if target.shape != (3,) or not np.all(np.isfinite(target)):
+            raise RejectedInputError(f'tool target {target} must be three finite numbers [m]')
+        self._require_reach('tool target', target[np.newaxis], now)
+        self._begin(_Goal(target, None, now, rotation), now)
+
+    def follow(
+        self, path: WorldPath, begin: float, now: float, rotation: Array | None = None
+    ) -> None:
+        """Take a timed path that begins at a time [s].
+
+        Raises
+        ------
+        RejectedInputError
+            If it begins too late or too early, or is out of reach.
+        """
+        if not -_LATEST < begin - now < _EARLIEST:
+            raise RejectedInputError(
+                f'tool path: it begins {begin - now:+.1f} s from now: stamp it zero for now, and '
+                'check the clocks'
+            )
+        self._require_reach('tool path', path.places, now)
+        self._begin(_Goal(path.places[0], path, begin, rotation), now)
+
+    def _require_reach(self, what: str, places: Array, now: float) -> None:
+        if np.abs(places).max() > _PLACE_MAX:
+            raise RejectedInputError(f'{what}: more than {_PLACE_MAX:g} m away: check its unit')
+        self.base.accept_next()
+        if self.base.problem(now):
+            return  # it is checked again before the motion continues
+        pose = self.base.pose(now)
+        beyond = self._reach((places - pose.position) @ pose.rotation, self._q)
+        if beyond > 0.0:
+            raise RejectedInputError(
+                f'{what} {np.round(places[-1], 3).tolist()} is {beyond:.3f} m out of reach of the '
+                'arm where the base is now: bring the drone nearer, or check frame and unit'
+            )
+
+    def _begin(self, goal: _Goal, now: float) -> None:
+        """Let the reference lead from the present one to a goal."""
+        reference = self.reference
+        self._goal = goal
+        self._off_since = None
+        if reference is not None:
+            there = goal.at(now)
+            self._quick.start(reference.p - there.p, reference.dp - there.dp, _ORIGIN)
+            self._slow.start(_ORIGIN)
+
+    # The reference.
+
+    def update(self, q: Array, now: float, dt: float) -> WorldReference:
+        """Return the reference after a cycle of `dt` [s] that ends at `now` [s]."""
+        self._q = q
+        problem = self.base.problem(now) or self._off_target(now)
+        if problem:
+            return self._stop(problem, now)
+        pose = self.base.pose(now)
+        if self.reason and not self._may_resume(pose, q, now):
+            return _STOPPED
+        place = pose.to_world(self._kinematics.position(q))
+        if self.reason or self._goal is None:
+            self._resume(pose, place, q, now)
+        elif self._jumps != self.base.jumps:
+            assert self.reference is not None
+            self._slow.start(self._slow.place + place - self._place, self._slow.velocity, _ORIGIN)
+        self._jumps, self._place = self.base.jumps, place
+        reference = self._next(pose, now, dt)
+        self.error = float(np.linalg.norm(reference.p - place))
+        return reference
+
+    def ahead(self, times: Array) -> list[TaskReference] | None:
+        """Return what is planned at times (M,) [s], None while the arm is stopped.
+
+        Only the goal's own motion: neither what the base does nor how the tool approaches its goal
+        by reaction is a plan.
+        """
+        if self._goal is None or self.reason:
+            return None
+        return [self._goal.at(time) for time in times.tolist()]
+
+    def _next(self, pose: BasePose, now: float, dt: float) -> WorldReference:
+        goal = self._goal
+        assert goal is not None
+        parts = (
+            goal.at(now),
+            self._quick.update(_ORIGIN, now, dt),
+            self._slow.update(_ORIGIN, now, dt),
+        )
+        p, dp, ddp = (parts[0][k] + parts[1][k] + parts[2][k] for k in range(3))
+        self.reference = WorldReference(p, dp, ddp, goal.rotation, pose)
+        return self.reference
+
+    def _off_target(self, now: float) -> str:
+        """Return why the tool is too far off, '' if it is not."""
+        reference = self.reference
+        if self.reason or reference is None or self.error <= self._error_max:
+            self._off_since = None
+            return ''
+        if self._off_since is None:
+            self._off_since = now
+        if now - self._off_since < _OFF_TIME:
+            return ''
+        return f'the tool is {1e3 * self.error:.0f} mm off its target: out of reach, or pushed away'
+
+    def _may_resume(self, pose: BasePose, q: Array, now: float) -> bool:
+        """Return whether nothing is wrong any more, for long enough."""
+        goal = self._goal
+        if goal is not None and goal.path is None and now - self._looked > _LOOK:
+            self._looked = now
+            beyond = self._reach(pose.to_base(goal.place)[np.newaxis], q)
+            if beyond > 0.0:
+                self.reason = f'the target is {beyond:.3f} m out of reach: bring the drone nearer'
+                self._wrong_at = now
+        return now - self._wrong_at > _RESUME
+
+    def _stop(self, problem: str, now: float) -> WorldReference:
+        if not self.reason:
+            self.stops += 1
+            if self._goal is not None and self._goal.path is not None:
+                # It is not known what the tool would have missed.
+                self._goal = None
+        self.reason, self._wrong_at, self._off_since = problem, now, None
+        self.reference = None
+        return _STOPPED
+
+    def _resume(self, pose: BasePose, place: Array, q: Array, now: float) -> None:
+        if self._goal is None:
+            self._goal = _Goal(place, None, now, None)
+        self.reason, self.error, self._off_since = '', 0.0, None
+        self._quick.start(_ORIGIN)
+        # The arm rests in the base frame: the tool moves with it.
+        velocity = pose.velocity + pose.rotation @ np.cross(pose.rate, self._kinematics.position(q))
+        self._slow.start(place - self._goal.at(now).p, velocity, _ORIGIN)
+
+
+def planned_joints(
+    kinematics: Kinematics,
+    inverse: DampedInverse,
+    q: Array,
+    pose: BasePose | None,
+    planned: list[TaskReference] | None,
+    times: Array,
+) -> JointReference:
+    """Return the joints' motion (M, n) of what is planned for the tool, if the base rests.
+
+    What the arm answers to the base's motion is not in it: fed forward to the drone, it would
+    close a loop through it.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+        Of the frame that is held.
+    inverse : DampedInverse
+    q : (n,) ndarray
+        Present posture [rad].
+    pose : BasePose or None
+    planned : list of TaskReference or None
+        In the world, at `times`; None of an arm that stays as it is.
+    times : (M,) ndarray
+        [s]
+    """
+    still = np.zeros(len(q))
+    if planned is None or pose is None:
+        at_rest = JointReference(q, still, still)
+        return JointReference(*(np.tile(part, (len(times), 1)) for part in at_rest))
+    rows: list[JointReference] = []
+    for step, wanted in zip(np.diff(times, prepend=times[0]).tolist(), planned, strict=True):
+        if rows:
+            q = q + step * (rows[-1].dq + 0.5 * step * rows[-1].ddq)
+        found = inverse.of(kinematics.position_jacobian(q)).inverse
+        dq = found @ (pose.rotation.T @ wanted.dp)
+        bias = kinematics.acceleration_bias(q, dq)[:3]
+        ddq = found @ (pose.rotation.T @ wanted.ddp - bias)
+        if rows:
+            # Who puts a quintic through the points finds these accelerations between them too.
+            before = rows[-1]
+            q = before.q + 0.5 * step * (before.dq + dq) + step**2 / 12.0 * (before.ddq - ddq)
+        rows.append(JointReference(q, dq, ddq))
+    return JointReference(*map(np.array, zip(*rows, strict=True)))
+
+
+def _slopes(times: Array, values: Array) -> Array:
+    """Return the slope at each point from its neighbours, zero at both ends."""
+    slopes = np.zeros_like(values)
+    slopes[1:-1] = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, np.newaxis]
+    return slopes

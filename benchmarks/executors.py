@@ -1,0 +1,150 @@
+"""Processor time of a node that answers requests, by the executor that serves it.
+
+Each executor serves one node in a second thread of a process of its own, as beside a control loop.
+A client asks for a parameter, again and again; the node says how much of the processor that took.
+A subscription in a group that lets nothing run stands for one that the loop reads itself.
+"""
+
+import argparse
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+import rclpy
+from rclpy.callback_groups import CallbackGroup
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.parameter_client import AsyncParameterClient
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.process.node_process import ros_environment
+
+KINDS = ('lean', 'rclpy', 'events')
+PATIENCE = 60.0  # [s]
+
+
+class Closed(CallbackGroup):
+    """Lets nothing run."""
+
+    def can_execute(self, entity: object) -> bool:
+        """Return False."""
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:
+        """Return False."""
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        """Do nothing: nothing began."""
+
+
+def serve(kind: str) -> None:
+    """Answer requests until standard input ends."""
+    rclpy.init(args=[])
+    node = rclpy.create_node('server')
+    taken: list[object] = []
+
+    def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.message = f'{time.process_time()} {len(taken)}'
+        return response
+
+    node.create_service(Trigger, '~/cost', answer)
+    node.create_subscription(String, '~/read_by_loop', taken.append, 10, callback_group=Closed())
+    if kind == 'lean':
+        with BackgroundExecutor(node):
+            sys.stdin.read()
+    else:
+        # Not by spin(): that of EventsExecutor never returns and holds the interpreter.
+        executor = SingleThreadedExecutor() if kind == 'rclpy' else EventsExecutor()
+        executor.add_node(node)
+        end = threading.Event()
+        thread = threading.Thread(target=spin, args=(executor, end), daemon=True)
+        thread.start()
+        sys.stdin.read()
+        end.set()
+        thread.join()
+        executor.shutdown()
+    rclpy.try_shutdown()
+
+
+def spin(executor: Executor, end: threading.Event) -> None:
+    """Spin until the end, which is looked at ten times a second."""
+    while not end.is_set():
+        executor.spin_once(timeout_sec=0.1)
+
+
+def ask(node: Node, future: rclpy.Future) -> object:
+    """Return an answer."""
+    rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
+    if not future.done():
+        raise TimeoutError('no answer')
+    return future.result()
+
+
+def measure(node: Node, kind: str, count: int) -> str:
+    """Return what a server with this executor needs for each request, and what else it did."""
+    command = [sys.executable, __file__, '--serve', kind]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=ros_environment()
+    ) as server:
+        cost = node.create_client(Trigger, '/server/cost')
+        parameters = AsyncParameterClient(node, '/server')
+        publisher = node.create_publisher(String, '/server/read_by_loop', 10)
+        if not (cost.wait_for_service(PATIENCE) and parameters.wait_for_services(PATIENCE)):
+            raise TimeoutError(f'{kind} is not there')
+        wait_until(lambda: publisher.get_subscription_count() == 1)
+
+        def spent() -> tuple[float, int]:
+            answer = ask(node, cost.call_async(Trigger.Request()))
+            seconds, taken = answer.message.split()  # type: ignore[attr-defined]
+            return float(seconds), int(taken)
+
+        ask(node, parameters.get_parameters(['use_sim_time']))
+        for _ in range(5):
+            publisher.publish(String(data='x'))
+        before, _ = spent()
+        for _ in range(count):
+            ask(node, parameters.get_parameters(['use_sim_time']))
+        after, taken = spent()
+        assert server.stdin
+        begin = time.monotonic()
+        said, _ = server.communicate('', timeout=PATIENCE)
+        end = time.monotonic() - begin
+    return (
+        f'{kind:8} {1e3 * (after - before) / count:6.2f} ms a request, {taken} of 5 messages taken '
+        f'from the loop, ended after {end:.1f} s with {server.returncode} {said.strip()}'
+    )
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Wait until a condition holds."""
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        if time.monotonic() > deadline:
+            raise TimeoutError('the server was not found')
+        time.sleep(0.02)
+
+
+def main() -> None:
+    """Measure all executors."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--count', type=int, default=1000, help='requests')
+    parser.add_argument('--serve', choices=KINDS, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.serve:
+        serve(options.serve)
+        return
+    rclpy.init(args=[])
+    node = rclpy.create_node('client')
+    for kind in KINDS:
+        print(measure(node, kind, options.count), flush=True)
+    rclpy.try_shutdown()
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,227 @@
+"""Bridge, arm controller and flight controller as processes in lockstep, and the tool's error."""
+
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticArray
+from flying.arm_model import ArmModel
+from flying.flight_listener import PATIENCE
+from flying.holding_case import GENERALISED, HELD, POSTURE, HoldingCase
+from flying.scaled_drone import write_drone
+from geometry_msgs.msg import PoseStamped, Transform
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.live_topics import RawReader
+from aerarm_ros.control.base.base_motion import rotation_matrix
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.ros.executors import spin_until
+from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.requests.arm_client import ArmClient
+
+SETTLING = 2.0  # [s] from the target until figures count
+LENGTH, FREQUENCY, GROWTH = 0.2, 0.25, 2.0  # [m], [Hz], [s] of the path
+_POINT = 0.05  # [s]
+_REPORT = 2.5  # [s] of the host, in which every node reports
+
+
+@dataclass(frozen=True, eq=False)
+class HoldingRecord:
+    """What was seen of a flight.
+
+    Attributes
+    ----------
+    times : (K,) ndarray
+        Since the target was sent [s].
+    places : (K, 3) ndarray
+        Of the drone's body in the world [m].
+    attitudes : (K, 4) ndarray
+        Quaternions (x, y, z, w).
+    postures : (K, n) ndarray
+        [rad]
+    tools, targets : (K, 3) ndarray
+        Where the tool is and should be in the world [m].
+    diagnostics : str
+        What the controller said last, '' if nothing is wrong.
+    """
+
+    times: np.ndarray
+    places: np.ndarray
+    attitudes: np.ndarray
+    postures: np.ndarray
+    tools: np.ndarray
+    targets: np.ndarray
+    diagnostics: str = ''
+
+    def figures(self) -> tuple[float, float, float, float]:
+        """Return RMS and maximum of the tool's error and of the drone's place [mm]."""
+        rows = self.times > SETTLING
+        tool = 1e3 * np.linalg.norm(self.tools - self.targets, axis=1)[rows]
+        drone = 1e3 * np.linalg.norm(self.places, axis=1)[rows]
+        rms = [float(np.sqrt((x**2).mean())) for x in (tool, drone)]
+        return rms[0], float(tool.max()), rms[1], float(drone.max())
+
+
+class HoldingBench:
+    """Processes of one case, flying, with the tool held in the world.
+
+    Raises
+    ------
+    ValueError, TimeoutError, ArmClientError
+        If one refuses, or does not answer.
+    """
+
+    def __init__(
+        self, stack: ExitStack, node: Node, folder: Path, case: HoldingCase, arm: ArmModel
+    ) -> None:
+        self.node, self.case, self._folder = node, case, folder
+        drone = case.flown
+        file = write_drone(drone, folder / 'drone.yaml')
+        self._mount = drone.mount
+        self._kinematics = Kinematics(load_robot(gravity_in_base=drone.gravity_in_base))
+        self._reader = RawReader(node, topics.JOINT_STATES, topics.TRUE_ODOMETRY)
+        stack.callback(self._reader.destroy)
+        self._codec = JointStateCdr(load_arm_config().joint_names)
+        self._said: dict[str, tuple[bytes, str]] = {}
+        told = {'lead': 0.06, 'rate': 1.0, 'measured_motion': False, **arm.law}
+        self._start(stack, 'base_reaction', told)
+        pilot = {'drone_file': file, 'arm_wait': 5.0, **case.pilot, **arm.drawing}
+        self._start(stack, 'flight_control', pilot)
+        if case.law != HELD:
+            law = {
+                'drone_file': file,
+                'base_motion': 'free' if case.law == GENERALISED else 'attitude',
+                'posture': list(POSTURE),
+                'imu_latency': 4e-3,
+                **arm.law,
+            }
+            odometry = ('--ros-args', '-r', 'odometry:=external_odometry', '--')
+            self.law = self._start(stack, 'world_control', law, odometry)
+        world = {'seed': arm.seed, 'drone_file': file, **case.world}
+        self._start(stack, 'fake_hardware', world)
+        self._targets = self._publisher(topics.TOOL_TRAJECTORY)
+        self._motions = self._publisher(topics.TOOL_MOTION)
+        topic = topics.DIAGNOSTICS
+        node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
+        client = ArmClient(node, ['fake_hardware'], ['enable'])
+        client.wait_for_mode(['idle'], PATIENCE)
+        self._wait('flight_control', lambda: bool(node.count_publishers('rotor_command')))
+        if case.law != HELD:
+            self._wait('world_control', lambda: bool(self._targets.get_subscription_count()))
+        client.call('enable')
+        self._wait('the drone', lambda: self.said('drone') == 'flying')
+
+    def said(self, name: str) -> str:
+        """Return what a node's diagnostics say, '' if it said nothing."""
+        return self._said.get(name, (b'', ''))[1]
+
+    def fly(self, seconds: float) -> HoldingRecord:
+        """Return what the tool did after its target, which is where it is then."""
+        begin, *_, start = self._seen(2.0)[-1]
+        if self.case.law != HELD:
+            self._targets.publish(self._target(start))
+            if self.case.path:
+                self._motions.publish(self._path(start, begin, seconds))
+        rows = self._seen(seconds)
+        columns = [np.array(column) for column in zip(*rows, strict=True)]
+        times, places, attitudes, postures, tools = columns
+        times = times - begin
+        targets = np.tile(start, (len(times), 1))
+        if self.case.path:
+            targets = targets + _swing(times, _length(seconds))
+        spin_until(self.node, lambda: False, _REPORT)
+        said = self.said('world_control')
+        return HoldingRecord(times, places, attitudes, postures, tools, targets, said)
+
+    def _seen(self, seconds: float) -> list[tuple[float, ...]]:
+        """Return time, drone's place and attitude, posture and tool's place of some seconds."""
+        rows: list[tuple[float, ...]] = []
+        q, deadline = None, time.monotonic() + PATIENCE
+        while not rows or rows[-1][0] < rows[0][0] + seconds:
+            if time.monotonic() > deadline:
+                raise TimeoutError('the emulated world stands still')
+            self._reader.wait(0.1)
+            state = self._reader.take_newest(0)
+            sample = self._codec.unpack(state[0]) if state else None
+            if sample is not None and sample.position is not None:
+                q = np.array(sample.position)
+            raw = self._reader.take_newest(1)
+            if raw is None or q is None:
+                continue
+            deadline = time.monotonic() + PATIENCE
+            rows.append(self._row(deserialize_message(raw[0], Odometry), q))
+        return rows
+
+    def _row(self, message: Odometry, q: np.ndarray) -> tuple[float, ...]:
+        p, r = message.pose.pose.position, message.pose.pose.orientation
+        place, turn = np.array([p.x, p.y, p.z]), np.array([r.x, r.y, r.z, r.w])
+        in_body = self._mount.position + self._mount.rotation @ self._kinematics.position(q)
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        return stamp, place, turn, q, place + rotation_matrix(turn) @ in_body
+
+    def _target(self, place: np.ndarray) -> PoseStamped:
+        message = PoseStamped()
+        message.header.frame_id = 'odom'
+        p, r = message.pose.position, message.pose.orientation
+        p.x, p.y, p.z = place.tolist()
+        r.w = 0.0  # any orientation
+        return message
+
+    def _path(self, centre: np.ndarray, begin: float, seconds: float) -> MultiDOFJointTrajectory:
+        times = np.arange(0.0, _length(seconds) + _POINT, _POINT)
+        message = MultiDOFJointTrajectory(joint_names=['tool0'])
+        message.header.frame_id = 'odom'
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(round(1e9 * begin), 10**9)
+        for when, place in zip(
+            times.tolist(), centre + _swing(times, _length(seconds)), strict=True
+        ):
+            transform = Transform()
+            t = transform.translation
+            t.x, t.y, t.z = place.tolist()
+            transform.rotation.w = 0.0
+            point = MultiDOFJointTrajectoryPoint(transforms=[transform])
+            seconds_of_it, rest = divmod(round(1e9 * when), 10**9)
+            point.time_from_start = Duration(sec=seconds_of_it, nanosec=rest)
+            message.points.append(point)
+        return message
+
+    def _publisher(self, topic: object) -> object:
+        return self.node.create_publisher(topic.type, topic.name, topic.qos)
+
+    def _start(
+        self, stack: ExitStack, name: str, values: dict, arguments: tuple[str, ...] = ()
+    ) -> NodeProcess:
+        log = self._folder / f'{name}.log'
+        return stack.enter_context(NodeProcess(name, arguments, values, log=log))
+
+    def _wait(self, what: str, is_there: object) -> None:
+        if not spin_until(self.node, is_there, PATIENCE):
+            raise TimeoutError(f'{what} is not ready after {PATIENCE:g} s')
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            name = status.name.rpartition(': ')[2] if ': ' in status.name else status.name
+            self._said[name] = (status.level, status.message)
+
+
+def _length(seconds: float) -> float:
+    """Return how long the path takes of which some seconds are looked at [s]."""
+    return seconds + 2.0 * GROWTH
+
+
+def _swing(times: np.ndarray, length: float) -> np.ndarray:
+    """Return the path about its centre (K, 3) [m]: it grows over 2 s, and ends so."""
+    grown = np.clip(np.minimum(times, length - times) / GROWTH, 0.0, 1.0)
+    share = grown**3 * (10.0 - 15.0 * grown + 6.0 * grown**2)
+    swing = 0.5 * LENGTH * share * np.sin(2.0 * np.pi * FREQUENCY * times)
+    return np.outer(swing, [0.0, 1.0, 0.0])

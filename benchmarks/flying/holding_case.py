@@ -1,0 +1,113 @@
+"""What an arm that holds its tool in the world flies under, and what is asked of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from flying.flight_way import load_drone
+from flying.scaled_drone import scaled_drone
+
+from aerarm_ros.description.drone_config import DroneConfig
+
+POSTURE = 0.0, 1.3, 0.0, 1.5
+WIND, WIND_CUTOFF = 1.5, 0.5  # [N] root mean square of the whole force, [Hz]
+GENERALISED, ORDINARY, HELD = 'generalised Jacobian', 'ordinary Jacobian', 'joints held'
+_RATE, _DELAY = 'external_odometry_rate', 'external_odometry_delay'
+_NOISE = 'external_odometry_noise'
+GOOD: Mapping[str, object] = MappingProxyType(
+    {_RATE: 100.0, _DELAY: 0.01, _NOISE: [1e-3, 5e-3, 0.0, 0.0]}
+)
+POOR: Mapping[str, object] = MappingProxyType(
+    {_RATE: 30.0, _DELAY: 0.03, _NOISE: [5e-3, 20e-3, 0.0, 0.0]}
+)
+SENSORS: Mapping[str, object] = MappingProxyType(
+    {
+        'imu_delay': 4e-3,
+        'imu_noise': [0.05, 0.003],
+        'imu_bias': [0.05, 0.002],
+        'odometry_delay': 4e-3,
+        'odometry_noise': [1e-3, 5e-3, 0.0, 0.0],
+    }
+)
+_INTEGRAL = {'position_integral': 0.1, 'attitude_integral': 0.1}
+# Under an arm that holds its tool a drone turns more easily than with held joints, and a light one
+# much more: its attitude loop is tuned lower, see docs/how-to/world.md.
+_PILOTS = {'heavy': (3.5, 8.0), 'light': (2.5, 5.0), 'full': (8.67, 9.0)}
+_LIGHT = 2.5  # [kg]
+
+
+@dataclass(frozen=True)
+class HoldingCase:
+    """One flight.
+
+    Attributes
+    ----------
+    goal : float
+        RMS of the tool's error that is asked for [mm]; infinite if none is.
+    mass : float
+        Of the drone [kg], that of the file if 0.
+    drone : str
+        One of `flight_way.DRONES`.
+    law : str
+        GENERALISED, ORDINARY or HELD.
+    odometry : mapping
+        Parameters of the odometry that the arm's controller gets.
+    wrong : float
+        Share by which every link is believed to be another.
+    path : bool
+        Whether the tool moves on a path of 20 cm at 0.25 Hz.
+    """
+
+    goal: float = float('inf')
+    mass: float = 0.0
+    drone: str = 'hexarotor'
+    law: str = GENERALISED
+    odometry: Mapping[str, object] = field(default_factory=lambda: GOOD)
+    wrong: float = 0.0
+    path: bool = False
+
+    @property
+    def flown(self) -> DroneConfig:
+        """The drone that flies."""
+        return scaled_drone(self.mass) if self.mass else load_drone(self.drone)
+
+    @property
+    def pilot(self) -> dict[str, object]:
+        """Parameters of `flight_control`."""
+        drone = self.flown
+        kind = 'full' if drone.is_fully_actuated else 'light' if drone.mass < _LIGHT else 'heavy'
+        position, attitude = _PILOTS[kind]
+        stiffness = {
+            'position_frequency': position,
+            'height_frequency': position,
+            'attitude_frequency': attitude,
+        }
+        return {**stiffness, **_INTEGRAL}
+
+    @property
+    def world(self) -> dict[str, object]:
+        """Parameters of `fake_hardware` but those of the arm and the drone file."""
+        wind = {'gust_force': WIND / float(np.sqrt(3.0)), 'gust_cutoff': WIND_CUTOFF}
+        return {
+            'pace': 'lockstep',
+            'encoders': 'absolute',
+            'initial_position': list(POSTURE),
+            **wind,
+            **SENSORS,
+            **self.odometry,
+        }
+
+
+CASES = {
+    'tool at rest': HoldingCase(2.5),
+    'tool on a path': HoldingCase(3.0, path=True),
+    'poor odometry': HoldingCase(5.0, odometry=POOR),
+    'drone of 2 kg': HoldingCase(4.0, mass=2.0),
+    'drone of 1.5 kg': HoldingCase(4.0, mass=1.5),
+    'fully actuated': HoldingCase(1.5, drone='tilted_hexarotor'),
+    'links 10 % wrong': HoldingCase(3.75, wrong=0.1),
+    'ordinary Jacobian': HoldingCase(law=ORDINARY),
+    'joints held': HoldingCase(law=HELD),
+}
+"""By name; the goals are those of the RMS [mm], 1.5 times the first one for wrong links."""

@@ -1,0 +1,147 @@
+"""What is wrong with measurements: each fault is one error that names it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from measured_arm import CONFIG, ROBOT, MeasuredArm, own_chain
+
+from aerarm_ros.calibration.calibrate import calibrate
+from aerarm_ros.calibration.chain import chain_of
+from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
+from aerarm_ros.simulation.made_geometry import displaced_urdf
+
+
+@pytest.fixture(scope='module')
+def good() -> Observations:
+    arm = MeasuredArm(2, frames=5)
+    return arm.observe(arm.postures(30))
+
+
+def changed(good: Observations, position: np.ndarray, names: tuple[str, ...] = ()) -> Observations:
+    source = good.sources[0]
+    assert isinstance(source, MarkerSource)
+    names = names or source.names
+    return replace(good, sources=(replace(source, position=position, names=names),))
+
+
+def positions(good: Observations) -> np.ndarray:
+    source = good.sources[0]
+    assert isinstance(source, MarkerSource)
+    return source.position.copy()
+
+
+def refused(observations: Observations) -> str:
+    with pytest.raises(CalibrationError) as error:
+        calibrate(own_chain(), observations)
+    assert '\n' not in str(error.value)
+    return str(error.value)
+
+
+def test_swapped_markers_are_named_with_the_posture(good: Observations) -> None:
+    position = positions(good)
+    position[4, [0, 2]] = position[4, [2, 0]]
+    text = refused(changed(good, position))
+    assert 'posture 5: markers marker1 and marker3 are swapped' in text
+
+
+def test_two_markers_alone_are_found_swapped_by_the_motion_of_the_arm(good: Observations) -> None:
+    position = positions(good)[:, :2]
+    position[4] = position[4, ::-1]
+    text = refused(changed(good, position, ('a', 'b')))
+    assert 'posture 5: markers a and b are swapped' in text
+
+
+def test_a_jumping_marker_is_named(good: Observations) -> None:
+    position = positions(good)
+    rows = np.flatnonzero(np.isfinite(position[..., 0]).all(axis=1))[1:3]
+    position[rows, 1] += 0.04
+    text = refused(changed(good, position))
+    assert f'posture {rows[0] + 1} (and in 1 more): marker marker2 jumps by' in text
+
+
+def test_a_jump_of_the_only_marker_is_found_by_the_other_postures(good: Observations) -> None:
+    position = positions(good)[:, :1]
+    position[3] += 0.12
+    text = refused(changed(good, position, ('tip',)))
+    assert 'posture 4: marker tip is 2' in text and 'from where the other postures put it' in text
+
+
+def test_millimetres_are_suspected(good: Observations) -> None:
+    text = refused(changed(good, 1e3 * positions(good)))
+    assert 'look like millimetres; pass --length-unit mm' in text
+
+
+def test_degrees_are_suspected(good: Observations) -> None:
+    text = refused(replace(good, q=np.degrees(good.q)))
+    assert 'positions look like degrees; pass --degrees' in text
+
+
+def test_too_few_postures_are_counted(good: Observations) -> None:
+    assert refused(good.rows(range(5))).startswith('5 postures with measurements are too few')
+
+
+def test_postures_in_which_a_joint_rests_name_the_offset_that_they_hide() -> None:
+    arm = MeasuredArm(2, frames=5)
+    q = arm.postures(30)
+    q[:, 2:] = (0.3, -0.4)
+    text = refused(arm.observe(q))
+    assert '.offset cannot be estimated' in text
+    assert 'too few or too similar; joint3, joint4 hardly move' in text
+
+
+def test_similar_postures_name_what_stays_uncertain() -> None:
+    arm = MeasuredArm(2)
+    q = 0.004 * arm.postures(30) + (0.2, 1.0, 0.3, 0.4)
+    text = refused(arm.observe(q))
+    assert 'cannot be estimated' in text and 'too similar' in text
+
+
+def test_a_wrong_urdf_is_refused(good: Observations) -> None:
+    shifts = np.zeros((4, 3))
+    shifts[3] = (0.0, 0.0, 0.25)  # a forearm twice as long
+    text = displaced_urdf(ROBOT.urdf_text, ROBOT.joint_names, shifts, np.zeros((4, 3)))
+    chain = chain_of(text, ROBOT.joint_names, '', (), CONFIG.gravity_in_base)
+    with pytest.raises(CalibrationError, match='the URDF does not describe this arm'):
+        calibrate(chain, good)
+
+
+def test_a_joint_that_turns_the_other_way_is_named(good: Observations) -> None:
+    q = good.q.copy()
+    q[:, 2] = -q[:, 2]
+    assert 'joint joint3 seems to turn the other way' in refused(replace(good, q=q))
+
+
+def test_copies_of_a_marker_are_left_out_with_a_message(good: Observations) -> None:
+    position = positions(good)
+    position = np.concatenate([position, position[:, 2:3]], axis=1)
+    names = ('a', 'b', 'c', 'd', 'e')
+    found = calibrate(own_chain(), changed(good, position, names))
+    assert 'marker e has the values of c in every posture: it is left out' in found.messages
+
+
+def test_a_missing_joint_position_is_named(good: Observations) -> None:
+    q = good.q.copy()
+    q[2, 1] = np.nan
+    assert refused(replace(good, q=q)).startswith('posture 3: no position of joint joint2')
+
+
+@pytest.mark.parametrize(
+    ('recorded', 'link', 'expected'),
+    [
+        (('a', 'b'), '', 'none of the recorded joints (a, b) is in the URDF'),
+        (('joint1', 'joint2', 'joint4'), 'link4', 'no positions of joint joint3'),
+        (ROBOT.joint_names, 'tool7', '--link tool7: there is no such link'),
+        (ROBOT.joint_names, 'base_link', 'no recorded joint moves it'),
+    ],
+)
+def test_a_wrong_chain_is_one_error(recorded: tuple[str, ...], link: str, expected: str) -> None:
+    with pytest.raises(CalibrationError) as error:
+        chain_of(ROBOT.urdf_text, recorded, link)
+    assert expected in str(error.value)
+
+
+def test_joints_outside_the_chain_are_ignored() -> None:
+    chain = chain_of(ROBOT.urdf_text, (*ROBOT.joint_names, 'gripper'), 'link2')
+    assert chain.robot.joint_names == ROBOT.joint_names[:2]
+    assert chain.ignored == (*ROBOT.joint_names[2:], 'gripper')

@@ -1,0 +1,101 @@
+"""Columns of tables: which are joints, markers, poses and contacts, and in which unit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerarm_ros.calibration.observations import CalibrationError
+from aerarm_ros.calibration.tables import PostureTable, read_postures
+
+JOINTS = ('base_joint', 'elbow')
+
+
+def table(tmp_path: Path, header: str, *rows: str, **options: object) -> PostureTable:
+    path = tmp_path / 'postures.csv'
+    path.write_text('\n'.join([header, *rows]) + '\n')
+    return read_postures(path, JOINTS, **options)  # type: ignore[arg-type]
+
+
+def test_joints_by_name_and_numbered_markers(tmp_path: Path) -> None:
+    found = table(tmp_path, 'x1,y1,z1,x2,y2,z2,elbow,base_joint,t_start_robot',
+                  '1,2,3,4,5,6,0.5,-1,99')  # fmt: skip
+    assert found.joints['elbow'][0] == 0.5 and found.joints['base_joint'][0] == -1.0
+    assert found.measured['marker2'].position.tolist() == [[4.0, 5.0, 6.0]]
+    assert found.unused == ['t_start_robot']
+    assert 'marker marker1: columns x1, y1, z1 [m]' in found.mapping
+
+
+def test_units_of_columns_are_read(tmp_path: Path) -> None:
+    found = table(tmp_path, 'tip.x [mm],tip.y [mm],tip.z [mm],q_elbow [deg],base_joint',
+                  '1000,0,-500,90,0')  # fmt: skip
+    np.testing.assert_allclose(found.measured['tip'].position[0], [1.0, 0.0, -0.5])
+    assert found.joints['elbow'][0] == pytest.approx(np.pi / 2)
+
+
+def test_stated_units_hold_where_columns_have_none(tmp_path: Path) -> None:
+    header, row = 'x1,y1,z1,elbow,base_joint', '1,2,3,90,180'
+    found = table(tmp_path, header, row, length_unit='mm', degrees=True)
+    np.testing.assert_allclose(found.measured['marker1'].position[0], [1e-3, 2e-3, 3e-3])
+    assert found.joints['base_joint'][0] == pytest.approx(np.pi)
+
+
+def test_quaternions_and_angles_make_poses(tmp_path: Path) -> None:
+    found = table(tmp_path, 'x1,y1,z1,qx1,qy1,qz1,qw1,x2,y2,z2,phix2,phiy2,phiz2,elbow',
+                  '0,0,1,0,0,0.70710678,0.70710678,0,0,1,0,0,1.5707963,0.1')  # fmt: skip
+    for name in ('marker1', 'marker2'):
+        rotation = found.measured[name].rotation
+        assert rotation is not None
+        np.testing.assert_allclose(rotation[0], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-7)
+
+
+def test_empty_cells_were_not_seen_and_contacts_are_counted(tmp_path: Path) -> None:
+    found = table(tmp_path, 'x1,y1,z1,elbow,contact_table', ',,,0.1,1', '1,2,3,0.2,0')
+    assert np.isnan(found.measured['marker1'].position[0]).all()
+    assert found.contacts['table'].tolist() == [1.0, 0.0]
+
+
+def test_arrays_of_an_npz_file(tmp_path: Path) -> None:
+    path = tmp_path / 'postures.npz'
+    markers = np.arange(12.0).reshape(2, 2, 3)
+    np.savez(path, q=np.ones((2, 2)), joint_names=np.array(JOINTS), markers=markers)
+    found = read_postures(path, JOINTS)
+    assert set(found.joints) == set(JOINTS)
+    np.testing.assert_array_equal(found.measured['marker2'].position, markers[:, 1])
+
+
+def test_numbered_joints_are_those_of_the_urdf_in_turn(tmp_path: Path) -> None:
+    found = table(tmp_path, 'q1,q2,x1,y1,z1', '0.1,0.2,1,2,3')
+    assert found.joints['base_joint'][0] == 0.1 and found.joints['elbow'][0] == 0.2
+    assert not found.unused
+
+
+@pytest.mark.parametrize(
+    ('header', 'row', 'expected'),
+    [
+        ('x1,y1,z1,wrist', '1,2,3,4', 'no column is a joint of the URDF (base_joint, elbow)'),
+        ('elbow,base_joint', '1,2', 'no marker: name its columns x1, y1, z1 [m]'),
+        ('x1,y1,z1,x2,y2,elbow', '1,2,3,4,5,6', 'marker 2 has no z: its columns are x2, y2'),
+        ('x1,y1,z1,x1,elbow', '1,2,3,4,5', 'column x1 is given twice'),
+        ('x1,y1,z1,elbow [turns]', '1,2,3,4', 'unit turns is not known'),
+        ('x1,y1,z1,elbow', '1,2,3', 'line 2 has 3 values for 4 columns'),
+        ('x1,y1,z1,elbow', '1,2,o3,4', "column z1: 'o3' in line 2 is no number"),
+        ('1,2,3,4', '1,2,3,4', 'the first line must name the columns'),
+        ('x1,y1,z1,elbow,q_elbow', '1,2,3,4,5', 'a second one of joint elbow'),
+    ],
+)
+def test_what_cannot_be_read_is_one_error(
+    tmp_path: Path, header: str, row: str, expected: str
+) -> None:
+    with pytest.raises(CalibrationError) as error:
+        table(tmp_path, header, row)
+    assert expected in str(error.value) and '\n' not in str(error.value)
+
+
+def test_a_missing_file_and_rubbish_are_errors_too(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match='check the path'):
+        read_postures(tmp_path / 'none.csv', JOINTS)
+    path = tmp_path / 'rubbish.npz'
+    path.write_bytes(b'PK\x03\x04 rubbish')
+    with pytest.raises(CalibrationError, match='is no table of numbers'):
+        read_postures(path, JOINTS)

@@ -1,0 +1,29 @@
+"""What runs on other processes, which import it from here."""
+
+import os
+import resource
+import signal
+from pathlib import Path
+
+
+def square(number: int) -> int:
+    if number == 3:
+        raise ValueError('three is\nrefused')
+    return number * number
+
+
+def killed_once(number: int, folder: Path) -> int:
+    """Return the number; the process of 2 is killed the first time, that of 5 every time."""
+    mark = folder / 'killed'
+    if number == 5 or (number == 2 and not mark.exists()):
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def hungry(mebibytes: int) -> int:
+    return len(bytearray(mebibytes * 2**20))
+
+
+def limit_and_process(_: int) -> tuple[int, int]:
+    return resource.getrlimit(resource.RLIMIT_DATA)[0], os.getpid()

@@ -1,0 +1,329 @@
+"""A drone in the physics engine whose arm holds its tool in the world; no ROS, no processes."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from aerarm_ros.control.base.base_motion import ImuSample, Mount, rotation_matrix
+from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.base.free_base_estimator import AnswerCorrection, FreeBaseEstimator
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.laws.kinematic_control import DampedInverse
+from aerarm_ros.control.references.target_follower import TargetFollower
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.flight.arm_load import ArmFeedForward, ArmLoadModel, MassProperties
+from aerarm_ros.flight.flight_control import FlightControl, FlightGains
+from aerarm_ros.flight.flight_estimator import FlightEstimator
+from aerarm_ros.flight.flight_state import FlightTarget, OdometrySample
+from aerarm_ros.identification.files.identified_robot import identified_urdf
+from aerarm_ros.model.inertia import barycentric_inertia, parameters_of_body
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+from aerarm_ros.motion.signals import ArmState, JointReference
+from aerarm_ros.simulation.arm_plant import PlantParameters
+from aerarm_ros.simulation.flying_plant import FlyingPlant
+from aerarm_ros.simulation.sensors import (
+    BandLimitedNoise,
+    DelayedSensor,
+    FaultyImu,
+    ImuErrors,
+    NoisyOdometry,
+    OdometryErrors,
+    OdometryReading,
+)
+from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames
+from aerarm_ros.world.reach import ArmReach
+from aerarm_ros.world.world_law import WorldGains, WorldLaw
+from aerarm_ros.world.world_reference import WorldPath, WorldToolReference, planned_joints
+
+Array = npt.NDArray[np.float64]
+Told = Callable[[OdometrySample], list[OdometrySample]]
+
+CYCLE, IMU_RATE = 1e-3, 250.0
+LINK_DELAY = 4  # cycles from a rotor command to its rotor
+LEAD, AHEAD = 0.028, 0.06  # [s] as in flight_control and base_reaction
+POSTURE = 0.0, 1.3, 0.0, 1.5
+SETTLED, BEGIN = 2.0, 3.0  # [s] when the target is set, and from when on figures count
+GENERALISED, ORDINARY, HELD = 'generalised', 'ordinary', 'joints held'
+COPLANAR = FlightGains(3.5, 3.5, 8.0, position_integral=0.1, attitude_integral=0.1)
+# Under an arm that holds its tool a light drone turns more easily: see `felt_share`.
+LIGHT = FlightGains(2.5, 2.5, 5.0, position_integral=0.1, attitude_integral=0.1)
+FULL = FlightGains(8.67, 8.67, 9.0, position_integral=0.1, attitude_integral=0.1)
+GOOD = 100.0, 0.01, 1e-3, 5e-3
+POOR = 30.0, 0.03, 5e-3, 20e-3
+"""Odometry: rate [Hz], delay [s], noise of position [m] and velocity [m/s]."""
+
+CONFIG = load_arm_config()
+ROTORS = CONFIG.column('reflected_inertia')
+
+
+@dataclass(frozen=True)
+class HeldFlight:
+    """What is flown.
+
+    Attributes
+    ----------
+    drone : file of a packaged drone; mass : another mass [kg], its density and thrust as they are.
+    law : GENERALISED, ORDINARY (the base's acceleration taken as none), or HELD joints.
+    wind : root mean square of the force on the drone [N], below 0.5 Hz.
+    odometry : of the arm's controller; the pilot has GOOD.
+    wrong : share by which every link's model is wrong.
+    path : whether the tool moves on a path of 20 cm at 0.25 Hz.
+    """
+
+    drone: str = 'drone.yaml'
+    mass: float = 0.0
+    law: str = GENERALISED
+    wind: float = 1.5
+    odometry: tuple[float, float, float, float] = GOOD
+    wrong: float = 0.0
+    path: bool = False
+    gains: WorldGains = WorldGains()
+    seed: int = 0
+
+
+class Figures(NamedTuple):
+    """RMS and maximum of the tool's error and of the drone's place [mm], least singular value."""
+
+    tool: float
+    tool_max: float
+    drone: float
+    drone_max: float
+    least: float
+
+
+class HoldingFlight:
+    """Plant, sensors, pilot and the arm's control loop, cycle by cycle."""
+
+    def __init__(self, flight: HeldFlight) -> None:
+        self.flight = flight
+        self.drone = drone = flown_drone(flight)
+        self.robot = robot = load_robot(gravity_in_base=drone.gravity_in_base)
+        parameters = PlantParameters.nominal(CONFIG, robot)
+        random = np.random.default_rng(flight.seed)
+        each = flight.wind / np.sqrt(3.0)
+        gust = BandLimitedNoise(each, 0.5, CYCLE, random) if flight.wind else None
+        self.plant = FlyingPlant(robot, parameters, POSTURE, drone, gust=gust)
+        self.kinematics = Kinematics(robot)
+        faulty = FaultyImu(ImuErrors(0.05, 0.003, 0.05, 0.002), 1.0 / IMU_RATE, flight.seed)
+        self.imu = DelayedSensor(lambda: faulty.apply(self.plant.imu), IMU_RATE, CYCLE, 4e-3)
+        self.seen = self._odometry(GOOD, 1)
+        self.told = self.seen if flight.odometry == GOOD else self._odometry(flight.odometry, 2)
+        self.tell: Told = lambda sample: [sample]
+        self.place = FlightTarget(np.zeros(3), 0.0)
+        self._make_pilot()
+        self._make_loop(parameters)
+        self.effort = self.dynamics.gravity(self.plant.position)
+        self.now, self._cycle = 0.0, 0
+        self.rows: list[Array] = []
+        self.target: Array | None = None  # where the tool is to be whatever the law thinks
+        self.rejected = ''
+        self._commands: deque[tuple[int, Array]] = deque()
+
+    def _odometry(
+        self, quality: tuple[float, float, float, float], seed: int
+    ) -> DelayedSensor[OdometryReading]:
+        rate, delay, *noise = quality
+        noisy = NoisyOdometry(OdometryErrors(*noise), 10 * self.flight.seed + seed)
+        return DelayedSensor(lambda: noisy.apply(self.plant.odometry), rate, CYCLE, delay)
+
+    def _make_pilot(self) -> None:
+        drone = self.drone
+        self._loads = ArmLoadModel(self.robot)
+        composite = self._loads.dynamics.composite_inertia(np.array(POSTURE))
+        body = MassProperties.of(drone, *composite)
+        gains = LIGHT if drone.mass < 2.5 else COPLANAR
+        self.pilot = FlightControl(drone, body, FULL if drone.is_fully_actuated else gains)
+        self._feed = ArmFeedForward(drone, body, lead=LEAD)
+        self._sight = FlightEstimator(drone)
+
+    def _make_loop(self, parameters: PlantParameters) -> None:
+        flight, drone = self.flight, self.drone
+        robot = _with_errors(self.robot, flight.wrong) if flight.wrong else self.robot
+        carrier, mount = carrier_parameters(drone), Mount.from_drone(drone)
+        self.dynamics = MovingBaseDynamics(robot, ROTORS, carrier)
+        self.base: FreeBaseEstimator | BaseMotionEstimator
+        if flight.law == GENERALISED:
+            self.base = FreeBaseEstimator(
+                drone.gravity_in_base,
+                RotorWrench(drone, latency=LINK_DELAY * CYCLE),
+                WholeBodyDynamics(robot, ROTORS, carrier),
+                mount,
+                AnswerCorrection(trust_min=0.9),
+                latency=4e-3,
+            )
+        else:
+            self.base = BaseMotionEstimator(drone.gravity_in_base, 'attitude', mount)
+        kinematics, limits = Kinematics(robot), JointLimits.from_config(CONFIG)
+        friction = FrictionCompensation(
+            robot.viscous, robot.coulomb, fraction=0.9, load_share=parameters.load_friction
+        )
+        self.inverse = DampedInverse(0.06, 0.03)
+        self.law = WorldLaw(
+            self.dynamics, kinematics, limits, POSTURE, flight.gains, self.inverse, friction
+        )
+        self.pose = BasePoseEstimator(OdometryFrames.of(drone, mount))
+        followers = TargetFollower(kinematics), TargetFollower(kinematics, 5.0, 0.1, 0.5)
+        reach = ArmReach(Kinematics(robot), limits)
+        self.source = WorldToolReference(self.pose, kinematics, followers, reach.beyond_any)
+        observer = MomentumObserver(self.dynamics, np.full(4, 30.0), friction)
+        self.loop = ControlLoop(
+            limits, self.source, self.law, observer, self.base, 0.2 * limits.effort_max
+        )
+
+    def run(self, seconds: float) -> None:
+        """Advance."""
+        for _ in range(round(seconds / CYCLE)):
+            self._step()
+
+    def tool(self) -> Array:
+        """Return where the tool is in the world (3,) [m]."""
+        position, attitude, _, _ = self.plant.odometry
+        mount = self.drone.mount
+        place = mount.rotation @ self.kinematics.position(self.plant.position)
+        return np.asarray(position + rotation_matrix(attitude) @ (mount.position + place))
+
+    def figures(self, since: float = BEGIN) -> Figures:
+        """Return what the flight was like from a time [s] on."""
+        rows = np.array(self.rows)
+        rows = rows[rows[:, 0] >= since]
+        tool = 1e3 * np.linalg.norm(rows[:, 4:7], axis=1)
+        drone = 1e3 * np.linalg.norm(rows[:, 1:4], axis=1)
+        tool_rms, drone_rms = (float(np.sqrt((x**2).mean())) for x in (tool, drone))
+        return Figures(
+            tool_rms, float(tool.max()), drone_rms, float(drone.max()), float(rows[:, 7].min())
+        )
+
+    def _step(self) -> None:
+        now, stamp_ns = self.now, self._cycle * 1_000_000
+        self._sense(now, stamp_ns)
+        while self._commands and self._commands[0][0] <= self._cycle:
+            self.plant.rotors.command(self._commands.popleft()[1])
+        state = ArmState(self.plant.position, self.plant.velocity, self.effort)
+        command = self.loop.update(state, now)
+        if self._cycle % 5 == 0:
+            self._note()
+        self.plant.apply_effort(self.effort)
+        self.plant.advance(CYCLE)
+        if command is not None:
+            assert command.tau is not None
+            self.effort = command.tau  # it acts from the next cycle on
+        self.loop.observe()
+        self._cycle += 1
+        self.now = self._cycle * CYCLE
+
+    def _sense(self, now: float, stamp_ns: int) -> None:
+        imu, seen = self.imu.update(stamp_ns), self.seen.update(stamp_ns)
+        told = seen if self.told is self.seen else self.told.update(stamp_ns)
+        if imu is not None:
+            attitude, rate, force = imu[1]
+            sample = ImuSample(imu[0] * 1e-9, attitude, rate, force)
+            self.base.offer(sample, now)
+            self.pose.offer_imu(sample, now)
+            self._sight.offer_imu(sample)
+        if seen is not None:
+            self._sight.offer_odometry(_sample(*seen))
+        if told is not None and self.flight.law != HELD:
+            for sent in self.tell(_sample(*told)):
+                try:
+                    self.pose.offer_odometry(sent, now)
+                except RejectedInputError as error:
+                    self.rejected = str(error)
+        if imu is not None:
+            self._fly(now)
+
+    def _fly(self, now: float) -> None:
+        q, still, ahead = self.plant.position, np.zeros(4), now + AHEAD
+        load = self._loads.evaluate(JointReference(q, still, still))
+        self._feed.offer_inertia(ahead, load.mass, load.com, load.inertia)
+        times = np.array([now, ahead])
+        pose = None if self.source.reason else self.pose.pose(now)
+        planned = planned_joints(
+            self.kinematics, self.inverse, q, pose, self.source.ahead(times), times
+        )
+        motion = JointReference(*(part[1] for part in planned))
+        self._feed.offer_motion(ahead, self._loads.evaluate(motion).motion)
+        state = self._sight.state()
+        if state is None:
+            return
+        fed = self._feed.at(self._sight.stamp or now)
+        thrust = self.pilot.update(state, self.place, 1.0 / IMU_RATE, fed)
+        self._commands.append((self._cycle + LINK_DELAY, thrust))
+        if isinstance(self.base, FreeBaseEstimator):
+            self.base.offer_rotors(self.drone.rotor_names, thrust, now, now)
+
+    def _note(self) -> None:
+        target, tool = self.target, self.tool()
+        if target is None:
+            reference = self.source.reference
+            target = tool if reference is None else reference.p
+        place = self.plant.odometry[0]
+        least = self.law.least_singular_value
+        self.rows.append(np.concatenate([[self.now], place, tool - target, [least]]))
+
+
+def flown_drone(flight: HeldFlight) -> DroneConfig:
+    """Return the drone of a flight."""
+    drone = load_drone_config(resource('config', flight.drone))
+    if not flight.mass:
+        return drone
+    scale, arm = flight.mass / drone.mass, 1.49
+    thrust = (flight.mass + arm) / (drone.mass + arm)
+    rotors = tuple(replace(r, thrust_max=thrust * r.thrust_max) for r in drone.rotors)
+    return replace(drone, rotors=rotors).with_errors(scale, scale ** (5.0 / 3.0))
+
+
+def oval(centre: Array, seconds: float) -> WorldPath:
+    """Return a path of 20 cm from end to end at 0.25 Hz about a place, grown over 2 s."""
+    times = np.arange(0.0, seconds, 0.05)
+    grown = np.minimum(times / 2.0, 1.0)
+    share = grown**3 * (10.0 - 15.0 * grown + 6.0 * grown**2)
+    swing = 0.1 * share * np.sin(0.5 * np.pi * times)
+    return WorldPath(times, centre + np.outer(swing, [0.0, 1.0, 0.0]))
+
+
+def fly(flight: HeldFlight, seconds: float) -> HoldingFlight:
+    """Return a flight of some seconds; the tool is held from the second one on."""
+    flown = HoldingFlight(flight)
+    flown.run(SETTLED)
+    if flight.law == HELD:
+        flown.target = flown.tool()
+    elif flight.path:
+        goal = flown.source.goal
+        assert goal is not None
+        flown.source.follow(oval(goal, seconds), flown.now, flown.now)
+    flown.run(seconds - SETTLED)
+    return flown
+
+
+def _sample(stamp_ns: int, reading: OdometryReading) -> OdometrySample:
+    position, attitude, velocity, rate = reading
+    return OdometrySample(stamp_ns * 1e-9, position, attitude, velocity, rate)
+
+
+def _with_errors(robot: Robot, share: float, seed: int = 1) -> Robot:
+    """Return an arm of which every link is believed to be another by a share."""
+    draws, believed = np.random.default_rng(seed), []
+    for link in robot.inertial_parameters:
+        wrong = 1.0 + share * draws.choice([-1.0, 1.0], 5)
+        inertia = wrong[4] * barycentric_inertia(link)
+        centre = wrong[1:4] * link[1:4] / link[0]
+        believed.append(parameters_of_body(wrong[0] * link[0], centre, inertia))
+    friction = robot.viscous, robot.coulomb, robot.load_friction
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / 'wrong.urdf'
+        path.write_text(identified_urdf(robot, np.array(believed), *friction).text)
+        return load_robot(path, gravity_in_base=robot.gravity_in_base)

@@ -1,0 +1,67 @@
+"""An odometry that ends, jumps or lies while the tool is held, in the physics engine."""
+
+import numpy as np
+import pytest
+from holding_flight import SETTLED, HeldFlight, HoldingFlight
+
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.flight.flight_state import OdometrySample
+
+
+@pytest.fixture
+def flown() -> HoldingFlight:
+    flight = HoldingFlight(HeldFlight(wind=0.5))
+    flight.run(SETTLED)
+    return flight
+
+
+def test_without_odometry_the_tool_stops_in_the_base_frame_and_returns(
+    flown: HoldingFlight,
+) -> None:
+    target = flown.source.goal
+    assert target is not None
+    flown.tell = lambda sample: []
+    flown.run(0.8)
+    assert flown.law.is_stopped
+    assert 'no usable odometry' in flown.source.reason
+    at_rest = flown.plant.position
+    flown.run(0.2)
+    assert np.abs(flown.plant.position - at_rest).max() < 2e-3
+    flown.tell = lambda sample: [sample]
+    flown.run(3.0)
+    assert flown.source.reason == ''
+    assert flown.source.stops == 1
+    assert np.linalg.norm(flown.tool() - target) < 5e-3
+
+
+def test_the_tool_follows_a_jump_of_the_odometry_slowly(flown: HoldingFlight) -> None:
+    shift = np.array([0.0, 0.06, 0.0])
+
+    def jumped(sample: OdometrySample) -> list[OdometrySample]:
+        rest = list(vars(sample).values())[2:]
+        return [OdometrySample(sample.stamp, sample.position + shift, *rest)]
+
+    before = flown.tool()
+    flown.tell = jumped
+    places = [before]
+    for _ in range(250):
+        flown.run(0.01)
+        places.append(flown.tool())
+    speed = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.01
+    assert speed.max() < 0.2
+    assert flown.pose.jumps == 1
+    assert flown.tool() == pytest.approx(before - shift, abs=6e-3)
+
+
+def test_targets_that_cannot_be_followed_change_nothing(flown: HoldingFlight) -> None:
+    goal = flown.source.goal
+    for place, reason in (
+        ([np.nan, 0.0, 0.0], 'finite'),
+        ([0.0, 0.0, -3.0], 'out of reach'),
+        ([0.0, 0.0, 1e6], 'check its unit'),
+    ):
+        with pytest.raises(RejectedInputError, match=reason):
+            flown.source.go_to(place, flown.now)
+    assert flown.source.goal is goal
+    flown.run(0.2)
+    assert flown.source.reason == ''

@@ -1,0 +1,185 @@
+"""Where the base is: odometry that is late, noisy, silent, frozen, repeated, or jumps."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from aerarm_ros.control.base.base_motion import ImuSample
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.flight.flight_state import OdometrySample
+from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames
+
+Array = npt.NDArray[np.float64]
+
+SWING, SPEED = 0.1, 3.0  # [m], [rad/s]
+LEVER = np.array([0.03, 0.0, 0.02])
+LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
+CYCLE = 4e-3
+FRAMES = OdometryFrames(np.array([0.0, 0.0, -0.08]), np.diag([1.0, -1.0, -1.0]), LEVER, np.eye(3))
+
+
+def place(time: float) -> Array:
+    return np.array([SWING * np.sin(SPEED * time), 0.0, 1.0])
+
+
+def odometry(time: float, shift: Array | float = 0.0, noise: Array | float = 0.0) -> OdometrySample:
+    velocity = np.array([SWING * SPEED * np.cos(SPEED * time), 0.0, 0.0])
+    return OdometrySample(time, place(time) + shift + noise, LEVEL, velocity, np.zeros(3))
+
+
+def imu(time: float, clock: float = 0.0) -> ImuSample:
+    force = np.array([-SWING * SPEED**2 * np.sin(SPEED * time), 0.0, 9.81])
+    return ImuSample(time + clock, None, np.zeros(3), force)
+
+
+class Feed:
+    """Feeds an estimator: IMU at 250 Hz, odometry at a rate, late."""
+
+    def __init__(self, rate: float = 100.0, late: float = 0.012, has_imu: bool = True) -> None:
+        self.estimator = BasePoseEstimator(FRAMES)
+        self.now = 0.0
+        self._interval, self._late, self._has_imu = 1.0 / rate, late, has_imu
+        self._due = 0.0
+        self.change: Callable[[OdometrySample], list[OdometrySample]] = lambda sample: [sample]
+        self.reasons: list[str] = []
+        self.clock = 0.0
+
+    def run(self, seconds: float) -> Iterator[float]:
+        for _ in range(round(seconds / CYCLE)):
+            self.now += CYCLE
+            if self._has_imu:
+                self.estimator.offer_imu(imu(self.now, self.clock), self.now)
+            if self.now >= self._due + self._late:
+                for sample in self.change(odometry(self._due)):
+                    try:
+                        self.estimator.offer_odometry(sample, self.now)
+                    except RejectedInputError as error:
+                        self.reasons.append(str(error))
+                self._due += self._interval
+            yield self.now
+
+    def errors(self, seconds: float) -> Array:
+        rows = []
+        for now in self.run(seconds):
+            if not self.estimator.problem(now):
+                pose = self.estimator.pose(now)
+                rows.append(pose.position - (place(now) + FRAMES.base_position))
+        return np.linalg.norm(np.array(rows), axis=1)
+
+    def settle(self) -> None:
+        for _ in self.run(1.0):
+            pass
+
+
+def test_a_late_odometry_is_bridged_by_the_imu() -> None:
+    feed = Feed(rate=30.0, late=0.03)
+    feed.settle()
+    assert feed.errors(3.0).max() < 1e-3
+    assert feed.estimator.age == pytest.approx(0.03, abs=0.005)
+
+
+def test_without_imu_the_velocity_bridges() -> None:
+    feed = Feed(has_imu=False)
+    feed.settle()
+    errors = feed.errors(3.0)
+    assert len(errors) == 750
+    assert errors.max() < 2e-3
+
+
+def test_noise_is_measured_and_left_out() -> None:
+    feed, random = Feed(), np.random.default_rng(0)
+    feed.change = lambda sample: [odometry(sample.stamp, noise=5e-3 * random.standard_normal(3))]
+    feed.settle()
+    errors = feed.errors(5.0)
+    assert feed.estimator.noise[0] == pytest.approx(5e-3, rel=0.3)
+    assert np.sqrt((errors**2).mean()) < 0.5 * 5e-3 * np.sqrt(3.0)
+
+
+def test_a_clock_of_its_own_is_compared_by_the_imu() -> None:
+    feed = Feed()
+    feed.clock = 1000.0
+    feed.change = lambda sample: [
+        OdometrySample(sample.stamp + 1000.0, *list(vars(sample).values())[1:])
+    ]
+    feed.settle()
+    assert feed.errors(1.0).max() < 2e-3
+
+
+def test_clocks_that_differ_are_named() -> None:
+    feed = Feed()
+    feed.settle()
+    feed.change = lambda sample: [
+        OdometrySample(sample.stamp - 5.0, *list(vars(sample).values())[1:])
+    ]
+    feed.settle()
+    assert 'synchronise the clocks' in feed.estimator.problem(feed.now)
+    feed.change = lambda sample: [sample]
+    feed.settle()
+    assert feed.estimator.problem(feed.now) == ''
+
+
+def test_silence_and_its_end() -> None:
+    feed = Feed()
+    feed.settle()
+    feed.change = lambda sample: []
+    feed.settle()
+    assert 'no usable odometry' in feed.estimator.problem(feed.now)
+    feed.change = lambda sample: [sample]
+    feed.settle()
+    assert feed.estimator.problem(feed.now) == ''
+
+
+def test_a_frozen_odometry_is_named() -> None:
+    feed = Feed()
+    feed.settle()
+    held = odometry(feed.now)
+    feed.change = lambda sample: [OdometrySample(sample.stamp, *list(vars(held).values())[1:])]
+    feed.settle()
+    assert 'frozen' in feed.estimator.problem(feed.now)
+
+
+def test_samples_that_come_twice_are_rejected_and_do_no_harm() -> None:
+    feed = Feed()
+    feed.settle()
+    feed.change = lambda sample: [sample, sample]
+    assert feed.errors(2.0).max() < 1e-3
+    assert len(feed.reasons) > 100
+
+
+def test_a_small_jump_is_accepted_once_it_stays() -> None:
+    feed = Feed()
+    feed.settle()
+    shift = np.array([0.0, 0.3, 0.0])
+    feed.change = lambda sample: [odometry(sample.stamp, shift)]
+    for _ in feed.run(0.08):
+        pass
+    assert feed.estimator.jumps == 0
+    feed.settle()
+    assert feed.estimator.jumps == 1
+    pose = feed.estimator.pose(feed.now)
+    assert pose.position == pytest.approx(place(feed.now) + FRAMES.base_position + shift, abs=2e-3)
+
+
+def test_one_wrong_sample_is_left_out() -> None:
+    feed = Feed()
+    feed.settle()
+    feed.change = lambda sample: [odometry(sample.stamp, 0.3)]
+    for _ in feed.run(CYCLE * 3):
+        pass
+    feed.change = lambda sample: [sample]
+    assert feed.errors(1.0).max() < 2e-3
+    assert feed.estimator.jumps == 0
+
+
+def test_a_large_jump_is_rejected_until_somebody_gives_a_target() -> None:
+    feed = Feed()
+    feed.settle()
+    feed.change = lambda sample: [odometry(sample.stamp, 3.0)]
+    for _ in feed.run(8.0):
+        pass
+    assert 'jumped by' in feed.estimator.problem(feed.now)
+    feed.estimator.accept_next()
+    feed.settle()
+    assert feed.estimator.problem(feed.now) == ''

@@ -1,0 +1,106 @@
+"""Motions slowed along their path so that rotors keep within their limits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerarm_ros.control.base.rotor_wrench import carrier_parameters
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.signals import JointReference
+from aerarm_ros.world.rotor_governor import RotorGovernor
+
+HANGING = np.array([0.0, np.pi / 2, 0.0, 0.0])
+OUT = HANGING + np.array([1.2, -1.2, 0.8, -1.0])
+
+
+def governor_of(drone: DroneConfig, share: float = 0.7) -> RotorGovernor:
+    robot = load_robot(gravity_in_base=drone.gravity_in_base)
+    rotors = load_arm_config().column('reflected_inertia')
+    whole = WholeBodyDynamics(robot, rotors, carrier_parameters(drone))
+    return RotorGovernor(whole, drone, drone.gravity_in_base, share)
+
+
+@pytest.fixture(params=['drone.yaml', 'drones/tilted_hexarotor.yaml'])
+def drone(request: pytest.FixtureRequest) -> DroneConfig:
+    return load_drone_config(resource('config', request.param))
+
+
+def usages(governor: RotorGovernor, motion: PolynomialPath) -> np.ndarray:
+    times = np.linspace(0.0, motion.duration, 400)
+    return np.array([governor.usage(motion.evaluate(float(time))) for time in times])
+
+
+def test_a_hovering_drone_lifts_its_weight(drone: DroneConfig) -> None:
+    governor = governor_of(drone)
+    along, across, still = governor.thrusts(JointReference.at_rest(HANGING))
+    lift = drone.allocation @ still
+    assert lift[2] == pytest.approx(governor.whole.mass * 9.81, rel=1e-6)
+    assert lift[:2] == pytest.approx(np.zeros(2), abs=1e-6)
+    assert along == pytest.approx(0.0, abs=1e-9)
+    assert across == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_reaction_agrees_with_momentum(drone: DroneConfig) -> None:
+    """The moment about the centre of mass is the rate of the angular momentum there."""
+    governor, h = governor_of(drone), 1e-4
+    motion = PolynomialPath.rest_to_rest(HANGING, OUT, 1.0)
+    here = motion.evaluate(0.3)
+    _, across, _ = governor.thrusts(here)
+    _, com, _ = governor.whole.composite_inertia(here.q)
+
+    def momentum(time: float) -> np.ndarray:
+        point = motion.evaluate(time)
+        return governor.whole.centroidal_momentum(point.q, point.dq, np.zeros(6))
+
+    rate = (momentum(0.3 + h) - momentum(0.3 - h)) / (2.0 * h)
+    mount = drone.mount
+    wrench = drone.allocation @ across
+    about = wrench[3:] - np.cross(mount.position + mount.rotation @ com, wrench[:3])
+    assert about == pytest.approx(mount.rotation @ rate[3:], abs=2e-3)
+
+
+def test_a_slow_motion_is_left_as_it_is(drone: DroneConfig) -> None:
+    governor = governor_of(drone)
+    motion = PolynomialPath.rest_to_rest(HANGING, OUT, 8.0)
+    assert governor.govern(motion) is motion
+
+
+def test_a_fast_motion_is_slowed_along_its_path(drone: DroneConfig) -> None:
+    governor = governor_of(drone)
+    motion = PolynomialPath.rest_to_rest(HANGING, OUT, 0.45)
+    assert usages(governor, motion).max() > 0.8
+    slowed = governor.govern(motion)
+    assert isinstance(slowed, PolynomialPath)
+    assert usages(governor, slowed).max() < 0.72
+    assert governor.last_stretch == pytest.approx(slowed.duration / motion.duration)
+    assert usages(governor, slowed).max() > 0.6, 'it is not slower than it need be'
+    # The path is the same one: each posture on it is one of the motion's.
+    way = np.array([motion.evaluate(float(t)).q for t in np.linspace(0.0, 0.45, 2000)])
+    for time in np.linspace(0.0, slowed.duration, 50):
+        away = np.abs(way - slowed.evaluate(float(time)).q).max(axis=1).min()
+        assert away < 2e-3
+    end = slowed.evaluate(slowed.duration)
+    assert end.q == pytest.approx(OUT, abs=1e-9)
+    assert end.dq == pytest.approx(0.0, abs=1e-9)
+
+
+def test_velocity_and_acceleration_stay_continuous(drone: DroneConfig) -> None:
+    slowed = governor_of(drone).govern(PolynomialPath.rest_to_rest(HANGING, OUT, 0.45))
+    times = np.linspace(0.0, slowed.duration, 4000)
+    ddq = np.array([slowed.evaluate(float(time)).ddq for time in times])
+    assert np.abs(np.diff(ddq, axis=0)).max() < 0.05 * np.abs(ddq).max()
+
+
+def test_a_posture_that_the_drone_cannot_hover_under_is_rejected() -> None:
+    drone = load_drone_config()
+    weak = replace(drone, rotors=tuple(replace(rotor, thrust_max=8.2) for rotor in drone.rotors))
+    governor = governor_of(weak, 0.5)
+    with pytest.raises(RejectedInputError, match='could not hover'):
+        governor.govern(PolynomialPath.rest_to_rest(HANGING, OUT, 2.0))
