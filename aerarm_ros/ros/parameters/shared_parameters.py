@@ -12,8 +12,6 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.realtime.scheduling import (
     freeze_garbage_collector,
     keep_cpus_awake,
@@ -23,8 +21,9 @@ from aerarm_ros.realtime.scheduling import (
 )
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
 
-if TYPE_CHECKING:  # who has no drone loads nothing of it
+if TYPE_CHECKING:  # who has no drone and plans no motion loads nothing of them
     from aerarm_ros.description.drone_config import DroneConfig
+    from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 
 ARM_FILES = grouped(
     'Which arm',
@@ -51,6 +50,9 @@ def load_setup(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> Exci
     ValueError
         If the file cannot be read or used.
     """
+    from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+    from aerarm_ros.excitation.settings import load_excitation_config
+
     surroundings = load_excitation_config(values.excitation_config or None)
     folders = [Path(folder) for folder in values.package_directories if folder]
     return ExcitationSetup.of_arm(robot, config, surroundings, folders)
