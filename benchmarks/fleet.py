@@ -1,6 +1,6 @@
 """How a fleet's bags are identified: 200 bags of ten arms, a worker killed in the middle.
 
-Usage: python benchmarks/fleet.py FOLDER [--bags 200] [--workers 2]
+Usage: python benchmarks/fleet.py [--folder output/fleet] [--bags 200] [--workers 2]
 
 Writes bags of simulated arms that differ as built ones do (rigid links, rotors, friction, noise):
 joint 2 of arm3 gets more friction from month to month, the last link of arm7 carries 60 g.
@@ -38,7 +38,7 @@ _POINT = np.array([1.0, 0.08, 0, 0, 0, 0, 0.0064, 0, 0, 0.0064])  # a mass 80 mm
 def main() -> int:
     """Make the bags that are missing, and identify from them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('folder', type=Path)
+    parser.add_argument('--folder', type=Path, default=Path('output/fleet'))
     parser.add_argument('--bags', type=int, default=200)
     parser.add_argument('--workers', type=int, default=2)
     options = parser.parse_args()

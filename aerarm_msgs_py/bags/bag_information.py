@@ -67,6 +67,8 @@ def read_information(path: Path) -> BagInformation:
     except FileNotFoundError:
         raise
     except (OSError, yaml.YAMLError, ValueError, *_OF_A_TAG) as error:
+        if 'nesting depth' in str(error):  # libyaml's own limit, met before ours
+            raise ValueError(f'it is nested more than {_DEEPEST} deep') from None
         raise ValueError(' '.join(str(error).split())[:200]) from None
     try:
         return _information(document['rosbag2_bagfile_information'])

@@ -134,6 +134,9 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
     except ConfigError:
         raise
     except yaml.YAMLError as error:
+        # libyaml has a limit of its own, and meets it before `_check_events` sees the nesting.
+        if 'nesting depth' in str(error):
+            raise ConfigError(f'nested more than {_DEEPEST} deep') from None
         raise ConfigError(f'not valid YAML: {" ".join(str(error).split())}') from None
     except (ValueError, TypeError, AttributeError, LookupError, OverflowError) as error:
         # Of a value that isn't what its form or its tag says, such as 2001-99-99.

@@ -7,7 +7,6 @@ from math import exp, sqrt
 from typing import Generic, TypeVar
 
 import numpy as np
-from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from aerarm_ros.motion.signals import Array
 
@@ -140,6 +139,9 @@ class BandLimitedNoise:
     def __init__(
         self, deviation: float, cutoff: float, period: float, random: np.random.Generator
     ) -> None:
+        # Imported where it is used: it takes long, and `--help` needs none of it.
+        from scipy.signal import butter, sosfilt, sosfilt_zi
+
         self._filter = butter(2, cutoff, fs=1.0 / period, output='sos')
         length = round(10.0 / (cutoff * period))
         answer = sosfilt(self._filter, np.eye(1, length)[0])
@@ -154,6 +156,8 @@ class BandLimitedNoise:
         self.value: Array = self._values[-1]
 
     def _draw(self) -> None:
+        from scipy.signal import sosfilt
+
         noise = self._drive * self._random.standard_normal((_BLOCK, 3))
         self._values, self._state = sosfilt(self._filter, noise, axis=0, zi=self._state)
         self._next = 0

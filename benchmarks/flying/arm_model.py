@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.identification.files.identified_robot import identified_urdf
+from aerarm_ros.identification.files.identified_robot import LoadFriction, identified_urdf
 from aerarm_ros.model.inertia import barycentric_inertia, parameters_of_body
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
@@ -81,9 +81,10 @@ class ArmModel:
             mass, centre = wrong[0] * link[0], wrong[1:4] * link[1:4] / link[0]
             inertia = wrong[4] * barycentric_inertia(link)
             believed.append(parameters_of_body(mass, centre, inertia))
-        friction = robot.viscous, robot.coulomb, robot.load_friction
+        friction = robot.viscous, robot.coulomb
+        load = LoadFriction(robot.load_friction, *friction)
         path = folder / 'wrong.urdf'
-        path.write_text(identified_urdf(robot, np.array(believed), *friction).text)
+        path.write_text(identified_urdf(robot, np.array(believed), *friction, load).text)
         name = f'{self.name}, {100.0 * share:g} % wrong'
         return replace(self, name=name, law={**self.law, 'urdf': path})
 

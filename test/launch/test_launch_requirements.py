@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 from launched import is_in_the_index
 
-from aerarm_ros import launch_parts
+from aerarm_ros import launch_requirements
 from aerarm_ros.description.resources import resource
-from aerarm_ros.launch_parts import FILES, missing, packaged_files
+from aerarm_ros.launch_requirements import FILES, missing, packaged_files
 
 GIVEN = {
     'hardware': 'fake',
@@ -25,7 +25,7 @@ def without(monkeypatch: pytest.MonkeyPatch):
 
     def take(*modules: str) -> None:
         found = dict.fromkeys(modules)
-        monkeypatch.setattr(launch_parts, 'find_spec', lambda name: found.get(name, name))
+        monkeypatch.setattr(launch_requirements, 'find_spec', lambda name: found.get(name, name))
 
     return take
 

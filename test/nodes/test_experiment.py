@@ -19,7 +19,7 @@ from aerarm_ros.experiment.experiment_bench import (
     all_cases,
     run_all,
 )
-from aerarm_ros.identification.files.identified_robot import identified_urdf
+from aerarm_ros.identification.files.identified_robot import LoadFriction, identified_urdf
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes import experiment
 from aerarm_ros.simulation.arm_plant import PlantParameters
@@ -145,7 +145,9 @@ def test_an_identified_arm_has_the_friction_of_its_file_and_no_other(tmp_path, m
     robot, load = load_robot(), np.array([0.01, 0.05, 0.03, 0.07])
     file = tmp_path / 'identified.urdf'
     inertial, zero = robot.inertial_parameters, np.zeros(4)
-    file.write_text(identified_urdf(robot, inertial, zero, zero, load).text)
+    file.write_text(
+        identified_urdf(robot, inertial, zero, zero, LoadFriction(load, zero, zero)).text
+    )
     simulated = []
 
     def bench(config: object, robot: object, truth: PlantParameters, motion: object) -> None:

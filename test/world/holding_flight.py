@@ -28,7 +28,7 @@ from aerarm_ros.flight.arm_load import ArmFeedForward, ArmLoadModel, MassPropert
 from aerarm_ros.flight.flight_control import FlightControl, FlightGains
 from aerarm_ros.flight.flight_estimator import FlightEstimator
 from aerarm_ros.flight.flight_state import FlightTarget, OdometrySample
-from aerarm_ros.identification.files.identified_robot import identified_urdf
+from aerarm_ros.identification.files.identified_robot import LoadFriction, identified_urdf
 from aerarm_ros.model.inertia import barycentric_inertia, parameters_of_body
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
@@ -322,8 +322,9 @@ def _with_errors(robot: Robot, share: float, seed: int = 1) -> Robot:
         inertia = wrong[4] * barycentric_inertia(link)
         centre = wrong[1:4] * link[1:4] / link[0]
         believed.append(parameters_of_body(wrong[0] * link[0], centre, inertia))
-    friction = robot.viscous, robot.coulomb, robot.load_friction
+    friction = robot.viscous, robot.coulomb
+    load = LoadFriction(robot.load_friction, *friction)
     with TemporaryDirectory() as folder:
         path = Path(folder) / 'wrong.urdf'
-        path.write_text(identified_urdf(robot, np.array(believed), *friction).text)
+        path.write_text(identified_urdf(robot, np.array(believed), *friction, load).text)
         return load_robot(path, gravity_in_base=robot.gravity_in_base)
