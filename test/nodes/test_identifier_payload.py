@@ -76,6 +76,8 @@ def test_from_one_motion_with_the_arm_as_it_was_identified(
     done = run_executable(
         *('payload_estimator', '--bag', bare, loaded),
         *('--model', run / 'estimate.yaml', '--out', online),
+        # The model was identified on this arm: it is wrong by less than the 1 % that is assumed.
+        *('--model-error', '0.004'),
     )
     assert done.returncode == 0, done.stderr
     assert re.search(r'^with: .* picked up at 0\.', done.stdout, re.M)
