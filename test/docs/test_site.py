@@ -60,7 +60,7 @@ def problem(command: list[str]) -> str:
     """Return what is wrong with a command, '' if nothing is."""
     name, *rest = command
     if '/' in name:
-        return '' if (ROOT / name).exists() or name.startswith(('~', '/', '.venv', '$')) else name
+        return '' if (ROOT / name).exists() or re.search(r'^/|/bin/', name) else name
     if name == 'make':
         targets = re.findall(r'^([a-z-]+):', (ROOT / 'Makefile').read_text(), flags=re.MULTILINE)
         wanted = [word for word in rest if re.fullmatch('[a-z-]+', word)]
