@@ -61,6 +61,7 @@ EVERY = 3  # of these is a picture
 SIZE = 1360, 680  # of the page, pixels
 WIDTH = 960  # of the film, pixels
 QUALITY = 60
+PATIENCE = 180.0  # [s] with a node on a busy computer
 
 
 def record(folder: Path) -> tuple[Path, float]:
@@ -91,8 +92,8 @@ def record(folder: Path) -> tuple[Path, float]:
 def swing(node: Node) -> float:
     """Move the arm as long as the film needs; return when that begins, in the arm's time [s]."""
     client = ArmClient(node, ['fake_hardware'], ['enable'])
-    client.call('enable')
-    client.wait_for_mode(['running'], 120.0)
+    client.call('enable', PATIENCE)
+    client.wait_for_mode(['running'], PATIENCE)
     newest: list[float] = []
 
     def keep(message: JointState) -> None:
@@ -109,7 +110,7 @@ def swing(node: Node) -> float:
     names = load_arm_config().joint_names
     publisher.publish(trajectory_message(motion, names, round(1e9 * begin)))
     end = begin + BEFORE + SECONDS
-    spin_until(node, lambda: newest[0] > end, 300.0)
+    spin_until(node, lambda: newest[0] > end, 2.0 * PATIENCE)
     return begin
 
 
