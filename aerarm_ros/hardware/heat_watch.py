@@ -488,8 +488,10 @@ class HeatWatch:
         for limit, current, (link, _) in zip(limits, currents, self._places, strict=True):
             if current != current:
                 continue  # no board has answered yet
-            if link.monitor.mode is BoardMode.ALIGNING:
+            if link.is_damped_unheard or link.monitor.mode is BoardMode.ALIGNING:
                 current = limit.continuous_current  # a board that aligns reports none
+            elif link.monitor.is_silent:
+                current = 0.0  # its last answer says nothing of a motor that is off
             limit.add(current, driven)
             if elapsed > driven:
                 limit.add(0.0, elapsed - driven)
