@@ -65,6 +65,11 @@ class JointRecord:
         """Whether nothing is wrong."""
         return not self.findings
 
+    @property
+    def has_pulse_offset(self) -> bool:
+        """Whether the place of the joint's index pulses was measured."""
+        return 'pulse_offset' in self.measured
+
 
 @dataclass(frozen=True)
 class CommissioningRecord:
@@ -101,6 +106,9 @@ class CommissioningRecord:
         if failed:
             finding = self.joints[failed[0]].findings[0]
             return f'{", ".join(failed)} did not pass the commissioning ({finding}): {_ADVICE}'
+        bare = [name for name in names if not self.joints[name].has_pulse_offset]
+        if bare:
+            return f'the record has no pulse_offset of {", ".join(bare)}: {_ADVICE}'
         for joint in config.joints:
             key = self.changed_key(joint)
             if key:
@@ -124,6 +132,7 @@ class CommissioningRecord:
             for i, joint in enumerate(config.joints)
             if joint.name not in self.joints
             or not self.joints[joint.name].passed
+            or not self.joints[joint.name].has_pulse_offset
             or self.changed_key(joint)
         ]
 
@@ -135,7 +144,7 @@ class CommissioningRecord:
         offsets = []
         for joint in config.joints:
             entry = self.joints.get(joint.name)
-            if entry is None or 'pulse_offset' not in entry.measured or self.changed_key(joint):
+            if entry is None or not entry.has_pulse_offset or self.changed_key(joint):
                 return None
             offsets.append(entry.measured['pulse_offset'])
         return np.array(offsets)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import exp, inf, sqrt
 
 from aerarm_ros.description.arm_config import ArmConfig, PowerStageConfig
@@ -323,6 +324,16 @@ class ThermalLimit:
         """Whether the joint has less than its whole torque."""
         return self.effort_limit < self._effort_max
 
+    def recall(self, winding: float, housing: float, away: float) -> None:
+        """Take temperatures [degC] of a motor that has been off for a time [s], if it is warmer."""
+        motor, most = self.motor, self._temperature_max + _KEPT_MAX
+        before = motor.winding, motor.housing
+        motor.winding, motor.housing = min(winding, most), min(housing, most)
+        for _ in range(_COOLINGS):
+            motor.update(0.0, away / _COOLINGS)
+        motor.winding = max(motor.winding, before[0])
+        motor.housing = max(motor.housing, before[1])
+
     def add(self, current: float, duration: float) -> None:
         """Take a current [A] that flowed for a time [s]."""
         self._sum += current * current * duration
@@ -415,6 +426,26 @@ class ThermalLimit:
         self.effort_limit = min(limit, self._effort_max)
 
 
+# A kept temperature counts up to this much [K] above the largest one: no file keeps an arm off.
+_KEPT_MAX = 30.0
+_COOLINGS = 100  # steps of the time in which no bridge ran
+
+
+@dataclass(frozen=True)
+class KeptHeat:
+    """Temperatures that a bridge estimated at a time [s, monotonic].
+
+    Attributes
+    ----------
+    windings, housings
+        One per joint, in the arm's order [degC].
+    """
+
+    time: float
+    windings: tuple[float, ...]
+    housings: tuple[float, ...]
+
+
 # One motor's temperatures are updated in a cycle, each once in so many; forecasts are rarer.
 _CYCLES = 20
 _FORECASTS = 50
@@ -488,8 +519,10 @@ class HeatWatch:
         for limit, current, (link, _) in zip(limits, currents, self._places, strict=True):
             if current != current:
                 continue  # no board has answered yet
-            if link.monitor.mode is BoardMode.ALIGNING:
+            if link.is_damped_unheard or link.monitor.mode is BoardMode.ALIGNING:
                 current = limit.continuous_current  # a board that aligns reports none
+            elif link.monitor.is_silent:
+                current = 0.0  # its last answer says nothing of a motor that is off
             limit.add(current, driven)
             if elapsed > driven:
                 limit.add(0.0, elapsed - driven)
@@ -498,6 +531,19 @@ class HeatWatch:
             self._take_turn(self._cycle, enabled)
         if self.supplies:
             self._look_at_supplies(elapsed, enabled)
+
+    def keep(self, now: float) -> KeptHeat:
+        """Return the estimates at a time [s]."""
+        motors = [limit.motor for limit in self.limits]
+        windings = tuple(motor.winding for motor in motors)
+        return KeptHeat(now, windings, tuple(motor.housing for motor in motors))
+
+    def recall(self, kept: KeptHeat, now: float) -> None:
+        """Begin with what a bridge before this one estimated, motors off since then, if warmer."""
+        away = max(now - kept.time, 0.0)
+        rows = zip(self.limits, kept.windings, kept.housings, strict=False)
+        for limit, winding, housing in rows:
+            limit.recall(winding, housing, away)
 
     def refusal(self) -> str:
         """Return why the motors may not be driven yet, or ''."""

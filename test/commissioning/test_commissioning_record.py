@@ -83,7 +83,10 @@ def test_a_joint_without_a_pulse_gives_no_offsets():
     record = commissioned()
     entry = record.joints['joint3']
     bare = replace(entry, measured={'reduction': 31.0})
-    assert replace(record, joints={**record.joints, 'joint3': bare}).pulse_offset(CONFIG) is None
+    record = replace(record, joints={**record.joints, 'joint3': bare})
+    assert record.pulse_offset(CONFIG) is None
+    assert record.problem(CONFIG).startswith('the record has no pulse_offset of joint3')
+    assert record.open_joints(CONFIG) == [2]
 
 
 def test_the_names_of_topics_have_the_prefix():

@@ -138,6 +138,24 @@ def test_a_hot_arm_is_not_enabled_until_it_has_cooled(config, robot):
     assert rig.bridge.enable().accepted
 
 
+@pytest.mark.parametrize('disabled', [True, False])
+def test_the_last_current_of_a_board_without_supply_warms_no_motor(config, robot, disabled):
+    arm = quick(config, 40.0)
+    rig = AttackRig(arm, robot, posture=[0.0, 1.2, 0.0, 0.0], payload=0.2, settings=COLD)
+    rig.bring_up().run(0.05, lambda rig: Offer(effort=[0.0, 9.0, 0.0, 0.0]))
+    assert rig.bridge.motor_current[1] > 10.0
+    rig.inject('dead_board', 0)
+    rig.run(0.05)
+    if disabled:
+        rig.bridge.disable()
+    rig.run(8.0)  # as 5 minutes of the arm as drawn
+    winding = rig.bridge.heat.limits[1].motor.winding
+    if disabled:
+        assert winding < 60.0
+    else:  # the board may hear, and damp its joints
+        assert winding < arm.joints[1].motor.thermal.temperature_max
+
+
 def test_a_critical_temperature_is_the_boards_error(config, robot):
     rig = AttackRig(config, robot).bring_up()
     rig.inject('warm_motor', 1, 0, 140.0)

@@ -6,6 +6,7 @@ import pytest
 
 from aerarm_ros.hardware.boards.kept_zeros import ZeroFile
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.heat_watch import KeptHeat
 
 
 @pytest.fixture
@@ -73,6 +74,8 @@ def test_what_is_written_is_read_by_the_next_bridge(path, make_rig):
         (lambda text: text.replace('"boot": "', '"boot": "0'), 'from before the host was started'),
         (lambda text: text.replace('"time": ', '"time": 9'), 'is newer than now'),
         (lambda text: b'\xff\xfe', 'is no text'),
+        (lambda text: text.replace('"windings": [', '"windings": ["x", '), 'is not whole'),
+        (lambda text: text.replace('"heat": {', '"heat": 5, "old": {'), 'is not whole'),
     ],
 )
 def test_a_bad_file_gives_unknown_zeros_and_one_warning(path, make_rig, spoil, reason):
@@ -91,6 +94,29 @@ def test_a_bad_file_gives_unknown_zeros_and_one_warning(path, make_rig, spoil, r
     assert rig.bridge.mode == 'unhomed'
     assert [text.count(reason) for text in rig.bridge.faults] == [1]
     assert "('arm home')" in rig.bridge.faults[0]
+
+
+@pytest.mark.parametrize(('away', 'least', 'most'), [(1.0, 100.0, 108.0), (86400.0, 60.0, 60.0)])
+def test_the_next_bridge_knows_how_warm_the_motors_are(path, make_rig, away, least, most):
+    rig = begun(make_rig())
+    for limit in rig.bridge.heat.limits:
+        limit.motor.winding, limit.motor.housing = 108.0, 80.0
+    file = ZeroFile(path, rig.config)
+    assert file.read(rig.now) is None
+    file.update(rig.bridge, rig.now)
+    file.close()
+    kept = ZeroFile(path, rig.config).read(rig.now)
+    bridge = BridgeCycle(rig.config, rig.boards, robot=rig.robot, kept=kept)
+    bridge.heat.recall(kept.heat, rig.now + away)
+    for limit in bridge.heat.limits:
+        assert least <= limit.motor.winding <= most
+    assert ('wait until it has cooled' in bridge.heat.refusal()) == (away < 60.0)
+
+
+def test_a_file_keeps_no_arm_off_for_ever(path, make_rig):
+    rig = begun(make_rig())
+    rig.bridge.heat.recall(KeptHeat(rig.now, (1e9,), (1e9,)), rig.now)
+    assert rig.bridge.heat.limits[0].motor.winding < 150.0
 
 
 def test_no_file_and_one_that_cannot_be_written(tmp_path, make_rig):
