@@ -292,6 +292,7 @@ class ThermalLimit:
         '_stops',
         '_sum',
         '_temperature_max',
+        '_worst',
         'continuous_current',
         'effort_limit',
         'is_sinking',
@@ -318,6 +319,7 @@ class ThermalLimit:
         self._square = 0.0  # mean of some seconds
         self._sum = self._duration = 0.0
         self._is_warm = self._stops = False
+        self._worst = 0  # stage of the worst warning since the motor was cool
 
     @property
     def is_reduced(self) -> bool:
@@ -381,15 +383,28 @@ class ThermalLimit:
             f'temperature is {self._temperature_max:.0f}: support the arm, disable it, let it cool'
         )
 
-    def refusal(self) -> str:
-        """Return why the motor may not be driven yet, or ''."""
+    @property
+    def wait(self) -> str:
+        """What to wait for before the motor may be driven again, or ''."""
         cool = self._temperature_max - _REDUCTION
         if self.motor.winding <= cool:
             return ''
+        return f'wait until the motor of {self._name} has cooled to {cool:.0f} degC'
+
+    def refusal(self) -> str:
+        """Return why the motor may not be driven yet, or ''."""
+        if not self.wait:
+            return ''
         return (
-            f'the motor of {self._name} has {self.motor.winding:.0f} degC (estimated): '
-            f'wait until it has cooled to {cool:.0f}'
+            f'{self._name} has {self.motor.winding:.0f} degC (estimated) in its motor: {self.wait}'
         )
+
+    def new_warning(self) -> str:
+        """Return the warning if it is a worse one than since the motor was last cool, or ''."""
+        stage = sum((self._is_warm, self.is_reduced, self.is_sinking, self.lets_down))
+        rises = stage > self._worst
+        self._worst = max(stage, self._worst) if stage else 0
+        return self.warning() if rises else ''
 
     def warning(self) -> str:
         """Return what is to be said of the motor, or ''."""
@@ -471,7 +486,9 @@ class HeatWatch:
     Attributes
     ----------
     limits
-        One `ThermalLimit` a joint.
+        One `ThermalLimit` per joint.
+    news
+        Warnings that are worse than the ones before, for the log; who logs one removes it.
     supplies
         One `SupplyWatch` a board; none where frames carry no supply voltage.
     unknown
@@ -499,6 +516,7 @@ class HeatWatch:
         self._references = references
         self._places = [(links[joint.board], joint.channel) for joint in config.joints]
         self._board_timeout = settings.board_timeout
+        self.news: list[str] = []
         self._cycle = self._turns = 0
         self._cycles = max(_CYCLES, config.n)
         unknown = {joint.motor.name for joint in config.joints if joint.motor.thermal is None}
@@ -545,6 +563,11 @@ class HeatWatch:
         for limit, winding, housing in rows:
             limit.recall(winding, housing, away)
 
+    @property
+    def wait(self) -> str:
+        """What to wait for before the motors may be driven again, or ''."""
+        return ', '.join(filter(None, (limit.wait for limit in self.limits)))
+
     def refusal(self) -> str:
         """Return why the motors may not be driven yet, or ''."""
         return next(filter(None, (limit.refusal() for limit in self.limits)), '')
@@ -575,6 +598,8 @@ class HeatWatch:
         self._references.motors[joint].effort_limit = limit.effort_limit
         barrier.hold_back(limit.is_sinking)
         barrier.lets_down = limit.lets_down
+        if warning := limit.new_warning():
+            self.news.append(warning)
 
     def _look_at_supplies(self, elapsed: float, enabled: bool) -> None:
         for link, supply in zip(self._links, self.supplies, strict=True):

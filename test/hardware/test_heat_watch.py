@@ -73,6 +73,18 @@ def test_an_arm_held_stretched_is_warned_reduced_stopped_and_let_down_before_its
     assert abs(rig.boards.boards[0].motors[1].torque_current) < 0.5
     assert rig.log.speed_ratio(config).max() < 0.2
     assert not rig.bridge.clear_fault().accepted
+    # Each step is news once, and the way back names what to wait for.
+    news = [text for text in rig.bridge.heat.news if 'joint2' in text]
+    steps = (
+        'its torque is reduced in',
+        'the torque of joint2',
+        'joint2 sinks',
+        'joint2 is let down',
+    )
+    assert len(news) == len(steps)
+    assert all(step in text for step, text in zip(steps, news, strict=True)), news
+    assert 'wait until the motor of joint2 has cooled to 90 degC, ' in rig.bridge.way_out(True)
+    assert rig.bridge.way_out(True).startswith("'arm disable'")
 
 
 def test_a_warm_arm_can_be_folded_with_its_payload(config, robot):

@@ -452,6 +452,8 @@ class HardwareBridge(LifecycleNode):
         """Look for other nodes and do a piece of the diagnostics; once a cycle."""
         self._watch.poll()
         self._rivals.poll()
+        if self.cycle is not None and (news := self.cycle.heat.news):
+            self._mode_log.warn(news.pop(0))
         # For people, so in their time.
         self._diagnostics.step(time.monotonic())
 
