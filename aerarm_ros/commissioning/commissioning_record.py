@@ -136,18 +136,18 @@ class CommissioningRecord:
             or self.changed_key(joint)
         ]
 
-    def pulse_offset(self, config: ArmConfig) -> NDArray[np.float64] | None:
+    def pulse_offset(self, config: ArmConfig) -> NDArray[np.float64]:
         """Return the motors' angles of the index pulses modulo a turn, (n,) [rad].
 
-        None if a joint has none, or its drive is another in the configuration by now.
+        0 for a joint without one, or whose drive has changed in the configuration; `problem` names
+        it.
         """
-        offsets = []
-        for joint in config.joints:
+        offsets = np.zeros(config.n)
+        for i, joint in enumerate(config.joints):
             entry = self.joints.get(joint.name)
-            if entry is None or not entry.has_pulse_offset or self.changed_key(joint):
-                return None
-            offsets.append(entry.measured['pulse_offset'])
-        return np.array(offsets)
+            if entry is not None and entry.has_pulse_offset and not self.changed_key(joint):
+                offsets[i] = entry.measured['pulse_offset']
+        return offsets
 
     def with_prefix(self, prefix: str) -> CommissioningRecord:
         """Return the record by the names that the arm's joints have on topics."""

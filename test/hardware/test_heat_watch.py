@@ -76,7 +76,7 @@ def test_an_arm_held_stretched_is_warned_reduced_stopped_and_let_down_before_its
     # Each step is news once, and the way back names what to wait for.
     news = [text for text in rig.bridge.heat.news if 'joint2' in text]
     steps = (
-        'its torque is reduced in',
+        'the motor of joint2',
         'the torque of joint2',
         'joint2 sinks',
         'joint2 is let down',

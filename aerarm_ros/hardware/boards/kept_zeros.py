@@ -109,8 +109,8 @@ class KeptZeros:
     heat: KeptHeat | None = None
 
     def text(self) -> str:
-        """Return the zeros as a file holds them."""
-        return json.dumps(self, default=vars)
+        """Return the zeros as a file holds them, with their digest."""
+        return sealed(json.dumps(self, default=vars))
 
     @staticmethod
     def parse(text: str) -> KeptZeros:
@@ -118,7 +118,10 @@ class KeptZeros:
         try:
             if len(text) > LONGEST:
                 raise ValueError
-            document = json.loads(text)
+            envelope = json.loads(text)
+            if sealed(envelope['kept']) != text:
+                raise ValueError
+            document = json.loads(envelope['kept'])
             boards = tuple(
                 KeptBoard(
                     str(board['name']),
@@ -167,6 +170,11 @@ class KeptZeros:
         if any(time > now for time in times):
             raise KeptZerosError('is newer than now')
         return self
+
+
+def sealed(kept: str) -> str:
+    """Return a text with its digest, by which `KeptZeros.parse` knows that nothing is changed."""
+    return json.dumps({'sha256': hashlib.sha256(kept.encode()).hexdigest(), 'kept': kept})
 
 
 def arm_identity(config: ArmConfig) -> str:
