@@ -85,7 +85,7 @@ def test_the_graphs_name_every_mode_and_existing_nodes(reference: ModuleType) ->
     drawn = set(
         re.findall(r'\b[a-z0-9]+_[a-z_]+\b', ' '.join(re.findall(r'>([^<]+)</text>', nodes)))
     )
-    assert drawn <= {*reference.executables(), *TOPICS}
+    assert drawn <= {*reference.executables(), *TOPICS, *ACTIONS}
     assert {'hardware_bridge', 'joint_command'} <= drawn
 
 
