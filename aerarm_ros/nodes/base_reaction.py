@@ -39,8 +39,15 @@ from aerarm_ros.ros.states.state_stream import base_header
 NAME = 'base_reaction'
 
 PARAMETERS = state_node_parameters(
-    Parameter('rate', 100.0, 'how often the whole wrench is published', 'Hz', 1.0, 1000.0),
-    Parameter('cutoff', 20.0, 'low-pass of the measured joint acceleration', 'Hz', 0.1, 500.0),
+    Parameter('rate', 100.0, 'publishing rate of the whole wrench', 'Hz', 1.0, 1000.0),
+    Parameter(
+        'cutoff',
+        20.0,
+        'cutoff frequency of the low-pass for the measured joint acceleration',
+        'Hz',
+        0.1,
+        500.0,
+    ),
     *LOAD_PARAMETERS,
     *CONTACT_PARAMETERS,
     *ENERGY_PARAMETERS,
@@ -124,7 +131,7 @@ class BaseReactionNode(StateNode):
         """Tell whose motion is told, and the joules."""
         motion = self._loads.forecast.problem or 'planned'
         others = {**self._contact.describe(), **self._energy.describe()}
-        return {**super().describe(), 'motion ahead': motion, **others}
+        return {**super().describe(), 'motion forecast': motion, **others}
 
 
 def main(args: Sequence[str] | None = None) -> int:

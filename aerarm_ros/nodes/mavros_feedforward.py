@@ -63,10 +63,11 @@ def add_acceleration(set_point: Any, acceleration: NDArray[np.float64], now_ns: 
     """
     if set_point.coordinate_frame not in _LOCAL_FRAMES:
         raise RejectedInputError(
-            'set point: only FRAME_LOCAL_NED and FRAME_LOCAL_OFFSET_NED take an acceleration here'
+            'set point rejected: only FRAME_LOCAL_NED and FRAME_LOCAL_OFFSET_NED accept an '
+            'acceleration'
         )
     if set_point.type_mask & _IS_FORCE:
-        raise RejectedInputError('set point: it asks for a force, not for an acceleration')
+        raise RejectedInputError('set point rejected: it sets a force, not an acceleration')
     added = copy.deepcopy(set_point)
     wanted = added.acceleration_or_force
     if set_point.type_mask & _IGNORE_ACCELERATION:

@@ -92,9 +92,9 @@ class BridgeTiming:
 def _behind_text(behind: float) -> str:
     where = 'behind' if behind > 0.0 else 'ahead of'
     return (
-        f'the stamps are {1e3 * abs(behind):.0f} ms {where} the system clock, which was set: give '
-        'no start times and no stamps by the system clock until they agree '
-        "(after 'arm disable' at once if it is more than 500 ms, else by 0.5 ms per second)"
+        f'the stamps are {1000.0 * abs(behind):.0f} ms {where} the system clock, which was set: '
+        'until both agree, use no start times and no stamps of the system clock (more than 500 ms '
+        "end at once after 'arm disable', else 0.5 ms per second)"
     )
 
 
@@ -122,8 +122,8 @@ MOTORS = 'motors'
 POWER_FROM = 'power from'
 """Key of its source there, see `MotorPower`."""
 _POWER_SOURCES = {
-    'voltage': 'power from the voltages that the boards report',
-    'model': 'power computed from current, resistance and speed: the frames carry none',
+    'voltage': 'power computed from the voltages that the boards report',
+    'model': 'power computed from current, resistance and speed: the frames carry no voltage',
 }
 
 
@@ -299,7 +299,7 @@ _PATIENCE = 1.0
 _TO_AND_FRO = ('running', 'damping')
 # Modes that say nothing without their reason. Why commands are rejected has a log of its own.
 _WITH_REASON = ('disconnected', 'unhomed', 'damping', 'fault')
-_SINKS = 'The arm sinks until a good command comes'
+_SINKS = 'The arm sinks until a valid command arrives'
 
 
 class ModeLog:

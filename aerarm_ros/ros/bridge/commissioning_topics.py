@@ -34,8 +34,8 @@ _MOTORS_OFF = (*OFF_MODES, 'commissioning')
 COMMISSIONING_PARAMETER = Parameter(
     'commissioning_record',
     AUTO,
-    "record of 'arm commission'; auto: CONFIG.commissioning.yaml beside the configuration; none, "
-    'and no warning without one, if empty',
+    "record of 'arm commission'; auto: CONFIG.commissioning.yaml next to the configuration; "
+    'empty: no record and no warning',
 )
 
 
@@ -90,7 +90,7 @@ class RecordWatch:
     def _read(self, path: Path) -> str:
         self._record = CommissioningRecord(self._config.name)
         if not path.exists():
-            return f"the arm was never commissioned, {path} is missing: run 'arm commission'"
+            return f"the arm is not commissioned, {path} is missing: run 'arm commission'"
         try:
             record = load_record(path).with_prefix(self._prefix)
         except ConfigError as error:

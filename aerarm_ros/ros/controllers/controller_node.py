@@ -106,7 +106,10 @@ class ControllerNode(StateNode):
         if self._mode in COMMANDABLE:
             return ''
         mode = self._mode or 'unknown'
-        return f"{what}: the arm is '{mode}': run {to_switch_on(mode)}, or clear its fault, first"
+        return (
+            f"{what} rejected: the arm is '{mode}': run {to_switch_on(mode)}, or clear its fault, "
+            'first'
+        )
 
     def take_references(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
         """Listen to a topic that moves the arm; rejected while the arm can't be commanded."""
@@ -194,7 +197,7 @@ class ControllerNode(StateNode):
         if self._payload is not None:
             values |= self._payload.describe()
         if loop.base is None:
-            values['base motion'] = 'not used: the boards follow velocities whatever the base does'
+            values['base motion'] = 'not used: in velocity mode the boards need no base motion'
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
         return values
@@ -208,7 +211,7 @@ class ControllerNode(StateNode):
             f'{name} {angle:.2f}'
             for name, angle in zip(self.arm.config.joint_names, state.q.tolist(), strict=True)
         )
-        self.node.get_logger().info(f'in charge, from {where} rad', throttle_duration_sec=1.0)
+        self.node.get_logger().info(f'active, from {where} rad', throttle_duration_sec=1.0)
 
     def _on_mode(self, message: String, _: float) -> None:
         self._mode = message.data

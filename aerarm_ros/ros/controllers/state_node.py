@@ -38,7 +38,7 @@ from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
 from aerarm_ros.ros.states.state_stream import StateStream, base_header
 
 HORIZON = 0.1
-"""How far ahead a plan goes [s]: a drone's rotors and link want some 30 ms."""
+"Preview time of a plan [s]: a drone's rotors and link need some 30 ms."
 _POINT_PERIOD = 0.02  # [s] quintics between points are near enough
 _PERIOD_NS = 10_000_000  # between two plans
 
