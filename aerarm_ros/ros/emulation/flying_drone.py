@@ -161,10 +161,13 @@ class FlyingDrone(EmulatedDrone):
         rotors, is_commanded = self._flight.rotors, self._flight.rotors.is_commanded
         level, text = DiagnosticStatus.OK, 'flying'
         if not self.is_flying:
-            text = 'held until the motors hold the arm and the rotors lift it'
-            text = text if is_commanded else 'held: no rotor commands'
+            text = 'supported until the motors hold the arm and the rotors lift the drone'
+            text = text if is_commanded else 'supported: no rotor commands'
         elif not is_commanded:
-            level, text = DiagnosticStatus.WARN, 'no rotor commands: the rotors stand, it falls'
+            level, text = (
+                DiagnosticStatus.WARN,
+                ('no rotor commands: the rotors stand still, the drone falls'),
+            )
         if time.monotonic() - self._rejected_at < _REMEMBERED:
             level, text = DiagnosticStatus.WARN, f'rejected: {self._rejection}'
         values: dict[str, object] = {

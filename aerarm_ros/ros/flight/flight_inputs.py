@@ -39,7 +39,9 @@ def load_flown_drone(values: SimpleNamespace) -> tuple[ArmConfig, DroneConfig, M
     config, robot = load_arm(values)
     drone = load_drone(values, config, robot)
     if drone is None:
-        raise ValueError('parameter drone_file is empty: name the drone, as config/drone.yaml')
+        raise ValueError(
+            'parameter drone_file is empty: name the drone, for example config/drone.yaml'
+        )
     arm = MovingBaseDynamics(robot).composite_inertia(np.array(config.rest_position))
     return config, drone, MassProperties.of(drone, *arm)
 

@@ -38,7 +38,7 @@ _BUTTONS = {
         'Disable: the arm sinks',
         ('aligning', 'ready', 'homing', 'commissioning', 'running', 'damping', 'fault'),
     ),
-    'put_back': ('Put back (emulated)', ('idle', 'unhomed')),
+    'put_back': ('Reset (emulated)', ('idle', 'unhomed')),
 }
 _STEP = re.compile(r"'arm ([a-z_]+(?: [a-z0-9_:.]+)?)'")
 
@@ -140,7 +140,7 @@ class ViewPanel:
         if is_stop:
             self.tell(done, 'STOPPED' if done else 'NOT STOPPED', text)
         else:
-            self.tell(done, action if done else f'{action} refused:', text)
+            self.tell(done, action if done else f'{action} rejected:', text)
 
 
 def indented(content: str) -> str:

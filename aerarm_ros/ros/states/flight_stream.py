@@ -63,9 +63,8 @@ class RotorCommands:
             names, sample = decode_joint_state(payload)
         if sorted(names) != sorted(self._names):
             raise ValueError(
-                f'rotor_command is for rotors {", ".join(names) or "without names"}, this drone '
-                f'has {", ".join(self._names)}: start the flight controller with the same '
-                'drone_file'
+                f'it is for rotors {", ".join(names) or "without names"}, this drone has '
+                f'{", ".join(self._names)}: start the flight controller with the same drone_file'
             )
         if sample.effort is None:
             raise ValueError('it has no effort: send the thrust of each rotor [N] as effort')
