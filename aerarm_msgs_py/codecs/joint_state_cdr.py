@@ -224,8 +224,8 @@ class JointStateCdr:
             if values is not None:
                 if getattr(values, 'shape', None) != view.shape and np.shape(values) != view.shape:
                     raise ValueError(
-                        f'{len(self.names)} numbers are needed, one a joint {self.names}, '
-                        f'not an array of shape {np.shape(values)}'
+                        f'values has the shape {np.shape(values)}: give {len(self.names)} values, '
+                        f'one per joint {self.names}'
                     )
                 view[:] = values
         return bytes(buffer)

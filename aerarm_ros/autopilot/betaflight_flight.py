@@ -221,7 +221,7 @@ class BetaflightFlight:
         self._silence = np.inf
         self._thrust = np.zeros(len(self._thrust_max))
         self._is_armed = False
-        self.problem = 'Betaflight is not heard: start it before this node'
+        self.problem = 'no data from Betaflight: start it before this node'
 
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None

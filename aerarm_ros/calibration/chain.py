@@ -79,7 +79,7 @@ def chain_of(
     link = link or _last_link(document, above, known)
     if link not in document.links:
         raise CalibrationError(
-            f'--link {link}: there is no such link; the URDF has {_some(sorted(document.links))}'
+            f'--link {link}: unknown link; the URDF has {_some(sorted(document.links))}'
         )
     path = []
     at = link

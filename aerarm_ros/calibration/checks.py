@@ -233,9 +233,9 @@ def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
             )
     marker = int(np.nanargmax(off[row]))
     raise CalibrationError(
-        f'{labels[row]}{others}: marker {source.names[marker]} is {1e3 * off[row, marker]:.0f} mm '
-        'from where the other postures put it: a jumping marker, or a posture that was still in '
-        'motion; leave its cells empty there, or remove the posture'
+        f'{labels[row]}{others}: marker {source.names[marker]} jumps by '
+        f'{1000.0 * off[row, marker]:.0f} mm relative to the other postures: leave its cells '
+        'empty there, or remove a posture that was in motion'
     )
 
 

@@ -25,9 +25,9 @@ def share_directory() -> Path:
             if (candidate / _MARKER).is_file():
                 return candidate
     raise FileNotFoundError(
-        f'the shared files of {PACKAGE} (such as {_MARKER}) are neither beside the package nor '
-        f'in a share/{PACKAGE} folder above {module.parent}: install the package again, or '
-        'run from a complete checkout'
+        f'the shared files of {PACKAGE} (such as {_MARKER}) are neither next to the package nor '
+        f'in a share/{PACKAGE} folder above {module.parent}: install the package again, or run '
+        'from a complete checkout'
     )
 
 

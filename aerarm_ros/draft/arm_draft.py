@@ -267,8 +267,8 @@ def draft_gains(robot: Robot, rotor_inertia: Array, damping_min: Array) -> tuple
     slowest, fastest = _rates(mobility, damping)
     if fastest > _BANDWIDTH_MAX:
         raise ValueError(
-            f'an arm that is damped enough not to fall would have a velocity loop of '
-            f'{fastest / (2.0 * math.pi):.0f} Hz, more than boards can: check the masses and '
+            'damping that keeps the stopped arm from falling would need a velocity loop of '
+            f'{fastest / (2.0 * math.pi):.0f} Hz, too fast for the boards: check the masses and '
             'inertias of the last links, and velocity limits'
         )
     return min(_FASTEST_RATE, 0.25 * slowest) * damping, damping

@@ -74,19 +74,19 @@ class BridgeReport:
             monitor = link.monitor
             if link.is_damped_unheard:
                 texts.append(
-                    f'{monitor.name} is not heard, and told to damp its joints in case it hears; '
-                    f'disable switches it off: {monitor.problem}'
+                    f'{monitor.name} sends no valid frames; the bridge commands it to damp its '
+                    f'joints, disable switches it off: {monitor.problem}'
                 )
             elif monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
-                texts.append(f'{monitor.name} does not answer: {monitor.problem}')
+                texts.append(f'{monitor.name} does not respond: {monitor.problem}')
             elif not monitor.fault:
                 texts.append(monitor.echo.warning)
         if mode in ('unhomed', 'fault'):
             texts.append(self._zeros.problem)
         if mode == 'damping':
             texts.append(
-                f'no good command for {intake.age(now):.2f} s, the arm is damped: is the '
-                'controller running?'
+                f'no valid command for {intake.age(now):.2f} s, the arm is damped: check that the '
+                'controller runs'
             )
         texts += [*self._heat.warnings(), *self._loads.warnings()]
         if now - intake.last_rejection_time < _RECENT:
@@ -271,17 +271,17 @@ class BridgeCycle:
     def _hold(self) -> Answer:
         """Hold a damped arm where it is; leave one that follows a command alone."""
         if self.intake.is_fresh(self._now):
-            return Answer(True, 'already enabled, a command is followed')
+            return Answer(True, 'already enabled, tracking a command')
         self._followed = False
-        return Answer(True, 'already enabled: the arm is held where it is')
+        return Answer(True, 'already enabled: the bridge holds the arm in place')
 
     def hold(self) -> Answer:
         """Hold the arm once commands end, as who ends them asks: else it would be damped."""
         if self.mode not in ('ready', 'running', 'damping'):
             return Answer(False, f'arm_mode is {self.mode}: there is nothing to hold')
         self.intake.conclude(self._now)
-        when = ' once no more commands come' if self.intake.is_fresh(self._now) else ''
-        return Answer(True, f'the arm is held where it is{when}')
+        when = ' once commands end' if self.intake.is_fresh(self._now) else ''
+        return Answer(True, f'the bridge holds the arm in place{when}')
 
     def disable(self) -> Answer:
         """Ask the boards to switch the motors off. The arm falls: have it supported."""
@@ -296,7 +296,9 @@ class BridgeCycle:
         silent = [link.monitor.name for link in self.links if link.monitor.is_silent]
         if silent and self._enabled:
             # Going on without it would switch off the boards that damp the arm.
-            return Answer(False, f'{", ".join(silent)} does not answer: disable first, or mend it')
+            return Answer(
+                False, f'{", ".join(silent)} does not respond: disable first, or repair it'
+            )
         # Motors that lost their alignment align only when somebody says so.
         stays = self._enabled and all(link.may_be_damped for link in self.links)
         if stays and self.zeros.are_lost:

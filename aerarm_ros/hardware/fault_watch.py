@@ -72,7 +72,7 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
     if emulated:
         steps += [f"'arm fault power_cycle:{number}'" for number, _ in arm.boards]
     elif arm.boards:
-        steps.append('mend the cause')
+        steps.append('repair the cause')
         if arm.until_power_cycle:
             steps += [f'switch the supply of {name} off and on' for _, name in arm.boards]
     if not emulated and homes:  # where home and enable do it
@@ -123,7 +123,7 @@ class FaultWatch:
         if self._gate.stop:
             return f'clear the fault first: {self._gate.stop}'
         silent = [
-            f'{link.monitor.name} does not answer: {link.monitor.problem}'
+            f'{link.monitor.name} does not respond: {link.monitor.problem}'
             for link in self._links
             if link.monitor.mode is BoardMode.DISCONNECTED
         ]
@@ -274,9 +274,9 @@ class LoadCheck:
         for i, name in enumerate(self._config.joint_names):
             if fails[i]:
                 texts.append(
-                    f'{name} was asked for {requested[i]:.2f} Nm, and its current makes '
-                    f"{held[i]:.2f} Nm: check the driver of {name}, supply and motor phases ('arm "
-                    "commission')"
+                    f'{name} has a torque of {held[i]:.2f} Nm by its current instead of '
+                    f'{requested[i]:.2f} Nm: check the driver of {name}, supply and motor phases '
+                    "('arm commission')"
                 )
             elif differs[i]:
                 texts.append(

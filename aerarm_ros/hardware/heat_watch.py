@@ -384,7 +384,7 @@ class ThermalLimit:
         """Return what is to be said of the motor, or ''."""
         name, temperature = self._name, f'{self.motor.winding:.0f} degC (estimated)'
         if self.lets_down:
-            return f'{name} is let down beyond its limit, its motor has {temperature}: support it'
+            return f'{name} yields beyond its limit, its motor has {temperature}: support it'
         if self.is_sinking:
             return (
                 f'{name} sinks: its motor has {temperature} and only {self.effort_limit:.2f} of '

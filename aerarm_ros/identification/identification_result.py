@@ -200,8 +200,10 @@ LIMITS: dict[str, Callable[[IdentificationResult], float]] = {
     'tilt': lambda result: float(np.degrees(result.gravity.tilt)) if result.gravity else 0.0,
     'warnings': lambda result: float(len(result.warnings)),
 }
-"""What can be limited: largest errors of the validation bags [%], the standard deviation of
-predicted torque because of the parameters' [Nm], (5.2), 0 or 1, degrees, and a count."""
+(
+    'Quantities with limits: largest errors of the validation bags [%], standard deviation of\n'
+    "predicted torque caused by the parameters' [Nm], (5.2), 0 or 1, degrees, and a count."
+)
 
 
 def read_limits(path: Path) -> dict[str, float]:

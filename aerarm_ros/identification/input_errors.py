@@ -305,8 +305,9 @@ def _sign_text(name: str) -> str:
 
 def _constant_text(name: str, factor: float) -> str:
     return (
-        f"{name}'s effort is {factor:.2g} times what the other joints' torque asks for: check its "
-        f'torque constant, gear ratio and unit, or give --effort-gain {name}={1.0 / factor:.3g}'
+        f"{name}'s effort is {factor:.2g} times the value that the other joints' torque suggests: "
+        'check its torque constant, gear ratio and unit, or pass --effort-gain '
+        f'{name}={1.0 / factor:.3g}'
     )
 
 

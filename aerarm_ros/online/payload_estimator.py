@@ -434,9 +434,8 @@ class PayloadEstimator:
             self._begin(True, now)
         else:
             self._fault = (
-                'the arm seems to carry something since the start, or its model is not that of '
-                'this arm: start without a payload and move, give payload.inertial_parameters, '
-                'or identify the arm'
+                'the arm has a payload since the start, or its model is wrong: start without a '
+                'payload and move, set payload.inertial_parameters, or identify the arm'
             )
 
     def _decide(self, rows: Array, row: MotionRow, now: float) -> None:

@@ -53,7 +53,8 @@ CODE = re.compile(r'`+[^`]*`+')
 LINK = re.compile(r'!?\[([^\]]*)\]\([^)]*\)')
 FENCE = re.compile(r'^( *)(```|~~~).*?^\1?\2', re.MULTILINE | re.DOTALL)
 BLOCK = re.compile(r'\n\s*\n|\n\s*(?=[-*|>] ?|#+ |\d+\. )|\|')
-END = re.compile(r'(?<=[.!?:;])\s+(?=[A-Z`"\'(\d{])')
+# In a message a colon or semicolon ends a statement.
+END = re.compile(r'(?<=[.!?])\s+|(?<=[:;])\s+')
 WORD = re.compile(r"[^\W\d_][\w'-]*")
 
 

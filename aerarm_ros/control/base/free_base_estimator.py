@@ -259,8 +259,8 @@ class ImuWatch:
         size = float(np.linalg.norm(self._turn_error))
         if size > _TURN_ERROR:
             raise RejectedInputError(
-                f'IMU: its angular velocity is {size:.1f} rad/s off that with which its attitude '
-                'turns: check the driver, and that both are in the same axes'
+                f'IMU: angular velocity and attitude differ by {size:.1f} rad/s: check the '
+                'driver, and that both have the same axes'
             )
 
 

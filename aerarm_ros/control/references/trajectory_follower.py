@@ -30,7 +30,7 @@ class MotionEnd(Enum):
     OFF_PATH = 'the arm was too far from its path'
     OFF_GOAL = 'the arm was too far from its goal when its time was over'
     REPLACED = 'another motion has taken its place'
-    STOPPED = 'it was stopped, or control began anew'
+    STOPPED = 'it was stopped, or the controller was reset'
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,7 @@ class TrajectoryFollower:
     def take_over(self, q: npt.ArrayLike) -> None:
         """Hold the present posture `q` (n,) [rad] from now on."""
         if self.status != 'holding':
-            self.outcome, self.end = 'stopped: control began anew', MotionEnd.STOPPED
+            self.outcome, self.end = 'stopped: the controller was reset', MotionEnd.STOPPED
         self.reference = JointReference.at_rest(q)
         self._begin(Posture(self.reference), 0.0, 0.0, 'holding')
 

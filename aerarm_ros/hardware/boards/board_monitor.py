@@ -193,8 +193,8 @@ class BoardMonitor:
         self._slow_in_row += 1
         if self._slow_in_row >= self._settings.slow_exchanges_max:
             self.fail(
-                f'exchanges take {1e3 * duration:.2f} ms, allowed are '
-                f'{1e3 * self._settings.exchange_time_max:.2f}: check clock_hz, and '
+                f'exchanges take {1000.0 * duration:.2f} ms, more than the allowed '
+                f'{1000.0 * self._settings.exchange_time_max:.2f}: check clock_hz, and '
                 'polling_limit_us of the SPI driver'
             )
 
@@ -312,7 +312,7 @@ class BoardMonitor:
         elif self.is_aligned(state):
             self.mode = BoardMode.RUNNING if running else BoardMode.READY
         elif self.mode in (BoardMode.READY, BoardMode.RUNNING):
-            self.fail('its motors are no longer driven: did it restart? check its supply')
+            self.fail('its motors are no longer driven: check its supply, it may have restarted')
         else:
             self.mode = BoardMode.ALIGNING
             self._enabled_since = now if self._enabled_since is None else self._enabled_since

@@ -396,8 +396,8 @@ class MotorReferences:
         ):
             if given < least:
                 raise ValueError(
-                    f'kd of {name} is {given:.4g} A s/rad: an arm that is stopped would fall, '
-                    f'give {least:.4g} at least'
+                    f'kd of {name} is {given:.4g} A s/rad, too little to slow a falling arm: set '
+                    f'at least {least:.4g}'
                 )
         return gains
 

@@ -160,12 +160,12 @@ class CommandPublishers:
         present = f'joint_command has {len(self.names)} publishers ({", ".join(self.names)})'
         if self._is_anonymous:
             return f'{present}, and this ROS does not name the sender of a command: {_STOP}'
-        return f'{present}, the first to command is followed: {_STOP}'
+        return f'{present}, the bridge follows the first sender: {_STOP}'
 
 
 # Why a command is not let in, and what to check.
 REJECTIONS: dict[str, str] = {
-    'unreadable': 'it is not a JointState: check what publishes it, and with which ROS',
+    'unreadable': 'it is not a JointState: check its publisher, and the ROS version',
     'not_ready': 'the arm is not ready: enable it (home it if arm_mode is unhomed), or clear its '
     'fault',
     'not_allowed': 'its publisher is not on the list of allowed ones: check allowed_publishers',
@@ -176,9 +176,11 @@ REJECTIONS: dict[str, str] = {
     'infinite': 'it holds an infinite value: check the controller',
     'nan': 'it leaves a joint without any reference (NaN everywhere): check the controller',
     'unsupported': 'the frame profile has no feed-forward current, so no effort can be commanded',
-    'stale': 'it answers a state that is too old: check the load of the controller and the clocks',
-    'future': 'its stamp lies in the future: check the clocks; an emulated arm has a time of its '
-    'own, on /clock',
+    'stale': 'it responds to a state that is too old: check the load of the controller and the clocks',
+    'future': (
+        'its stamp lies in the future: check the clocks; an emulated arm has its own time, on '
+        '/clock'
+    ),
 }
 
 _CLOCK_TOLERANCE = 0.005  # [s]

@@ -16,11 +16,11 @@ from aerarm_ros.motion.signals import Array
 
 # What a limit did to a command, for the list of faults.
 LIMITED: dict[str, str] = {
-    'position': 'a position reference beyond its limit was held at the limit',
-    'velocity': 'a reference faster than the velocity limit was slowed to it',
-    'soft_zone': "motion towards a position limit was slowed near it, or for another joint's sake",
+    'position': 'a position reference beyond its limit was clipped to the limit',
+    'velocity': 'a reference faster than the velocity limit was slowed to the limit',
+    'soft_zone': 'motion towards a position limit was slowed near it, or because of another joint',
     'braking': 'a joint was braked before a limit of position or speed',
-    'effort': 'an effort above its limit was cut to the limit',
+    'effort': 'an effort above its limit was clipped to the limit',
     'effort_rate': 'an effort that changed too fast was slowed',
 }
 

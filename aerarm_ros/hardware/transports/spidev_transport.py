@@ -65,9 +65,8 @@ class SpidevDevice:
             self._file = self._opened()
         except OSError as error:
             raise TransportError(
-                f'cannot open {board.device} for {board.name}: {error.strerror or error}: is '
-                'SPI switched on (dtparam=spi=on), is the device right, is the user in group '
-                'spi?'
+                f'cannot open {board.device} for {board.name}: {error.strerror or error}: switch '
+                'SPI on (dtparam=spi=on), check the device name, and add the user to group spi'
             ) from None
         self._is_wanted = True
 
@@ -140,9 +139,9 @@ class SpidevDevice:
             self._file = None
 
     def _account(self) -> str:
-        text = f'{self._board.device} reports: {self._reason}: does the device still exist?'
+        text = f'{self._board.device} reports: {self._reason}: check that the device still exists'
         if self._file is None and self._is_wanted:
-            text += f' It is opened again once it does, tried every {self._wait:g} s'
+            text += f' The bridge tries to open it again every {self._wait:g} s'
         return text
 
 

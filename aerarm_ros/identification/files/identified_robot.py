@@ -370,9 +370,9 @@ def _scaled(
             for key, value in element.items():
                 element.set(key, repr(share * float(value)))
     return [
-        f'identified.urdf: the links behind locked joints ({", ".join(held)}) were written with '
-        f'{100.0 * share:.3g} % of their mass: as heavy as in the URDF, they would leave of '
-        f'{carrier} no possible body; check their inertia in the URDF'
+        f'identified.urdf: the links behind locked joints ({", ".join(held)}) have '
+        f'{100.0 * share:.3g} % of their mass in the URDF: with their full mass {carrier} would '
+        'not be physically consistent; check their inertia in the URDF'
     ]
 
 

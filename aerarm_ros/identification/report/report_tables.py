@@ -260,7 +260,7 @@ def friction_tables(result: IdentificationResult) -> Html:
     names = result.robot.joint_names
     model = result.fit.model
     chosen = table(
-        ['joint', 'terms besides the links'],
+        ['joint', 'terms other than links'],
         [[name, _terms_text(t, names)] for name, t in zip(names, model.terms, strict=True)],
     )
     if not result.comparisons:

@@ -118,7 +118,7 @@ _END = object()
 # Part, level, text and values.
 Status = tuple[str, bytes, str, Mapping[str, object]]
 MOTORS = 'motors'
-"""Part of the bridge that tells of its motors."""
+'Diagnostics of the motors.'
 POWER_FROM = 'power from'
 """Key of its source there, see `MotorPower`."""
 _POWER_SOURCES = {

@@ -85,7 +85,7 @@ FLIGHT_PARAMETERS = (
         ),
         Parameter(
             'hold_heading', True,
-                "send a heading in PX4's set points; if false, yaw is NaN and PX4 keeps the heading",
+                "send a heading in PX4's set points; if false, yaw is NaN",
         ),
     ),
     *grouped(

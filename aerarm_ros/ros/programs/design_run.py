@@ -55,7 +55,7 @@ def whole_periods(duration: float, fundamental: float) -> int:
         raise ExcitationError(
             f'the duration ({duration:g} s) is not a multiple of the period '
             f'({1.0 / fundamental:g} s), and incomplete periods spoil the filtering: pass '
-            f'{" or ".join((f"{value:g} s" for value in near))}'
+            f'{" or ".join(f"{value:g} s" for value in near)}'
         )
     return whole
 
