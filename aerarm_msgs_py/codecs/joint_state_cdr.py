@@ -24,7 +24,7 @@ from aerarm_msgs_py.codecs.cdr import (
 
 
 class JointSample(NamedTuple):
-    """One JointState without its names, in the joint order of whoever made it.
+    """One JointState without its names, in the joint order of the publisher.
 
     Attributes
     ----------

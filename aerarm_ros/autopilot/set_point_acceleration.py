@@ -15,7 +15,7 @@ _LEAN_MAX = 0.35  # [rad] that may be asked for besides what the force takes
 
 
 class SetPointAcceleration:
-    """What is fed forward through an autopilot that takes an acceleration, and nothing else.
+    """Acceleration feed-forward for an autopilot that accepts an acceleration only.
 
     Against the force f of the joints' motion that is `-f / m`; the weight is left to the
     autopilot's hover thrust. Such an autopilot leans for it, late by its attitude loop, and no

@@ -15,7 +15,7 @@ _LIGHT = 1e-6  # [kg] of a link that the URDF gives no mass, so that it can be r
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """A serial arm out of a URDF, and what was left out.
+    """Serial arm of a URDF, with the ignored joints.
 
     Attributes
     ----------

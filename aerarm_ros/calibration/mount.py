@@ -62,7 +62,7 @@ class FramePose:
 
 @dataclass(frozen=True, eq=False)
 class MountResult:
-    """What was found of the arm's base.
+    """Result for the pose of the arm's base on the drone.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class MountResult:
 
 @dataclass(frozen=True, eq=False)
 class ImuResult:
-    """What was found of the IMU.
+    """Result for the pose of the IMU on the drone.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Files shipped beside the code: URDF, configuration, launch and RViz files."""
+"""Files shipped with the code: URDF, configuration, launch and RViz files."""
 
 import os
 from pathlib import Path
@@ -32,7 +32,7 @@ def share_directory() -> Path:
 
 
 def find_file(path: Path | str) -> Path:
-    """Return the file of a path, or the packaged one of that name if there is no such file.
+    """Return the file of a path, or the packaged one of that name if the path does not exist.
 
     `config/drone.yaml`, `drone.yaml` and `drones/quadrotor.yaml` name packaged files from any
     folder; a file of one's own, relative to the working directory, comes first.

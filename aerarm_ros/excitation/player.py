@@ -16,7 +16,7 @@ from aerarm_ros.motion.signals import Array, JointCommand, JointReference
 
 
 class CommandLaw(Protocol):
-    """What a command mode does with the reference."""
+    """Maps a reference to the command of a mode."""
 
     def command(self, reference: JointReference, position: Array) -> JointCommand:
         """Return the command for the measured `position` (n,) [rad]."""

@@ -67,7 +67,7 @@ class BridgeReport:
         self._monitors = [link.monitor for link in links]
 
     def faults(self, mode: str, now: float) -> list[str]:
-        """Return what is wrong, the latched stop first; rejections and limits for a second."""
+        """Return faults, the latched stop first; rejections and limits for a second."""
         intake, gate = self._intake, self._gate
         texts = [gate.stop, *(monitor.fault for monitor in self._monitors)]
         for link in self._links:
@@ -223,11 +223,11 @@ class BridgeCycle:
 
     @property
     def faults(self) -> list[str]:
-        """What is wrong, the latched stop first; rejections and limits for a second."""
+        """Faults, the latched stop first; rejections and limits for a second."""
         return self._report.faults(self.mode, self._now)
 
     def way_out(self, emulated: bool) -> str:
-        """Return what brings an arm back as things are now, '' if nothing has to; see `way_out`."""
+        """Return the recovery hint for the present state, '' if none is needed; see `way_out`."""
         if not self.gate.stop and (self._enabled or not self.zeros.are_lost):
             return ''
         return way_out(self._watch.stopped(self.state, self._enabled and self._aligned), emulated)
@@ -276,7 +276,7 @@ class BridgeCycle:
         return Answer(True, 'already enabled: the bridge holds the arm in place')
 
     def hold(self) -> Answer:
-        """Hold the arm once commands end, as who ends them asks: else it would be damped."""
+        """Hold the arm once commands end, instead of damping it."""
         if self.mode not in ('ready', 'running', 'damping'):
             return Answer(False, f'arm_mode is {self.mode}: there is nothing to hold')
         self.intake.conclude(self._now)

@@ -23,7 +23,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class StoppedArm:
-    """What of a stopped arm decides how it is brought back.
+    """State of a stopped arm that determines its recovery.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class StoppedArm:
 
 
 def way_out(arm: StoppedArm, emulated: bool) -> str:
-    """Return what to do, one step after the other, divided by commas; commands are in quotes.
+    """Return the recovery hint, steps separated by commas; commands are in quotes.
 
     Without a fault of a board or an encoder, and inside its limits, a driven arm is held where it
     is. All else goes through idle: a board that restarted has to align, and clearing a fault would
@@ -254,7 +254,7 @@ class LoadCheck:
         self._current_error: Array = _CURRENT_ERROR * config.column('effort_max')
 
     def warnings(self, q: Array, held: Array, requested: Array) -> list[str]:
-        """Return what is wrong with joints, and what to check.
+        """Return warnings about joints, and what to check.
 
         Parameters
         ----------
@@ -321,7 +321,7 @@ class LoadWatch:
             self._add(state)
 
     def warnings(self) -> list[str]:
-        """Return what is wrong in the posture that is held."""
+        """Return warnings about the held configuration."""
         means = self._means
         if means is None:
             return []

@@ -1,4 +1,4 @@
-"""Keeps motors and supply within what they bear, beside the cycle's limits of motion."""
+"""Keep motors and supply within their thermal and electrical limits."""
 
 from __future__ import annotations
 
@@ -217,7 +217,7 @@ class SupplyWatch:
         return ''
 
     def warning(self) -> str:
-        """Return what is to be said of the supply, or ''."""
+        """Return the warning about the supply, or ''."""
         return self._warning
 
     def _warn(self, text: str) -> None:
@@ -381,7 +381,7 @@ class ThermalLimit:
         )
 
     def warning(self) -> str:
-        """Return what is to be said of the motor, or ''."""
+        """Return the warning about the motor, or ''."""
         name, temperature = self._name, f'{self.motor.winding:.0f} degC (estimated)'
         if self.lets_down:
             return f'{name} yields beyond its limit, its motor has {temperature}: support it'
@@ -504,7 +504,7 @@ class HeatWatch:
         return next(filter(None, (limit.refusal() for limit in self.limits)), '')
 
     def warnings(self) -> list[str]:
-        """Return what is to be said of motors and supply."""
+        """Return the warnings about motors and supply."""
         texts = [limit.warning() for limit in self.limits]
         texts += [supply.warning() for supply in self.supplies]
         return [*filter(None, texts)]

@@ -53,7 +53,7 @@ def torque_error_per_length(
 
 
 def geometry_text(result: IdentificationResult) -> str:
-    """Return whether the geometry was calibrated, and what an error of it costs, in words."""
+    """Return whether the geometry was calibrated, and the torque error otherwise, in words."""
     robot = result.robot
     if is_calibrated(robot):
         return 'The geometry of the URDF is calibrated.'

@@ -106,7 +106,7 @@ class IdentificationResult:
 
     @property
     def only_prior(self) -> tuple[str, ...]:
-        """Parameters of the recommended estimate that the data say next to nothing about."""
+        """Parameters of the recommended estimate that the data hardly determine."""
         determined = self.recommended.estimate.determined
         if determined is None:
             return ()
@@ -138,7 +138,7 @@ class IdentificationResult:
 
 @dataclass(frozen=True)
 class Check:
-    """One limit, and what was found.
+    """One limit, with the measured value.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Verdict:
-    """All limits that were asked for."""
+    """All requested limits."""
 
     checks: tuple[Check, ...]
 

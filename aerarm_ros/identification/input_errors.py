@@ -130,7 +130,7 @@ def find_input_errors(
 def torque_factors(
     bags: Sequence[SampleColumns], cad: ArmParameters, joints: Sequence[str]
 ) -> dict[str, float]:
-    """Return by how much the torque of joints exceeds the drawing's, beside their friction.
+    """Return the factor of each joint's torque relative to the nominal model and its friction.
 
     Only of joints whose drawn torque clearly shows in the measured one: not of those that carry
     next to nothing, whose torque is friction that no drawing has.

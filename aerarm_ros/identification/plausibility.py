@@ -40,7 +40,7 @@ def error_warnings(
     cad: ArmParameters,
     joints: tuple[str, ...],
 ) -> list[str]:
-    """Return what torque errors reveal of a wrong input.
+    """Return warnings about wrong inputs, derived from torque errors.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Asks bridge and controllers to do something, and says what came of it.
+"""Send one request to the bridge or a controller and print the result.
 
 Usage: ros2 run aerarm_ros arm home --wait ready
 """
@@ -89,7 +89,7 @@ class Arm:
         self._request = options.make_request(self._node, options)
 
     def run(self) -> None:
-        """Ask, and say what came of it."""
+        """Send the request and print the result."""
         try:
             self._request()
             self.status = 0
@@ -426,7 +426,7 @@ def _completion() -> str:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the command; 0 if what was asked was done."""
+    """Run the command; return 0 if the request succeeded."""
     arguments = list(sys.argv[1:] if args is None else args)
     parser = make_parser()
     complete(parser)

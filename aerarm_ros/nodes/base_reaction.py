@@ -55,7 +55,7 @@ PARAMETERS = state_node_parameters(
 
 
 class BaseReactionNode(StateNode):
-    """Joint states in, `BaseReaction` out, at a rate of its own."""
+    """Publishes the arm's reaction on the drone at its own rate, from joint states."""
 
     answers_every_state = False
 
@@ -75,7 +75,7 @@ class BaseReactionNode(StateNode):
         self._last = self._due = -np.inf
 
     def connect(self) -> None:
-        """Advertise what the drone wants to know."""
+        """Advertise the topics for the drone."""
         self._wrench = self.advertise(topics.BASE_WRENCH)
         self._static = self.advertise(topics.STATIC_WRENCH)
         self._loads = LoadTopics(self.node, self.arm, self.values, self.answers.publish)

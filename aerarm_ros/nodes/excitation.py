@@ -74,7 +74,7 @@ PARAMETERS = ParameterTable(
 
 
 class ExcitationNode:
-    """Waits for the arm, plans from where it is, plays, and says how it went.
+    """Waits for the arm, plans from its present configuration, plays, and reports the result.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class ExcitationNode:
         self._plan = PlanTopic(self._node, self._names, lambda: states.stamp_ns, self._ahead)
 
     def run(self) -> None:
-        """Play the trajectory; `status` says how it ended."""
+        """Play the trajectory; `status` is the exit status."""
         with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
                 self._run()

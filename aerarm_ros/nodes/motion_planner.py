@@ -93,7 +93,7 @@ PLANNER_PARAMETERS = (
 
 
 def plan_settings(values: SimpleNamespace) -> dict[str, object]:
-    """Return what the parameters say of `PlanSettings`."""
+    """Return the `PlanSettings` of the parameters."""
     return {parameter.name: getattr(values, parameter.name) for parameter in _SETTINGS}
 
 

@@ -99,7 +99,7 @@ PARAMETERS = ParameterTable(
 
 
 class MotorBenchNode:
-    """Moves one joint at a time, measures, and writes what the drives are like.
+    """Moves one joint at a time, measures, and writes the drives' parameters.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ class MotorBenchNode:
         self._arm_at_end = ArmAtEnd(self._node, values)
 
     def run(self) -> None:
-        """Measure; `status` says how it ended."""
+        """Measure; `status` is the exit status."""
         out = Path(self._values.out or f'{NAME}_{datetime.now():%Y%m%d_%H%M%S}')
         with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:

@@ -51,7 +51,7 @@ _STATUS_PERIOD = 0.1  # [s]
 
 
 class Recorder:
-    """A loop that feeds a bag, and tells how it goes.
+    """Loop that records a bag and reports its state.
 
     The latched topic `recorder_status` tells others when it is worth starting: a JSON object
     with `state` (recording, stored, failed), `bag`, and `matched`, the topics whose publisher

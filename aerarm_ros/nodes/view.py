@@ -58,7 +58,7 @@ PARAMETERS = ParameterTable(
 
 
 class ViewError(ValueError):
-    """The page cannot be served; the message says what to do."""
+    """The page cannot be served; the message states what to do."""
 
 
 class View:

@@ -194,7 +194,7 @@ class WorldControlNode(ControllerNode):
         return ''
 
     def describe(self) -> dict[str, object]:
-        """Say how well the tool is held, how old the odometry is, and how far the reach goes."""
+        """Report tool error, odometry age and remaining reach."""
         pose, margin = self.pose, self.topics.margin
         values: dict[str, object] = {
             **super().describe(),

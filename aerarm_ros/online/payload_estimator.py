@@ -62,7 +62,7 @@ class OnlineEstimate:
 
     @property
     def unexcited(self) -> tuple[str, ...]:
-        """Names of the parameters that the motion tells little of: they are near the prior."""
+        """Names of the parameters that the motion hardly excites: they are near the prior."""
         known = self.payload.std < _UNKNOWN * self.prior_std
         return tuple(
             name for name, is_known in zip(PARAMETER_NAMES, known, strict=True) if not is_known
@@ -278,7 +278,7 @@ class PayloadEstimator:
 
     @property
     def problem(self) -> str:
-        """What keeps the arm from being estimated, '' if nothing."""
+        """Reason why the arm cannot be estimated, '' if it can."""
         return self._efforts.problem or self._fault
 
     @property

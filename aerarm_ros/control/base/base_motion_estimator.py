@@ -31,7 +31,7 @@ class AccelerationEstimate:
         self._rest = np.zeros(n)
 
     def reset(self) -> None:
-        """Forget the past; the next velocity starts anew."""
+        """Forget the past; the next velocity initialises the filter."""
         self._smooth = None
 
     def update(self, dq: Array, dt: float) -> Array:

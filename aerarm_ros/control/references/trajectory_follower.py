@@ -24,7 +24,7 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 
 class MotionEnd(Enum):
-    """What ended it."""
+    """Reason for the end of a motion."""
 
     REACHED = 'it has reached its goal'
     OFF_PATH = 'the arm was too far from its path'
@@ -92,7 +92,7 @@ _JOINED = 3.0
 
 
 class TrajectoryFollower:
-    """What the joints should do now, always continuous up to the acceleration.
+    """Follows trajectories and streamed points; references are continuous up to the acceleration.
 
     A new motion replaces the running one at any time, on a way that keeps to the limits (see
     `find_transition`). A stop follows the path of the motion under way, see `stop_along`; on a

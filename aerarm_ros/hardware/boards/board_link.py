@@ -28,7 +28,7 @@ _DRIFT = 0.01  # ... and of the time between them
 
 
 class RestartWatch:
-    """Looks for what only a restart does to a board's answers.
+    """Detects a restart of a board from its frames.
 
     A restart may pass unseen between two answers, or while the board is not heard: the counts of
     its encoders begin anew all the same. Then its clock is not where it should be, an index pulse
@@ -177,7 +177,7 @@ class BoardLink:
 
     @property
     def is_damped_unheard(self) -> bool:
-        """Whether the board is told to drive its motors and gives no answer."""
+        """Whether the board receives damping commands and sends no valid frames."""
         return self._command.enable_system and self.monitor.is_silent
 
     def drive_only(self, channel: int | None) -> None:
@@ -399,7 +399,7 @@ class ArmMeasurements:
         self._believed = unknown()
 
     def believed(self, tells: Mask) -> tuple[Array, Array]:
-        """Return positions [rad] and velocities [rad/s] for what needs the whole arm, (n,) each.
+        """Return estimated positions [rad] and velocities [rad/s] of all joints, (n,) each.
 
         A joint whose encoder does not tell its position, of (n,) `tells`, stands where it was last
         believed to be: its numbers would make nonsense of what the other joints carry.

@@ -76,7 +76,7 @@ class CommandEcho:
 
     @property
     def fault(self) -> str:
-        """What a cut wire is called, without the board's name."""
+        """Name of the fault of a cut wire, without the board's name."""
         return (
             f'{self.lost_in_row} commands in a row did not reach it over MOSI while its answers '
             f'reach the host: {_CHECK}'
@@ -84,7 +84,7 @@ class CommandEcho:
 
     @property
     def warning(self) -> str:
-        """What to say of the wire while too many commands are lost, '' else."""
+        """Warning about the wire while too many commands are lost, else ''."""
         if self.is_cut:
             return f'{self._name}: {self.fault}'
         if self.rate <= self._settings.lost_commands_warning:

@@ -132,11 +132,11 @@ class EncoderZeros:
         )
 
     def expected(self, motor_position: Array) -> Array:
-        """Return where homing takes the motors to be (n,) [rad]: absolute ones where they say."""
+        """Return the expected motor angles (n,) [rad]; absolute encoders report theirs."""
         return np.where(self.absolute, motor_position, self.rest)
 
     def vouched(self) -> str:
-        """Return what homing takes the present posture for, in words."""
+        """Return the assumed home configuration, in words."""
         return f'homing assumes the home configuration, {self._posture()}'
 
     def _posture(self) -> str:
@@ -399,7 +399,7 @@ def roomy_side(config: ArmConfig) -> Array:
 
 
 def motion_in_words(config: ArmConfig) -> str:
-    """Return what homing does to the joints, with the largest travel [rad]."""
+    """Return a description of the homing motion, with the largest travel [rad]."""
     travel = _TURN * config.column('gear.ratio')
     one_sided = roomy_side(config) != 0.0
     side = 'up to two turns to one side' if one_sided.any() else 'to either side'

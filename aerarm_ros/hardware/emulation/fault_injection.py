@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # who only lists the faults loads no boards and no physics en
 
 
 class Fault(NamedTuple):
-    """What can go wrong with an emulated board.
+    """Fault of an emulated board.
 
     Attributes
     ----------

@@ -106,7 +106,7 @@ _CRC = Struct('>I')
 
 
 class FrameError(ValueError):
-    """A record that must not be sent; the text says which value to check."""
+    """Record with a value that a frame cannot carry; the message names it."""
 
 
 class FrameCodec:

@@ -1,4 +1,4 @@
-"""Decides which joint commands are let in."""
+"""Accept or reject joint commands."""
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -50,7 +50,7 @@ Values = Sequence[float] | NDArray[np.float64] | None
 
 
 class OfferedCommand(NamedTuple):
-    """What somebody wants the joints to do, and who.
+    """Received command with its publisher.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ _STOP = 'stop all but one'
 
 
 class CommandPublishers:
-    """Says of each message which publisher it is from, and whether that one may command.
+    """Maps each message to its publisher, and decides whether that publisher may command.
 
     The middleware's message info holds the publisher's global identifier (GID), and the list of
     the topic's endpoints names the node of each GID. `look` takes that list now and then. Until the
@@ -118,7 +118,7 @@ class CommandPublishers:
         return gid is None or gid in self._nodes
 
     def judge(self, gid: bytes | None, matched: int) -> tuple[Source, bool]:
-        """Tell who sent a message.
+        """Return the publisher of a message.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class CommandPublishers:
 
     @property
     def warning(self) -> str:
-        """What is wrong with the publishers present, '' if nothing is."""
+        """Warning about the present publishers, '' if all are allowed."""
         others = [name for name in self.names if not self.is_allowed(name)]
         if others:
             return (
@@ -176,7 +176,7 @@ REJECTIONS: dict[str, str] = {
     'infinite': 'it holds an infinite value: check the controller',
     'nan': 'it leaves a joint without any reference (NaN everywhere): check the controller',
     'unsupported': 'the frame profile has no feed-forward current, so no effort can be commanded',
-    'stale': 'it responds to a state that is too old: check the load of the controller and the clocks',
+    'stale': 'it responds to an old state: check the load of the controller and the clocks',
     'future': (
         'its stamp lies in the future: check the clocks; an emulated arm has its own time, on '
         '/clock'
@@ -275,7 +275,7 @@ class CommandIntake:
         return True
 
     def reject(self, reason: str, now: float) -> None:
-        """Count a command received at `now` [s] that is not let in; a key of `REJECTIONS`."""
+        """Count a command rejected at `now` [s]; a key of `REJECTIONS`."""
         self.rejections[reason] += 1
         self.last_rejection = reason
         self.last_rejection_time = now

@@ -32,7 +32,7 @@ _CREEP_SHARE = 0.005
 
 
 class JointLimiter:
-    """Limits what one joint is asked to do, and tells what goes too far to be limited.
+    """Limits the references of one joint, and stops the arm if they exceed a tolerance.
 
     References towards a position limit are slowed to what the joint can still be braked from,
     with a little to spare. What a joint then does is the `barrier`'s.

@@ -75,7 +75,7 @@ def equivalent_friction(
 
 
 def unwritten(estimate: Estimate) -> tuple[str, ...]:
-    """Return what to know of the estimate's terms that these formats have no place for.
+    """Return notes on the terms of the estimate that these formats cannot contain.
 
     Not of offsets, which a controller's integral makes up for.
     """
@@ -220,7 +220,7 @@ class LoadFriction:
 
 @dataclass(frozen=True)
 class IdentifiedUrdf:
-    """A URDF text, and what the user should know of it."""
+    """URDF text, with notes for the user."""
 
     text: str
     warnings: tuple[str, ...]

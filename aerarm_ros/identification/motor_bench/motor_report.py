@@ -85,7 +85,7 @@ def _pair(value: tuple[float, float]) -> list[float]:
 
 
 def load_earlier(path: Path) -> Earlier:
-    """Read what a run without the known mass found, from its motor_bench.yaml.
+    """Read the results of a run without the known mass from its motor_bench.yaml.
 
     Raises
     ------

@@ -53,7 +53,7 @@ class BagFacts:
         return ', '.join(parts) + columns
 
     def warnings(self, name: str, states: int) -> list[str]:
-        """Return what the user should know of how the bag was recorded.
+        """Return warnings about the recording of the bag.
 
         Parameters
         ----------
@@ -350,7 +350,7 @@ def recording_from_states(
     mapping: JointMapping,
     commanded: tuple[slice, str] | None = None,
 ) -> Recording:
-    """Pick an arm's joints out of recorded joint states and check what they hold.
+    """Extract an arm's joints from recorded joint states and check the values.
 
     Parameters
     ----------

@@ -244,7 +244,7 @@ def _short(expression: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ReportExtras:
-    """What the report shows besides the result.
+    """Additional contents of the report.
 
     Attributes
     ----------

@@ -129,7 +129,7 @@ _POWER_SOURCES = {
 
 @dataclass(frozen=True)
 class Watched:
-    """What there is to report while the bridge is active."""
+    """Sources of the diagnostics while the bridge is active."""
 
     joint_names: Sequence[str]
     cycle: BridgeCycle
@@ -143,7 +143,7 @@ class Watched:
 
 
 class BridgeDiagnostics:
-    """Publishes three statuses: what the arm does, its motors, how the loop keeps its time.
+    """Publishes three statuses: state of the arm, its motors, timing of the loop.
 
     A message takes most of a millisecond to make. While a cycle runs it is therefore made in
     pieces, one in each cycle's slack: made by another thread it would hold the interpreter
@@ -303,7 +303,7 @@ _SINKS = 'The arm sinks until a valid command arrives'
 
 
 class ModeLog:
-    """Logs every new mode, a fault with its reason and the way out, an arm that sinks as a warning.
+    """Logs every new mode, a fault with its reason and recovery hint, a sinking arm as a warning.
 
     The cycle only notes it: a line of log costs up to a millisecond, which the executor's
     thread has. That the boards do not answer is said if it lasts: every start begins so.
@@ -325,7 +325,7 @@ class ModeLog:
         )
 
     def note(self, mode: str, reasons: Sequence[str] = (), way_out: str = '') -> None:
-        """Note a new mode, why the arm is in it, the way out; called from the cycle's thread."""
+        """Note a new mode, its reason and the recovery hint; called from the cycle's thread."""
         self._noted.append((mode, reasons, way_out))
         self._news.trigger()
 

@@ -40,7 +40,7 @@ COMMISSIONING_PARAMETER = Parameter(
 
 
 class RecordWatch:
-    """What the record of an arm says, and what is wrong with it.
+    """Contents of the record of an arm, and its problems.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ if TYPE_CHECKING:  # nothing to run
 
 
 class RobotDescription:
-    """Publishes a URDF once; whoever subscribes later still gets it.
+    """Publishes a URDF once, latched for later subscribers.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class World:
         return self.clock.now_ns()
 
     def newest_command(self) -> Command | None:
-        """Return what came on joint_command since the last call; ValueError if unreadable."""
+        """Return the newest joint_command since the last call; ValueError if unreadable."""
         return self.bridge.streams.newest_command()
 
     def end_cycle(self, now: float, stamp_ns: int) -> None:
@@ -492,7 +492,7 @@ _LONGEST_PER_JOINT = 128
 
 
 class BridgeStreams:
-    """Publishes states and takes commands without building message objects.
+    """Publishes states and receives commands without building message objects.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def controller_parameters(*parameters: Parameter) -> ParameterTable:
 
 
 class Attendant(Protocol):
-    """Something that follows what a controller's loop does."""
+    """Observer of a controller's loop."""
 
     def update(self) -> None:
         """Act after a command is sent, in the loop's thread."""
@@ -88,7 +88,7 @@ class ControllerNode(StateNode):
         self.attend(PlanTopic(self.node, names, lambda: self.stamp_ns, after_state))
 
     def take_payload(self) -> None:
-        """Listen to what the arm is found to carry, if any of it shall be handed over."""
+        """Subscribe to the payload estimate, if payload compensation is enabled."""
         if self.values.hand_over == 0.0:
             return
         self._payload = PayloadIntake(
@@ -179,7 +179,7 @@ class ControllerNode(StateNode):
         super().close()
 
     def warning(self) -> str:
-        """Return what diagnostics should warn of."""
+        """Return the warning for diagnostics."""
         if self._mode not in COMMANDABLE:
             return f"the arm is '{self._mode}': run {to_switch_on(self._mode)}, or clear its fault"
         problem = '' if self._payload is None else self._payload.problem

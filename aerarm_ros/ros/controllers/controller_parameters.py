@@ -270,7 +270,7 @@ class ControlledArm:
         self._models.append(model)
 
     def carry(self, payload: Sequence[float]) -> None:
-        """Tell every model what the arm carries from now on; raises ValueError."""
+        """Set the payload of every model from now on; raises ValueError."""
         for model in self._models:
             model.carry(_payload(payload))
 
@@ -329,7 +329,7 @@ class ControlledArm:
         return largest_feedback_gain(self._whole(values, self.drone, payload))
 
     def whole_body(self, values: SimpleNamespace, drone: DroneConfig) -> WholeBodyDynamics:
-        """Return the model of arm and drone as one body; it is told what the arm carries."""
+        """Return the whole-body model of arm and drone; it follows the payload."""
         whole = self._whole(values, drone)
         self.load(whole, values)
         return whole

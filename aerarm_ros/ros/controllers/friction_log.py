@@ -60,7 +60,7 @@ _LEAST = 30.0  # [s] of learning that are worth a record at the end
 
 
 class FrictionLog:
-    """Makes a record of the estimates now and then, and writes it where nobody waits for it.
+    """Records the friction estimates periodically, and writes them in a background thread.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class FrictionLog:
             self._record(estimate)
 
     def write(self) -> None:
-        """Write what there is to write; from any thread."""
+        """Write pending records; from any thread."""
         with self._lock:
             pending, self._pending = self._pending, []
             for record in pending:
@@ -125,13 +125,13 @@ class FrictionLog:
                 self.problem = f'friction_file cannot be written: {error}'
 
     def finish(self) -> None:
-        """Write the last of what was learnt."""
+        """Write the last record."""
         if self._last is not None and self._learnt >= min(self._interval, _LEAST):
             self._record(self._last)
         self.write()
 
     def describe(self) -> dict[str, object]:
-        """Tell what has changed since the first record."""
+        """Report changes since the first record."""
         with self._lock:
             records, changes = self._trend.records, self._trend.changes()
         told = [

@@ -1,4 +1,4 @@
-"""What a payload estimator finds, taken over into a controller's model."""
+"""Payload compensation: move a controller's model to the payload estimate."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ HAND_OVER_PARAMETERS = grouped(
 
 
 class PayloadIntake:
-    """Leads the model's payload to what `payload` says, between two commands.
+    """Moves the model's payload to the topic `payload`, between two commands.
 
     It is an `Attendant` of a controller. What is handed over comes on top of
     `payload.inertial_parameters`. A silent estimator changes nothing: what was handed over stays,
@@ -114,7 +114,7 @@ class PayloadIntake:
         """Nothing to destroy."""
 
     def describe(self) -> dict[str, object]:
-        """Tell what is handed over."""
+        """Report the compensated payload."""
         carried = self._hand_over.carried
         told: dict[str, object] = {'compensated payload [kg]': round(float(carried[0]), 4)}
         if self._undone:
@@ -123,7 +123,7 @@ class PayloadIntake:
 
     @property
     def problem(self) -> str:
-        """What is wrong with what was handed over, '' if nothing."""
+        """Problem of the payload compensation, '' if there is none."""
         if not self._hand_over.is_undone:
             return ''
         return (

@@ -230,7 +230,7 @@ _PERIOD_NS = 2_000_000  # between two looks at what came
 
 
 class ContactTopic:
-    """Hears odometry and rotor commands, and publishes the wrench of the contact.
+    """Subscribes to odometry and rotor commands, and publishes the contact wrench.
 
     Of a drone that is not known nothing is heard and nothing published.
 
@@ -308,14 +308,14 @@ class ContactTopic:
             self._estimator.observer.bandwidth = bandwidth
 
     def problem(self) -> str:
-        """Return what has gone missing since contact was told of last, '' if nothing has."""
+        """Return which input is missing since the last contact estimate, '' if none is."""
         if self._estimator is None or not self._count:
             return ''
         problem = self._estimator.problem()
         return problem and f'contact_wrench: {problem}'
 
     def describe(self) -> dict[str, object]:
-        """Tell whether contact is told of, and why not."""
+        """Report whether contact is published, and the reason otherwise."""
         if self._estimator is None:
             text = "the drone's mass and rotors are unknown: set drone_file"
         else:
@@ -355,7 +355,7 @@ _PERIOD = 0.1  # [s]
 
 
 class EnergyTopic:
-    """Adds up states, and publishes the total ten times a second of the arm's time.
+    """Sums up the energy, and publishes the total at 10 Hz of the arm's time.
 
     A row a cause: together what the supply gave, and last what it took back. A column a joint.
 

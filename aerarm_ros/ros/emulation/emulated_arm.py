@@ -67,7 +67,7 @@ _NO_DRONE = 'contact_force needs a flying drone: set drone_file'
 
 
 class EmulatedArm(World):
-    """A world of emulated boards on a physics engine, whose time may depend on who answers.
+    """Emulated boards on a physics engine, in simulated time.
 
     A real arm is carried by hand until its motors hold it. So is this one: enabling takes it
     up where it is, or back to where it started if it fell beyond its limits.

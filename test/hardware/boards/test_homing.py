@@ -347,7 +347,7 @@ def test_pulses_are_found_exactly_at_any_period_and_hold_up_of_the_host(config, 
         assert not homing.fault, milliseconds
         assert np.abs(error).max() < 5e-4
     homing, *_ = homed(config, milliseconds=[1] * 60 + [250])
-    assert homing.fault.startswith('homing was held up while joint')
+    assert homing.fault.startswith('homing was delayed while joint')
 
 
 def test_an_implausible_pulse_stops_the_arm_whose_zero_is_then_unknown(make_rig, config):

@@ -345,7 +345,7 @@ def test_damping_is_judged_by_what_the_frame_makes_of_it(config):
     # One count of 0.3 A s/rad: 0.14 becomes nothing.
     coarse = load_profile().with_lsb('kd', 31.4)
     MotorReferences(replace_kd(config, 0.3), coarse, 0.5, damping_min=0.1)
-    with pytest.raises(ValueError, match='would fall'):
+    with pytest.raises(ValueError, match='a falling arm'):
         MotorReferences(replace_kd(config, 0.14), coarse, 0.5, damping_min=0.1)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from aerarm_ros.ros.programs.demo_run import DemoAccount
 
-BRIDGE = 'fake_hardware: 999 cycles, the world ran at {} % of real time{}\n'
+BRIDGE = 'fake_hardware: 999 cycles, the simulation ran at {} % of real time{}\n'
 RECORDER = (
     '[INFO] [1.0] [recorder]: /joint_states: 900 messages, 5 lost\n'
     '[INFO] [1.1] [recorder]: out/bag: 2000 messages, {} lost\n'
@@ -25,7 +25,7 @@ def account(
 
 def test_says_how_fast_the_world_ran_and_what_was_lost(tmp_path: Path) -> None:
     assert list(account(tmp_path).lines()) == [
-        'Bridge    999 cycles, the world ran at 99.9 % of real time',
+        'Bridge    999 cycles, the simulation ran at 99.9 % of real time',
         'Recorder  identification: 2000 messages, 0 lost',
         'Recorder  validation: 2000 messages, 0 lost',
     ]

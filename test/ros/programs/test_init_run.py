@@ -30,7 +30,7 @@ def test_both_files_are_written_and_the_next_commands_told(tmp_path: Path, capsy
     assert load_arm_config(folder / 'mine.yaml').name == 'mine'
     assert load_excitation_config(folder / 'mine_excitation.yaml').bias is not None
     printed = capsys.readouterr().out
-    assert f'{text.count("# guess")} values that no URDF says' in printed
+    assert f'{text.count("# guess")} values that are not in a URDF' in printed
     assert f'-p config:={folder}/mine.yaml -p urdf:={URDF}' in printed
 
 
