@@ -78,7 +78,7 @@ class BridgeReport:
                     f'joints, disable switches it off: {monitor.problem}'
                 )
             elif monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
-                texts.append(f'{monitor.name} does not respond: {monitor.problem}')
+                texts.append(f'{monitor.name} does not answer: {monitor.problem}')
             elif not monitor.fault:
                 texts.append(monitor.echo.warning)
         if mode in ('unhomed', 'fault'):
@@ -297,7 +297,7 @@ class BridgeCycle:
         if silent and self._enabled:
             # Going on without it would switch off the boards that damp the arm.
             return Answer(
-                False, f'{", ".join(silent)} does not respond: disable first, or repair it'
+                False, f'{", ".join(silent)} does not answer: disable first, or repair it'
             )
         # Motors that lost their alignment align only when somebody says so.
         stays = self._enabled and all(link.may_be_damped for link in self.links)

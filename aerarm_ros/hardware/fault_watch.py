@@ -123,7 +123,7 @@ class FaultWatch:
         if self._gate.stop:
             return f'clear the fault first: {self._gate.stop}'
         silent = [
-            f'{link.monitor.name} does not respond: {link.monitor.problem}'
+            f'{link.monitor.name} does not answer: {link.monitor.problem}'
             for link in self._links
             if link.monitor.mode is BoardMode.DISCONNECTED
         ]

@@ -27,7 +27,7 @@ def test_findings_only_shrink() -> None:
         ('page.md', 'One value a joint, beside `one a joint`.', 2),
         ('page.md', f'{"word " * 26}.\n\n{"word " * 25}.', 1),
         ('page.md', f'| {"word " * 20} | {"word " * 20} |', 0),
-        ('code.py', f'"""Return it."""\nraise ValueError(f"the {{x}} leans: {"so " * 25}")', 2),
+        ('code.py', f'"""Return it."""\nraise ValueError(f"the {{x}} leans: {"so " * 26}")', 2),
         ('code.py', '"""Return what was heard.\n\nIt was heard.\n"""\nkey = "tare"', 1),
         ('page.html', '<p class="lean">{{ heard }} The <b>believed</b> angle</p>', 1),
         ('page.js', "label.textContent = 'hand-over';  /* tare */", 1),

@@ -168,7 +168,7 @@ def test_while_a_board_is_silent_the_others_go_on_damping(rig):
     rig.run(0.1)
     answer = rig.bridge.clear_fault()
     assert not answer.accepted
-    assert 'board1 does not respond: disable first' in answer.message
+    assert 'board1 does not answer: disable first' in answer.message
     rig.run(0.1)
     assert rig.boards.boards[0].system_enabled
     rig.bridge.disable()

@@ -91,7 +91,7 @@ def test_until_somebody_disables_it(config, robot):
     cut(rig, 'mute_board', 0)
     rig.run(0.05)
     answer = rig.bridge.clear_fault()
-    assert 'board0 does not respond: disable first' in answer.message
+    assert 'board0 does not answer: disable first' in answer.message
     rig.run(0.05)
     assert rig.boards.boards[0].system_enabled
     rig.bridge.disable()

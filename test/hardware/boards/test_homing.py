@@ -129,7 +129,7 @@ def test_from_idle_the_arm_aligns_first_and_is_taken_to_be_at_rest(make_rig, con
     answer = rig.bridge.home()
     assert answer.accepted
     assert (
-        'taken for the home configuration, joint1 0, joint2 1.571, joint3 0, joint4'
+        'homing assumes the home configuration, joint1 0, joint2 1.571, joint3 0, joint4'
         in answer.message
     )
     assert rig.bridge.q == pytest.approx(config.rest_position, abs=1e-3)
