@@ -227,7 +227,7 @@ def _turn(config: ArmConfig, joint: int) -> float:
 
 
 def _direction(config: ArmConfig, robot: Robot, joint: int, turn: float) -> str:
-    """Return which way a joint turns, for a person beside the arm in its home configuration."""
+    """Return the direction of a joint, for a person next to the arm in its home configuration."""
     try:
         tool = Kinematics(robot)
     except ValueError:  # an arm without a frame of that name

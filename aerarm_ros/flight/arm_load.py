@@ -388,7 +388,7 @@ class ArmFeedForward:
         return FeedForward(body, share * wrench, *(share * force for force in forces))
 
     def _motion_at(self, now: float) -> tuple[Array, Array, Array, Array] | None:
-        """Return the wrench then and now, its force's derivatives, None if they are not told."""
+        """Return the wrench then and now, and the force's derivatives, None if unknown."""
         ahead, motion = now + self.lead, self._motion
         wrench = motion.at(ahead)
         if wrench is None:

@@ -385,7 +385,7 @@ def _solved(
     options: IdentificationOptions,
     windows: RolloutWindows | None,
 ) -> tuple[ModelFit, dict[str, Estimate], list[str], list[str]]:
-    """Solve, and again without the terms that come out as nil; say which, and what that means."""
+    """Solve, and solve again without insignificant terms; report these terms and their meaning."""
     left_out: list[str] = []
     warnings: list[str] = []
     how = (options.solvers, options.progress, options.bounds, windows)

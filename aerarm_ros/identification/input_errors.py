@@ -167,7 +167,7 @@ def _joint_columns(motion: _Motion, joint: int) -> Array:
 
 
 def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]:
-    """Return measured over expected torque beside friction, and the share that it explains."""
+    """Return measured over expected torque in addition to friction, and the explained share."""
     others = _joint_columns(motion, joint)
     torques = np.column_stack([expected, motion.tau[:, joint]])
     left, measured = (torques - others @ np.linalg.lstsq(others, torques, rcond=None)[0]).T

@@ -106,7 +106,7 @@ class BaseReactionNode(StateNode):
         self.count_answer()
 
     def silence(self, silent_for: float) -> float:
-        """Let what is told of the arm's motion fade, and of contact.
+        """Fade the published arm motion and contact.
 
         Not by a pause of an emulated arm's host, which is none of the arm's time.
         """
@@ -128,7 +128,7 @@ class BaseReactionNode(StateNode):
         return super().warning() or self._contact.problem()
 
     def describe(self) -> dict[str, object]:
-        """Tell whose motion is told, and the joules."""
+        """Report the source of the published motion, and the energy."""
         motion = self._loads.forecast.problem or 'planned'
         others = {**self._contact.describe(), **self._energy.describe()}
         return {**super().describe(), 'motion forecast': motion, **others}

@@ -80,7 +80,7 @@ class ComputedTorqueNode(ControllerNode):
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law and what surrounds it."""
+        """Build the law with its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         integral = None
@@ -120,7 +120,7 @@ class ComputedTorqueNode(ControllerNode):
         setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Require one gain, or one a joint, and a law that has them."""
+        """Require one gain, or one per joint, and a law that has them."""
         if name in ('kp', 'kd'):
             if not isinstance(self.law, ComputedTorque):
                 raise ValueError(
@@ -129,7 +129,7 @@ class ComputedTorqueNode(ControllerNode):
             non_negative(name, one_or_each(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
-        """Say how the motion goes, and under a drone what delay of a command is borne."""
+        """Report the progress of the motion, and under a drone the tolerated command delay."""
         values: dict[str, object] = {
             'motion': self.follower.status,
             'last motion': self.follower.outcome,

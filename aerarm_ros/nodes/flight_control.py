@@ -132,7 +132,7 @@ class FlightControlNode:
         self._fly(stamp_ns)
 
     def _wait_for_arm(self) -> None:
-        """Wait for what is told of the arm; once it was in vain, not before it comes in time."""
+        """Wait for the arm's forecast; after a timeout, only once a forecast is on time again."""
         if not self._is_told_late():
             self._waits_for_arm = True
             return
@@ -150,7 +150,7 @@ class FlightControlNode:
             self._try(self._requests.popleft())
 
     def _is_told_late(self) -> bool:
-        """Return whether the arm is told later than it is needed."""
+        """Return whether the arm's forecast is late."""
         now = self._estimator.stamp
         return now is not None and self._arm.is_late(now)
 

@@ -64,7 +64,7 @@ class GravityCompensationNode(ControllerNode):
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law and what surrounds it."""
+        """Build the law with its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         # By hand the friction is compensated along a measured, noisy velocity: wider.
@@ -107,12 +107,12 @@ class GravityCompensationNode(ControllerNode):
             setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Require one gain, or one a joint."""
+        """Require one gain, or one per joint."""
         if name in ('kp', 'kd'):
             non_negative(name, one_or_each(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
-        """Say how the motion goes."""
+        """Report the progress of the motion."""
         mode = 'hand guiding' if self.law.hand_guiding else self.follower.status
         motion = {'motion': mode, 'last motion': self.follower.outcome}
         return {**super().describe(), **motion}

@@ -70,7 +70,7 @@ class ImpedanceControlNode(ControllerNode):
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law and what surrounds it."""
+        """Build the law with its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         self.follower = make_target_follower(values, arm)

@@ -70,7 +70,7 @@ class KinematicControlNode(ControllerNode):
         self.tool = ToolTopics(self, self.follower, self.values.frame)
 
     def describe(self) -> dict[str, object]:
-        """Say how near a singularity or a limit the arm is."""
+        """Report the distance to singularities and limits."""
         return {
             **super().describe(),
             'least singular value [m/rad]': round(self.resolution.least_singular_value, 4),

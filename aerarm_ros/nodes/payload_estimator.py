@@ -118,7 +118,7 @@ class PayloadEstimatorNode(StateNode):
         return super().warning() or self._estimator.problem or unwritten
 
     def describe(self) -> dict[str, object]:
-        """Tell the last good estimate."""
+        """Report the last good estimate."""
         told = {**super().describe(), 'detected changes': self._estimator.changes}
         told |= self._log.describe() if self._log is not None else {}
         estimate = self._estimator.estimate

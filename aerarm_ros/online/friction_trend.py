@@ -138,7 +138,7 @@ class TrendFileError(ValueError):
 
 
 def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> FrictionTrend:
-    """Return the trend that `write_trend` has left, an empty one if there is no such file.
+    """Return the trend written by `write_trend`, an empty one without a file.
 
     Parameters
     ----------

@@ -459,7 +459,7 @@ class PayloadEstimator:
         self.changes += 1
 
     def _look_again(self, rows: Array, row: MotionRow) -> None:
-        """Begin anew once the arm without payload explains what is felt."""
+        """Reset once the arm without payload explains the torques."""
         _, square = self._innovation(rows, row)
         self._quiet = self._quiet + self._period if square < 3.0 else 0.0
         if self._quiet > 1.0:

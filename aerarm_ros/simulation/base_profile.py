@@ -34,7 +34,7 @@ class BaseState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BaseProfile:
-    """A turn by a constant and an oscillating angle, beside an oscillating shift.
+    """A rotation by a constant and an oscillating angle, with an oscillating translation.
 
     The turn is about one axis, so that angular velocity and acceleration are those of the
     angle; everything that oscillates grows smoothly from rest within `ramp`.

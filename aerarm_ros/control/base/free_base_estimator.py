@@ -389,7 +389,7 @@ class FreeBaseEstimator:
         return f'rotor commands + IMU below {self.correction.cutoff:g} Hz'
 
     def problem(self, now: float) -> str:
-        """Return what is wrong at `now` [s], '' if nothing."""
+        """Return the problem at `now` [s], '' if there is none."""
         wrong = self._imu_problem(now) or self._rotor_problem(now)
         return self.status(now) if wrong else ''
 

@@ -188,7 +188,7 @@ class BoardLink:
         self.is_aligned = self.monitor.is_aligned(self.state)
 
     def exchange(self, references: MotorReferences, enable: bool, running: bool) -> None:
-        """Send the references of the board's motors and take what it reports.
+        """Send the references of the board's motors and store its measurements.
 
         With `enable` False the board is told to switch off. References that no frame can
         hold are a fault; the board's motors then get no current in this cycle.
@@ -417,7 +417,7 @@ class ArmMeasurements:
         gains: Gains,
         lag: float | None = None,
     ) -> None:
-        """Take the boards' last states.
+        """Read the boards' last states.
 
         A board holds its references for a cycle while the motor turns on, so its current
         falls by Kp times the angle and Kd times the change of velocity (4.4), and the frame

@@ -318,7 +318,7 @@ class EncoderMonitor:
         inertias: Sequence[float] | None = None,
         loads: Sequence[float] | None = None,
     ) -> str:
-        """Return what is wrong with an encoder, or ''.
+        """Return the fault of an encoder, or ''.
 
         Parameters
         ----------

@@ -199,7 +199,7 @@ class EmulatedTransport:
             self._effort_per_current.append(torque_constant * joint.gear.efficiency * ratio)
 
     def _rewire(self) -> None:
-        """Take over the boards' wiring; encoders go on from the counts that they have."""
+        """Adopt the boards' wiring; encoders continue from their counts."""
         self._connect()
         for (_, _, motor, ratio, offset), q in zip(
             self._drives, self.plant.position.tolist(), strict=True

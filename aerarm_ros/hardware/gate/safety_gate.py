@@ -308,7 +308,7 @@ class SafetyGate:
             self._slow(overwhelmed, float(interval.max()))
 
     def _slow(self, overwhelmed: int, interval: float) -> None:
-        """Slow whatever moves beside joints that their drives do not brake, for a time [s].
+        """Slow all joints while drives fail to brake a joint, for a time [s].
 
         Joint 1 at full speed throws a loaded arm outward with more torque than joint 2 has.
         """

@@ -321,7 +321,7 @@ class MotorBench:
     def _backlash(
         self, joint: int, swings: Sequence[MotorRun], friction: MotorFriction
     ) -> tuple[float, float] | None:
-        """Return what swings tell of the gear's play; that of others makes it uncertain."""
+        """Estimate the gear's backlash from swings; backlash of other gears adds uncertainty."""
         if not swings or self._robot is None:
             return None
         drive, posture = self._config.joints[joint], self._posture
@@ -406,7 +406,7 @@ class MotorBench:
         return np.array(values)
 
     def _carried_inertia(self, joint: int) -> tuple[float, float]:
-        """Return inertia about the joint besides the drive's, and its standard deviation."""
+        """Return the load inertia about the joint, and its standard deviation."""
         known, robot = self._known, self._robot
         if robot is None:
             return (known.mass * known.lever**2 if known else 0.0), 0.0

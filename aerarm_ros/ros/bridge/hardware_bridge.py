@@ -332,7 +332,7 @@ class HardwareBridge(LifecycleNode):
         return SUCCESS
 
     def _try_wires(self, profile: FrameProfile) -> None:
-        """Say how well each board is heard; it may still be without supply."""
+        """Log the link quality of each board; it may still be without supply."""
         if not isinstance(self._transport, SpidevTransport):
             return
         for answer in self_test(self._transport, self.config, profile):

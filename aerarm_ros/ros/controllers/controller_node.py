@@ -186,7 +186,7 @@ class ControllerNode(StateNode):
         return ('' if self.loop.base is None else super().warning()) or problem
 
     def describe(self) -> dict[str, object]:
-        """Tell about the loop."""
+        """Report the state of the loop."""
         loop = self.loop
         values = {
             **super().describe(),

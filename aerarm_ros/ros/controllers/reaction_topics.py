@@ -162,7 +162,7 @@ class LoadTopics:
         self.forecast.offer(begin, times, *columns)
 
     def _has_faded_after(self, stamp_ns: int) -> bool:
-        """Return whether a state tells of a time for which the motion was told as fading.
+        """Return whether a state lies in a time for which a fading motion was published.
 
         A bridge that was held up between measuring and publishing sends such a state afterwards.
         """

@@ -190,7 +190,7 @@ class StateNode:
     # What a derived node changes.
 
     def build(self) -> None:
-        """Make the pure objects; raises ValueError with what to check."""
+        """Build the ROS-free objects; raises ValueError with what to check."""
 
     def connect(self) -> None:
         """Make publishers and subscriptions."""

@@ -203,7 +203,7 @@ _ENCAPSULATION = (0, 1, 0, 0)
 
 
 class WorldClock:
-    """Publishes the time, as serialized bytes, 200 times a second of it.
+    """Publishes the simulated time, as serialized bytes, at 200 Hz.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ class WorldClock:
             self._publisher.publish(self._told)
 
     def tell_again(self) -> None:
-        """Publish the last time once more, for who has not heard it."""
+        """Republish the last time, for late subscribers."""
         if self._told:
             self._publisher.publish(self._told)
 
@@ -396,7 +396,7 @@ class EmulatedWorld:
         return self._in_lockstep and (is_answered or self._mode in _ALONE)
 
     def _stand(self) -> None:
-        """Wait until somebody does something, which takes no time in the world."""
+        """Wait for a message or request; no simulated time passes."""
         begun = time.monotonic_ns()
         if not self._wait(lambda: self._command is None, self._patience):
             if self._mode == 'ready' and self._streams.commands.publishers():
@@ -464,7 +464,7 @@ class EmulatedWorld:
         return self._stands or self._watch.awaits(self.now_ns())
 
     def _is_alone(self, has_told: bool) -> bool:
-        """Whether nobody commands the arm, after a wait with or without telling the state again."""
+        """Whether no node commands the arm, after a wait with or without re-sending the state."""
         commands = self._streams.commands
         if not self._watch.awaits(self.now_ns()):
             return False

@@ -148,12 +148,12 @@ class FlyingDrone(EmulatedDrone):
 
     @property
     def is_flying(self) -> bool:
-        """Whether nobody holds the drone."""
+        """Whether the drone is unsupported."""
         return not self._flight.is_held
 
     @property
     def expects(self) -> bool:
-        """Whether somebody answers the odometry."""
+        """Whether a node responds to the odometry."""
         return self._watch.expects
 
     def describe(self) -> Status:
@@ -190,7 +190,7 @@ class FlyingDrone(EmulatedDrone):
             self._tell(*odometry)
 
     def restart(self) -> None:
-        """Tell next where the drone is now, and no more where it was: somebody has put it there."""
+        """Publish the present pose next, without earlier ones: a user has moved the drone."""
         self._told_ns = 0
         self._imu.restart()
         self._odometry.restart()
@@ -223,7 +223,7 @@ class FlyingDrone(EmulatedDrone):
         self._flight.rotors.command(thrust)
 
     def tell_again(self) -> None:
-        """Publish the last odometry once more, for who has not heard it."""
+        """Republish the last odometry, for late subscribers."""
         if self._told_ns:
             self._odometry_publisher.publish(self._told)
 

@@ -47,7 +47,7 @@ def load_flown_drone(values: SimpleNamespace) -> tuple[ArmConfig, DroneConfig, M
 
 
 class ArmTopics:
-    """Hands what `base_reaction` tells of the arm to what feeds it forward.
+    """Passes the messages of `base_reaction` to the feed-forward.
 
     Parameters
     ----------

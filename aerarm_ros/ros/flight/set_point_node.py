@@ -37,7 +37,7 @@ _CLOCK_TOLERANCE = 0.2
 def set_point_parameters(
     set_points: str, output: str, attitude: str, *others: Parameter
 ) -> ParameterTable:
-    """Return the parameters of such a node: defaults of its topics, and what it has besides."""
+    """Return the parameters of a set point node: default topics, and additional parameters."""
     return ParameterTable(
         *ARM_FILES,
         DRONE_FILE,

@@ -170,7 +170,7 @@ Text = Annotated[str, msgspec.Meta(max_length=200)]
 class CameraMoved(
     msgspec.Struct, tag_field='type', tag='ViewerCameraMessage', forbid_unknown_fields=True
 ):
-    """Where somebody looks at the arm from; it is of no consequence for others."""
+    """Camera pose of one browser."""
 
     wxyz: tuple[float, float, float, float]
     position: Vector
@@ -325,7 +325,7 @@ class _Gate:
         gate = self
 
         class PageConnection(ServerConnection):
-            """A connection that hears the page's own messages only."""
+            """A connection that accepts only the page's own messages."""
 
             async def recv(self, decode: bool | None = None) -> Any:
                 while not is_allowed(message := await super().recv(decode)):

@@ -1,4 +1,4 @@
-"""What stands beside the arm in the browser: mode, emergency stop, what can be asked of it."""
+"""Side panel of the page: mode, emergency stop, requests to the bridge."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class ViewPanel:
         self._answer.content = indented(elements().outcome(done, word, text))
 
     def answer(self, action: str) -> None:
-        """Do what a button says, and show what came of it."""
+        """Run the action of a button, and show the result."""
         if not action:
             return
         is_stop = action == 'e_stop'

@@ -29,7 +29,7 @@ _SIMILAR, _NEARLY_SAME = 0.6, 0.8
 
 
 class CommandLine:
-    """What a node may be told when it is started.
+    """Command line arguments of a node.
 
     Parameters
     ----------

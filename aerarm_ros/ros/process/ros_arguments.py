@@ -75,7 +75,7 @@ class UsageError(ValueError):
 
 @dataclass(frozen=True)
 class GivenParameter:
-    """A parameter that somebody gave a value.
+    """A parameter with a given value.
 
     Attributes
     ----------
