@@ -64,7 +64,7 @@ def test_a_jump_of_the_only_marker_is_found_by_the_other_postures(good: Observat
     position = positions(good)[:, :1]
     position[3] += 0.12
     text = refused(changed(good, position, ('tip',)))
-    assert 'posture 4: marker tip is 2' in text and 'relative to the other postures' in text
+    assert 'posture 4: marker tip jumps by 2' in text and 'relative to the other postures' in text
 
 
 def test_millimetres_are_suspected(good: Observations) -> None:

@@ -55,5 +55,5 @@ def test_messages_without_numbers_are_not_called_complete(tmp_path: Path) -> Non
 
 def test_a_log_without_an_account_is_named(tmp_path: Path) -> None:
     (tmp_path / 'bridge').write_text('Killed\n')
-    with pytest.raises(ValueError, match='bridge ends without'):
+    with pytest.raises(ValueError, match='bridge has no line'):
         DemoAccount.read(tmp_path / 'bridge', {})

@@ -132,4 +132,4 @@ def test_what_cannot_be_done_is_one_line(folder: Path, tmp_path: Path, capsys: A
     assert 'holds other files' in capsys.readouterr().err
     only = folder / 'right' / 'still.npz'
     assert run('--each', only, '--out', tmp_path / 'new', '--workers', 1) == 2
-    assert 'none of 1 bags could be identified from' in capsys.readouterr().err
+    assert 'none of 1 bags could be identified' in capsys.readouterr().err

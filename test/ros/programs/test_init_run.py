@@ -150,7 +150,7 @@ def test_an_estimate_replaces_guesses(tmp_path: Path, capsys: Any) -> None:
     }
     estimate.write_text(yaml.safe_dump({'/**': {'ros__parameters': found}}))
     assert main(['init', URDF, '--out', str(tmp_path), '--estimate', str(estimate)]) == 0
-    assert 'no URDF and no estimate says' in capsys.readouterr().out
+    assert 'not in a URDF or an estimate' in capsys.readouterr().out
     file = tmp_path / 'three_joints.yaml'
     config = load_arm_config(file)
     assert config.column('viscous') == pytest.approx([0.03, 0.04, 0.02])
