@@ -36,8 +36,8 @@ def test_says_how_fast_the_world_ran_and_what_was_lost(tmp_path: Path) -> None:
     [
         (
             {'share': '81.6', 'slip': ', 11.68 s behind it: too slow here for a real arm'},
-            'NOTE      the world waited for this host, so the result is as on a faster one; a '
-            'real arm would not have waited: ',
+            'NOTE      the simulation waited for this computer, so the results do not change; '
+            'a real arm does not wait: ',
         ),
         ({'lost': 7}, 'WARNING   the bags lack 7 messages: '),
     ],
