@@ -87,7 +87,7 @@ class IdentifiedTake:
 
     @staticmethod
     def available() -> bool:
-        """Tell whether this ROS is the one whose layouts are known here, and has the calls."""
+        """Return whether this ROS version has the required calls and known message layouts."""
         try:
             rcl, arrays = ctypes.PyDLL('librcl.so'), ctypes.PyDLL('librcutils.so')
             jazzy = version('rclpy').startswith('7.1.')
@@ -250,7 +250,7 @@ class WaitSetSource:
 
     @staticmethod
     def available() -> bool:
-        """Tell whether this rclpy has the calls used here."""
+        """Return whether this rclpy version has the required calls."""
         wait_set = getattr(rclpy_implementation, 'WaitSet', None)
         subscription = getattr(rclpy_implementation, 'Subscription', None)
         return hasattr(subscription, 'take_message') and all(

@@ -40,7 +40,7 @@ class Topic:
     qos: QoSProfile
 
     def queued(self, depth: int) -> 'Topic':
-        """Return the topic for who wants every message, and may be late by so many."""
+        """Return the topic with a queue of that depth, for subscribers that need every message."""
         qos = QoSProfile(
             depth=depth, reliability=self.qos.reliability, durability=self.qos.durability
         )

@@ -113,7 +113,7 @@ def controller_argument(default: str = 'none') -> DeclareLaunchArgument:
 
 
 def base_motion_argument(default: str = 'none') -> DeclareLaunchArgument:
-    """Return the argument that says what a controller takes from the IMU."""
+    """Return the launch argument for a controller's use of the IMU."""
     return DeclareLaunchArgument(
         'base_motion',
         default_value=default,

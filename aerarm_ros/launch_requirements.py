@@ -46,7 +46,7 @@ _MODULES = {
 
 
 _HOW = {
-    'px4_msgs': "it is built beside this package, from PX4's px4_msgs",
+    'px4_msgs': "build it from PX4's px4_msgs in the same workspace",
     'spidev': "pip install 'spidev>=3.5,<4'",
     'viser': "pip install 'viser>=1.1,<2'",
     'mujoco': 'pip install -r requirements-apt.txt',
@@ -99,8 +99,8 @@ def _wrong_prefix(arguments: Mapping[str, str]) -> Iterator[str]:
 def _missing_drone(arguments: Mapping[str, str]) -> Iterator[str]:
     if arguments.get('base_motion') == 'free' and not arguments.get('drone_file', '').strip("'"):
         yield (
-            'drone_file is missing: name the drone that carries the arm, as '
-            'drone_file:=config/drone.yaml; or base_motion:=full on a base that is driven or heavy'
+            'drone_file is missing: name the drone that carries the arm, for example '
+            'drone_file:=config/drone.yaml; or set base_motion:=full on a driven or heavy base'
         )
 
 

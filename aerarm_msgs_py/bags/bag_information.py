@@ -1,4 +1,4 @@
-"""What the metadata.yaml beside a bag's files says of them."""
+"""Read the metadata.yaml of a bag."""
 
 import re
 from collections.abc import Iterator, Mapping

@@ -243,7 +243,7 @@ _ENOUGH = 50_000  # messages of a topic that is only looked at beside the requir
 
 @dataclass
 class BagContents:
-    """Joint states and what the bridge said meanwhile.
+    """Joint states of a bag, with the bridge's modes and diagnostics.
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ _VERSION = 9  # as ROS 2 Jazzy writes it
 
 @dataclass
 class BagMetadata:
-    """What `ros2 bag info` shows.
+    """Metadata of a bag, as `ros2 bag info` shows it.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ from aerarm_msgs_py.codecs.cdr import (
 
 
 class JointSample(NamedTuple):
-    """One JointState without its names, in the joint order of whoever made it.
+    """One JointState without its names, in the joint order of the publisher.
 
     Attributes
     ----------
@@ -224,8 +224,8 @@ class JointStateCdr:
             if values is not None:
                 if getattr(values, 'shape', None) != view.shape and np.shape(values) != view.shape:
                     raise ValueError(
-                        f'{len(self.names)} numbers are needed, one a joint {self.names}, '
-                        f'not an array of shape {np.shape(values)}'
+                        f'values has the shape {np.shape(values)}: give {len(self.names)} values, '
+                        f'one per joint {self.names}'
                     )
                 view[:] = values
         return bytes(buffer)

@@ -36,7 +36,7 @@ _DEFINITION_COST = 500  # bytes that reading one takes, and as long as reading s
 
 
 class WalkedRecords(NamedTuple):
-    """What a walk through records found.
+    """Records and damage found by a walk through an MCAP file.
 
     Attributes
     ----------

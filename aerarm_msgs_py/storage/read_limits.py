@@ -50,7 +50,7 @@ class DamageReport:
             warnings.warn(f'{self._path} {what}', BagWarning, stacklevel=2)
 
     def finish(self) -> None:
-        """Sum up what was not told one by one."""
+        """Warn once of the findings that were not reported one by one."""
         if self.places > _TOLD:
             warnings.warn(
                 f'{self._path} is damaged at {self.places} places in all, where {self._lost} '
@@ -142,7 +142,7 @@ class ReadLimits:
 
 
 class ReadBudget:
-    """What is left of the limits while one bag is read.
+    """Remaining limits while one bag is read.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class BetaflightSetup:
     idle: float = 0.055
 
     def commands(self, drone: DroneConfig) -> list[str]:
-        """Return what is typed into its command line, but `save`; raises ValueError."""
+        """Return the CLI commands for Betaflight, without `save`; raises ValueError."""
         rates = [
             f'set {axis}_{what} = {value}'
             for axis, rate in (('roll', 36), ('pitch', 36), ('yaw', self.yaw_rate // 10))
@@ -221,7 +221,7 @@ class BetaflightFlight:
         self._silence = np.inf
         self._thrust = np.zeros(len(self._thrust_max))
         self._is_armed = False
-        self.problem = 'Betaflight is not heard: start it before this node'
+        self.problem = 'no data from Betaflight: start it before this node'
 
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None

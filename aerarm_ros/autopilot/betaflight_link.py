@@ -1,4 +1,4 @@
-"""UDP to a Betaflight that runs as a program beside us.
+"""UDP link to a local Betaflight process.
 
 The layouts are those of `src/platform/SIMULATOR/target/SITL/target.h` of Betaflight 4.6, little
 endian, as a C compiler for 64 bits lays them out.
@@ -71,17 +71,17 @@ _ANSWER = 0.02  # [s] that an answer is waited for, on a busy host
 
 
 class Firmware(Protocol):
-    """What flies by sticks."""
+    """Firmware that flies a drone by stick commands."""
 
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
     ) -> Array | None:
-        """Tell sticks and state; return the motors' pulses (n,) [us], None if none came."""
+        """Send sticks and state; return the motors' pulses (n,) [us], None if none arrived."""
         ...
 
 
 class BetaflightLink:
-    """Sends states and sticks, and hears the motors, on this host.
+    """Sends states and sticks to Betaflight and receives motor pulses, on this host.
 
     All states have one stamp. The firmware else takes the pace of its clock from two of them and
     when they came, and on a busy host that may be hundreds of times too fast.
@@ -119,7 +119,7 @@ class BetaflightLink:
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
     ) -> Array | None:
-        """Tell state and sticks; return the motors' newest pulses, see `Firmware`."""
+        """Send state and sticks; return the motors' newest pulses, see `Firmware`."""
         late = self._newest()  # the answer to the state before, on a busy host
         self._send(rc_packet(0.0, channels), self._rc_port)
         self._send(state_packet(0.0, rate, force, rotation_wxyz), self._state_port)

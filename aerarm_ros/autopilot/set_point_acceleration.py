@@ -15,7 +15,7 @@ _LEAN_MAX = 0.35  # [rad] that may be asked for besides what the force takes
 
 
 class SetPointAcceleration:
-    """What is fed forward through an autopilot that takes an acceleration, and nothing else.
+    """Acceleration feed-forward for an autopilot that accepts an acceleration only.
 
     Against the force f of the joints' motion that is `-f / m`; the weight is left to the
     autopilot's hover thrust. Such an autopilot leans for it, late by its attitude loop, and no
@@ -71,7 +71,7 @@ class SetPointAcceleration:
         return np.asarray(acceleration + GRAVITY * level @ cross(lean, _UP))
 
     def _lean(self, arm: FeedForward, dt: float) -> Array:
-        """Return the turn (3,) that is asked for besides that of the force, in level axes."""
+        """Return the commanded tilt (3,) in addition to that of the force, in level axes."""
         body = arm.body
         weight = body.mass * GRAVITY
         rate = cross(_UP, -arm.force_rate) / weight
@@ -85,7 +85,7 @@ class SetPointAcceleration:
         return np.asarray(lean * min(1.0, _LEAN_MAX / max(float(np.linalg.norm(lean)), 1e-9)))
 
     def _passing(self, moment: Array, dt: float) -> Array:
-        """Return what the autopilot's integral has not taken over of a moment."""
+        """Return the part of a moment that the autopilot's integral does not compensate."""
         if self._lasting is None:
             self._lasting = moment
         share = 1.0 - np.exp(-self._integral_rate * dt)

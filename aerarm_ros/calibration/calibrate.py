@@ -41,7 +41,7 @@ _BESIDE = 0.05  # [rad], [m] that a posture may lie beside the range of others
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """What is estimated.
+    """Options of a calibration.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Calibration:
 
     @property
     def observations(self) -> Observations:
-        """What was fitted."""
+        """Fitted observations."""
         return self.fit.observations
 
     def errors(self, fit: Fit, observations: Observations | None = None) -> tuple[float, float]:
@@ -207,7 +207,7 @@ def calibrate(
 
 
 def predicted_deviation(fit: Fit, q: Array) -> Array:
-    """Return standard deviations (M, K) of what a fit predicts in other postures [m], [rad]."""
+    """Return standard deviations (M, K) of predictions of a fit in other postures [m], [rad]."""
     count = len(q)
     index = np.zeros(count, dtype=int)
     sources = fit.observations.rows(index).sources

@@ -15,7 +15,7 @@ _LIGHT = 1e-6  # [kg] of a link that the URDF gives no mass, so that it can be r
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """A serial arm out of a URDF, and what was left out.
+    """Serial arm of a URDF, with the ignored joints.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ def chain_of(
     link = link or _last_link(document, above, known)
     if link not in document.links:
         raise CalibrationError(
-            f'--link {link}: there is no such link; the URDF has {_some(sorted(document.links))}'
+            f'--link {link}: unknown link; the URDF has {_some(sorted(document.links))}'
         )
     path = []
     at = link

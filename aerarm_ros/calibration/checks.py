@@ -33,7 +33,7 @@ _EXPLAINED = 0.2  # of the misfit that is left when markers are exchanged, or a 
 
 
 def without_copies(source: MarkerSource) -> tuple[MarkerSource, list[str]]:
-    """Return the markers that are no copies of others, and what to know of those left out."""
+    """Return the markers without duplicates, and a note on each duplicate."""
     kept: list[int] = []
     messages = []
     for k, name in enumerate(source.names):
@@ -105,7 +105,7 @@ def check_positions(observations: Observations, geometry: ArmGeometry) -> list[s
 
 
 def check_units(observations: Observations, geometry: ArmGeometry) -> None:
-    """Require that what was measured moves about as far as the arm does.
+    """Require that the measured motion has about the range of the arm's motion.
 
     Raises
     ------
@@ -233,9 +233,9 @@ def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
             )
     marker = int(np.nanargmax(off[row]))
     raise CalibrationError(
-        f'{labels[row]}{others}: marker {source.names[marker]} is {1e3 * off[row, marker]:.0f} mm '
-        'from where the other postures put it: a jumping marker, or a posture that was still in '
-        'motion; leave its cells empty there, or remove the posture'
+        f'{labels[row]}{others}: marker {source.names[marker]} jumps by '
+        f'{1000.0 * off[row, marker]:.0f} mm relative to the other postures: leave its cells '
+        'empty there, or remove a posture that was in motion'
     )
 
 

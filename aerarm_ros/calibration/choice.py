@@ -32,7 +32,7 @@ LEVELS = {
 
 @dataclass(frozen=True, eq=False)
 class Identifiable:
-    """What postures and sources can tell of the errors.
+    """Geometric errors that postures and sources can identify.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ def identifiable(start: Fit, kinds: Sequence[str]) -> Identifiable:
 
 
 def check_unknowns(start: Fit) -> None:
-    """Require that the postures tell the sources' own unknowns.
+    """Require that the postures identify the sources' own unknowns.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def check_unknowns(start: Fit) -> None:
 
 
 def check_offsets(start: Fit, found: Identifiable) -> list[str]:
-    """Require that the postures tell the offsets that postures can tell; return warnings.
+    """Require that the postures identify the identifiable offsets; return warnings.
 
     Raises
     ------

@@ -28,10 +28,11 @@ _HEADER = """\
 # gravity.
 # What is not listed is as drawn: insignificant, or not to be told from the rest.
 """
-_CONFIG_HEADER = """\
-# The arm's configuration with calibrated offsets. It belongs to the calibrated.urdf beside it,
-# which has no offsets. Comments: see the file that it was made from.
-"""
+_CONFIG_HEADER = (
+    "# The arm's configuration with calibrated offsets. Use it with the calibrated.urdf next to "
+    'it,\n'
+    '# which has no offsets. Comments: see the original file.\n'
+)
 
 
 def calibrated_urdf(calibration: Calibration, with_offsets: bool) -> str:

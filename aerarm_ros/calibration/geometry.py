@@ -39,7 +39,7 @@ TYPICAL = {
 
 @dataclass(frozen=True, eq=False)
 class LinkPoses:
-    """Poses of a link's frame in the base frame, and what the errors do to them.
+    """Poses of a link's frame in the base frame, and their derivatives by the errors.
 
     Attributes
     ----------

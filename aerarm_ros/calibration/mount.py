@@ -62,7 +62,7 @@ class FramePose:
 
 @dataclass(frozen=True, eq=False)
 class MountResult:
-    """What was found of the arm's base.
+    """Result for the pose of the arm's base on the drone.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class MountResult:
 
 @dataclass(frozen=True, eq=False)
 class ImuResult:
-    """What was found of the IMU.
+    """Result for the pose of the IMU on the drone.
 
     Attributes
     ----------
@@ -144,8 +144,8 @@ def calibrate_mount(
         late, fit = float(shifts[best]), fits[best]
     if fit.length > 0.02:
         raise CalibrationError(
-            f'the markers are {1e3 * fit.length:.0f} mm from where the arm would have them: check '
-            'that they and the drone are seen in the same frame, and calibrate the arm first'
+            f'the markers are {1000.0 * fit.length:.0f} mm from their predicted positions: check '
+            'that markers and drone have the same frame, and calibrate the arm first'
         )
     rotation, translation = base_pose(fit.states[0])
     deviations = fit.deviations
@@ -179,8 +179,9 @@ def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuRe
     late, agreement = _rate_offset(body_time, body_rate, time, rate)
     if agreement < 0.5:
         raise CalibrationError(
-            'the IMU does not turn as the drone does: check that --imu and --drone-pose are of the '
-            'same drone, and that the drone turns by 20 degrees about two axes'
+            'the rotation of the IMU differs from that of the drone: check that --imu and '
+            '--drone-pose are of the same drone, and that the drone turns by 20 degrees about two '
+            'axes'
         )
     own_time = time - late
     first, last = max(own_time[0], drone.time[0]) + 0.3, min(own_time[-1], drone.time[-1]) - 0.3

@@ -24,7 +24,7 @@ Mask = npt.NDArray[np.bool_]
 
 
 class CalibrationError(ValueError):
-    """Data or an option that cannot be used; the message says where, and what to check."""
+    """Unusable data or option; the message states where, and what to check."""
 
 
 _AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
@@ -35,7 +35,7 @@ _REFINED = 6
 
 @dataclass(frozen=True, eq=False)
 class Source(ABC):
-    """Measurements of one sensor in M postures; what was not seen is NaN.
+    """Measurements of one sensor in M postures; missing ones are NaN.
 
     Attributes
     ----------
@@ -397,7 +397,7 @@ class PlaneSource(Source):
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """Postures of an arm at rest, and what sensors measured there.
+    """Postures of an arm at rest, with sensor measurements.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ _AGREES = 0.5  # correlation of speeds below which no offset is found
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """What a sensor saw of one thing over time.
+    """Measurements of one marker or pose over time.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ def rest_observations(
     eye_in_hand: Sequence[str] = (),
     base_known: bool = False,
 ) -> Observations:
-    """Return what sensors saw while the arm rested: means of position and rotation.
+    """Return sensor measurements while the arm rested: means of position and rotation.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ def choose_postures(
     start: Array | None = None,
     seed: int = 0,
 ) -> PostureChoice:
-    """Return the postures that tell the geometric errors best.
+    """Return the postures that identify the geometric errors best.
 
     Of random postures inside the joints' limits that are allowed and visible, a greedy choice
     maximises the determinant of the information matrix of all identifiable errors, base frame and

@@ -41,8 +41,8 @@ _PARAMETERS = (
     'alike within a posture.'
 )
 _ABSORBED = (
-    'Base frame, markers or other errors of this list move what is measured in the same way. So '
-    'these cannot be told from them in any posture, and stay as drawn.'
+    'Base frame, markers or other errors of this list have the same effect on the measurement. No '
+    'posture distinguishes them, so these stay at their nominal values.'
 )
 
 

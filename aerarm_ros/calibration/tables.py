@@ -35,7 +35,7 @@ _CONTACT = re.compile(r'^contact[_.]?(?P<name>\w*)$', re.IGNORECASE)
 
 @dataclass(eq=False)
 class Measured:
-    """What one sensor saw of one thing, row by row; NaN where it did not.
+    """Measurements of one marker or pose, row by row; missing ones are NaN.
 
     Attributes
     ----------

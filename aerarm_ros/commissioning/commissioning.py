@@ -40,7 +40,7 @@ _TOOL_MOVES = 0.02  # [m/rad]
 
 @dataclass(frozen=True)
 class Prompt:
-    """What a person is asked to do and to confirm.
+    """Instruction for a person, to confirm.
 
     Attributes
     ----------
@@ -232,7 +232,7 @@ def _turn(config: ArmConfig, joint: int) -> float:
 
 
 def _direction(config: ArmConfig, robot: Robot, joint: int, turn: float) -> str:
-    """Return which way a joint turns, for a person beside the arm in its home configuration."""
+    """Return the direction of a joint, for a person next to the arm in its home configuration."""
     try:
         tool = Kinematics(robot)
     except ValueError:  # an arm without a frame of that name
@@ -254,7 +254,7 @@ _STEPS = (BoardStep, TurnStep, DriveStep)
 
 
 class Commissioning:
-    """Leads a person through the first power-on of an arm, without any input or output of its own.
+    """Guides a person through the first power-on of an arm, without any input or output of its own.
 
     The client shows `prompt` and takes the answer, sends `request` to the bridge again and
     again, and calls `update` with the bridge's reports.
@@ -310,13 +310,13 @@ class Commissioning:
 
     @property
     def prompt(self) -> Prompt | None:
-        """What a person has to confirm, None while the bridge is waited for."""
+        """Instruction that a person has to confirm, None while the bridge works."""
         step = self._step
         return None if step is None else step.prompt
 
     @property
     def request(self) -> ProbeRequest:
-        """What the bridge shall do now; to be repeated ten times a second or more."""
+        """Next request to the bridge; repeat it at 10 Hz or more."""
         step = self._step
         if step is None:
             return ProbeRequest(f'{self._client}:end', OFF)

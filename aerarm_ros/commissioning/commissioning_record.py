@@ -1,4 +1,4 @@
-"""The record of a commissioned arm, a YAML file beside its configuration."""
+"""The record of a commissioned arm, a YAML file next to its configuration."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _ADVICE = "run 'arm commission'"
 
 @dataclass(frozen=True)
 class JointRecord:
-    """What was found of one joint.
+    """Commissioning result of one joint.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class JointRecord:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether the joint passed."""
         return not self.findings
 
     @property
@@ -73,7 +73,7 @@ class JointRecord:
 
 @dataclass(frozen=True)
 class CommissioningRecord:
-    """What was found of an arm.
+    """Commissioning result of an arm.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class CommissioningRecord:
         return ''
 
     def changed_key(self, joint: JointConfig) -> str:
-        """Return what the configuration says differently now of a recorded joint, or ''."""
+        """Return the configuration key of a recorded joint that has changed, or ''."""
         then, now = self.joints[joint.name].configuration, _configuration(joint)
         changed = [
             key
@@ -173,7 +173,7 @@ class CommissioningRecord:
 
 
 def record_path(config_path: Path, emulated: bool = False) -> Path:
-    """Return where the record of a configuration is, beside it."""
+    """Return the path of the record of a configuration."""
     kind = '.emulated' if emulated else ''
     return config_path.with_name(f'{config_path.stem}{kind}.commissioning.yaml')
 

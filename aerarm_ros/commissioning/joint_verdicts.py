@@ -78,7 +78,7 @@ def turn_findings(
         findings.append(
             f'{this.name}: the motor makes {reduction:.2f} turns per turn of the joint, the '
             f'configuration has {expected:.4g} ({100.0 * off:+.0f} %): correct the gear, or turn '
-            'the joint by the angle that is asked for'
+            'the joint by the requested angle'
         )
     pulses = report.span[joint] / _TURN
     if abs(report.pulses[joint] - pulses) > _PULSES_OFF:
@@ -96,8 +96,8 @@ def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findi
     if abs(off) <= _RETURN_TOLERANCE:
         return []
     return [
-        f'{this.name}: back at its mark the encoder is {off:+.3f} rad off: place it exactly, or '
-        'check the encoder for lost counts and the gear for slip'
+        f'{this.name}: back at its mark the encoder is {off:+.3f} rad off: place the joint '
+        'exactly, or check the encoder for lost counts and the gear for slip'
     ]
 
 
@@ -166,7 +166,11 @@ def _friction_findings(name: str, friction: float, expected: float) -> Findings:
     low, high = (factor * expected for factor in _FRICTION)
     if low - _FRICTION_ALLOWANCE <= friction <= high + _FRICTION_ALLOWANCE:
         return []
-    what = 'look for what rubs' if friction > expected else 'is the gear coupled to the motor?'
+    what = (
+        'check the joint for rubbing parts'
+        if friction > expected
+        else ('check the coupling of the gear to the motor')
+    )
     return [
         f'{name}: its friction is {friction:.3f} Nm, the configuration has {expected:.3f} Nm: '
         f'{what}, check torque constant and gear'

@@ -11,7 +11,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class RejectedInputError(ValueError):
-    """A reference or sensor sample that is not used; the message says why and what to check.
+    """Rejected reference or sensor sample; the message states the reason and what to check.
 
     Whoever raises it has changed nothing: the arm keeps doing what it did.
     """

@@ -200,7 +200,7 @@ class MomentumObserver:
         return self._residual
 
     def reset(self) -> None:
-        """Forget everything; the next state starts anew with r = 0."""
+        """Reset the observer; the next state starts with r = 0."""
         self._integral = self._last_dq = None
         self._summed = np.zeros_like(self._summed)
         self._residual = np.zeros_like(self._residual)

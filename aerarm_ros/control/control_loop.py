@@ -33,7 +33,7 @@ Produced = TypeVar('Produced', covariant=True)
 
 
 class ReferenceSource(Protocol[Produced]):
-    """Says what to follow at each instant."""
+    """Source of references at each instant."""
 
     def take_over(self, q: Array) -> None:
         """Start at the present posture (n,) [rad]."""
@@ -117,7 +117,7 @@ class ControlLoop(Generic[Reference]):
         return None if self.observer is None else self.observer.residual
 
     def release(self) -> None:
-        """Give the arm up; the next state is taken over anew."""
+        """Release the arm; the next state resets the law."""
         self._last = None
 
     def update(self, state: ArmState, now: float) -> JointCommand | None:

@@ -71,7 +71,7 @@ class BoardConfig:
 
 @dataclass(frozen=True, slots=True)
 class PowerStageConfig:
-    """What the boards take for themselves, and what becomes of braking energy.
+    """Consumption of the boards, and their handling of braking energy.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class ArmConfig:
-    """Everything about an arm that its URDF does not say.
+    """Configuration of an arm: everything except its URDF.
 
     Attributes
     ----------
@@ -212,7 +212,7 @@ class ArmConfig:
         return np.array([value(joint) for joint in self.joints], dtype=float)
 
     def absolute_encoders(self, default: str) -> tuple[bool, ...]:
-        """Tell of each joint whether its encoder is absolute; `default` is the profile's kind."""
+        """Return whether each joint's encoder is absolute; `default` is the profile's kind."""
         return tuple(
             (self.boards[joint.board].encoders or default) == 'absolute' for joint in self.joints
         )

@@ -14,11 +14,11 @@ from aerarm_ros.description.resources import find_file, resource
 
 
 class DescriptionError(ValueError):
-    """A URDF that can't be used; the message names the joint or link and what to do."""
+    """Unusable URDF; the message names the joint or link and what to do."""
 
 
 class ConfigError(ValueError):
-    """A configuration that can't be used; the message names the key and what it must be."""
+    """Unusable configuration; the message names the key and its allowed values."""
 
 
 def check_range(owner: str, key: str, value: float, low: float, high: float, unit: str) -> None:
@@ -112,7 +112,7 @@ def read_plain(path: Path, loader: Any = UniqueKeyLoader) -> Any:
 
 
 def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
-    """Return what a YAML text means.
+    """Return the data of a YAML text.
 
     Parameters
     ----------

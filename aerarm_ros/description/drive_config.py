@@ -287,9 +287,9 @@ class JointConfig:
         strongest = self.torque_per_ampere * self.motor.current_max
         if self.effort_max > 1.01 * strongest:
             raise ConfigError(
-                f'{owner}: effort_max = {self.effort_max} Nm is more than motor '
-                f'{self.motor.name} gives at its current_max, {strongest:.2f} Nm: lower it, or '
-                "check the motor's kv and current_max and the gear's ratio"
+                f'{owner}: effort_max = {self.effort_max} Nm exceeds what motor {self.motor.name} '
+                f"delivers at current_max, {strongest:.2f} Nm: lower it, or check the motor's kv "
+                "and current_max and the gear's ratio"
             )
 
     @property

@@ -282,10 +282,10 @@ class DroneConfig:
         share = self._liftable_share(total, middle)
         if share < THRUST_RESERVE:
             raise ConfigError(
-                f'drone {self.name}: its rotors lift {share:.2f} times the weight of drone and arm '
-                f'({self.mass:g} + {mass:.3g} kg) while it is level, and must lift '
-                f'{THRUST_RESERVE:g} times it: stronger rotors, a lighter arm, or a mount nearer '
-                'to the middle; or check thrust_max, thrust_min and mass'
+                f'drone {self.name}: its level rotors lift {share:.2f} times the weight of drone '
+                f'and arm ({self.mass:g} + {mass:.3g} kg), and {THRUST_RESERVE:g} times is the '
+                'minimum: check thrust_max, thrust_min and mass, or use stronger rotors, a '
+                'lighter arm, or a central mount'
             )
 
     @property
@@ -344,8 +344,8 @@ class DroneConfig:
         moment = float(np.linalg.eigvalsh(self.inertia_matrix)[-1])
         if moment > largest:
             raise ConfigError(
-                f'drone: inertia = {list(self.inertia)} has the principal moment {moment:.3g} '
-                f'kg m^2, but {self.mass:g} kg within body and rotors have at most {largest:.3g}: '
+                f'drone: inertia = {list(self.inertia)} has the principal moment {moment:.3g} kg '
+                f'm^2, but {self.mass:g} kg within body and rotors have at most {largest:.3g}: '
                 'check the unit, kg m^2, and mass, size and rotors'
             )
 

@@ -1,4 +1,4 @@
-"""Files shipped beside the code: URDF, configuration, launch and RViz files."""
+"""Files shipped with the code: URDF, configuration, launch and RViz files."""
 
 import os
 from pathlib import Path
@@ -25,14 +25,14 @@ def share_directory() -> Path:
             if (candidate / _MARKER).is_file():
                 return candidate
     raise FileNotFoundError(
-        f'the shared files of {PACKAGE} (such as {_MARKER}) are neither beside the package nor '
-        f'in a share/{PACKAGE} folder above {module.parent}: install the package again, or '
-        'run from a complete checkout'
+        f'the shared files of {PACKAGE} (such as {_MARKER}) are neither next to the package nor '
+        f'in a share/{PACKAGE} folder above {module.parent}: install the package again, or run '
+        'from a complete checkout'
     )
 
 
 def find_file(path: Path | str) -> Path:
-    """Return the file of a path, or the packaged one of that name if there is no such file.
+    """Return the file of a path, or the packaged one of that name if the path does not exist.
 
     `config/drone.yaml`, `drone.yaml` and `drones/quadrotor.yaml` name packaged files from any
     folder; a file of one's own, relative to the working directory, comes first.

@@ -50,7 +50,7 @@ OF_URDF = ('position_min', 'position_max', 'velocity_max', 'effort_max', 'viscou
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedDrives:
-    """What an identification found of the drives.
+    """Drive parameters from an identification.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class IdentifiedDrives:
 
     @classmethod
     def read(cls, path: Path, joint_names: Sequence[str]) -> IdentifiedDrives:
-        """Return what the identifier's estimate.yaml says of some joints.
+        """Return the drives of some joints from the identifier's estimate.yaml.
 
         Raises
         ------
@@ -114,7 +114,7 @@ class DriveDraft:
 
     @classmethod
     def of(cls, robot: Robot, number: int, load: float) -> DriveDraft:
-        """Return what the URDF says of a joint, and guesses of the rest.
+        """Return the drive of a joint from the URDF, with guesses for missing values.
 
         Parameters
         ----------
@@ -267,8 +267,8 @@ def draft_gains(robot: Robot, rotor_inertia: Array, damping_min: Array) -> tuple
     slowest, fastest = _rates(mobility, damping)
     if fastest > _BANDWIDTH_MAX:
         raise ValueError(
-            f'an arm that is damped enough not to fall would have a velocity loop of '
-            f'{fastest / (2.0 * math.pi):.0f} Hz, more than boards can: check the masses and '
+            'damping that keeps the stopped arm from falling would need a velocity loop of '
+            f'{fastest / (2.0 * math.pi):.0f} Hz, too fast for the boards: check the masses and '
             'inertias of the last links, and velocity limits'
         )
     return min(_FASTEST_RATE, 0.25 * slowest) * damping, damping
@@ -411,7 +411,7 @@ _CHIP_SELECTS = 2  # of a bus
 
 
 class ArmDraft:
-    """What can be written down of an arm before anybody has measured it.
+    """Draft of an arm's configuration before any measurement.
 
     Parameters
     ----------

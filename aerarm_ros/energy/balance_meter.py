@@ -42,7 +42,7 @@ class BalanceMeter:
         self._square = np.zeros(model.n)  # [Nm^2 s]
 
     def restart(self) -> None:
-        """Forget the last state: what comes next is not its neighbour."""
+        """Forget the last state: the next one is not its neighbour."""
         self._begin = None
 
     def add(self, time: float, state: ArmState) -> bool:

@@ -58,7 +58,7 @@ class DrivePower:
         return power
 
     def from_supply(self, electrical: npt.ArrayLike) -> Array:
-        """Return what the supply gives for electrical powers [W], negative for what it takes."""
+        """Return the supply's output for electrical powers [W], negative for recuperation."""
         power = np.asarray(electrical, dtype=float)
         return np.where(power < 0.0, self.recovery * power, power)
 
@@ -108,17 +108,17 @@ class EnergyBalance:
 
     @cached_property
     def parts(self) -> Array:
-        """(7, n) what the supply's energy became [J], rows as named by `PARTS`."""
+        """(7, n) parts of the supplied energy [J], rows as named by `PARTS`."""
         return np.array([getattr(self, name) for name in self.PARTS])
 
     @property
     def motors(self) -> Array:
-        """(n,) what the supply gave for each motor [J]: all parts but standby."""
+        """(n,) energy supplied to each motor [J]: all parts but standby."""
         return self.supplied - self.standby
 
     @property
     def supplied(self) -> Array:
-        """(n,) what the supply gave, less what it took back [J]."""
+        """(n,) supplied minus recuperated energy [J]."""
         total: Array = self.parts.sum(axis=0)
         return total
 
@@ -216,7 +216,7 @@ class EnergyModel:
         return self.drives.electrical(rigid + self.friction_torque(dq, ddq, rigid), dq)
 
     def balance(self, motion: JointMotion) -> EnergyBalance:
-        """Return what a motion will take, from its begin to its end."""
+        """Return the predicted energy balance of a motion."""
         steps = max(1, round(motion.duration / _STEP))
         dt = motion.duration / steps
         q, dq, ddq = motion.evaluate((np.arange(steps) + 0.5) * dt)

@@ -56,7 +56,7 @@ def split(
 
 @dataclass(frozen=True)
 class BenchPlan:
-    """What the motor bench does.
+    """Plan of a motor bench run.
 
     Parameters
     ----------

@@ -56,15 +56,16 @@ def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.Geome
         raise ExcitationError(str(error)) from error
     except (ValueError, RuntimeError) as error:
         raise ExcitationError(
-            f'collision shapes cannot be read: {str(error).strip()}: check the mesh paths of the '
-            'URDF, or give the folder of its packages (package_directories, --package-directory); '
-            'check_clearance: false of the excitation configuration moves without collision checks'
+            f'collision shapes are unreadable: {str(error).strip()}: check the mesh paths of the '
+            'URDF, or pass the folder of its packages (package_directories, --package-directory). '
+            'With check_clearance: false in the excitation configuration the arm moves without '
+            'collision checks'
         ) from error
     if not any(shape.parentJoint > 0 for shape in geometry.geometryObjects):
         raise ExcitationError(
-            'the URDF has no <collision> shape on a moving link, so clearance cannot be checked: '
-            'add shapes, or set check_clearance: false in the excitation configuration, which '
-            'moves the arm without collision checks'
+            'the URDF has no <collision> shape on a moving link, so the clearance is unknown: add '
+            'shapes, or set check_clearance: false in the excitation configuration, which moves '
+            'the arm without collision checks'
         )
     for shape in geometry.geometryObjects:
         if hasattr(shape.geometry, 'buildConvexHull'):

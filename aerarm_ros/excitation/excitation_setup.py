@@ -244,7 +244,7 @@ def _ways(start: Array, end: Array, centre: Array) -> Iterator[list[Array]]:
 
 @dataclass(frozen=True, eq=False)
 class ExcitationSetup:
-    """What is needed to find, check and plan excitations of one arm.
+    """Model, limits and checker of one arm, to find, check and plan excitations.
 
     Can be sent to another process, which builds its own checks.
 
@@ -345,7 +345,7 @@ class ExcitationSetup:
 
     @cached_property
     def stops(self) -> StopLimits:
-        """What a stop anywhere on a motion may ask of the joints: the whole limits."""
+        """Return the limits of the joints for a stop anywhere on a motion."""
         return StopLimits(self.limits, self.effort_model)
 
     @cached_property

@@ -247,7 +247,7 @@ class StopLimits:
             self._effort = np.minimum(limits.effort, effort_model.torque(limits.current))
 
     def rows(self, point: JointReference) -> Iterable[Row]:
-        """Return what limits a stop at a point (n,) of the motion, as `stop_along` wants it."""
+        """Return the limits of a stop at a point (n,) of the motion, for `stop_along`."""
         rows = [*self._acceleration_rows(point)]
         if self._effort_model is not None:
             rows += self._effort_rows(self._effort_model, point)

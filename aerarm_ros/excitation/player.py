@@ -16,7 +16,7 @@ from aerarm_ros.motion.signals import Array, JointCommand, JointReference
 
 
 class CommandLaw(Protocol):
-    """What a command mode does with the reference."""
+    """Maps a reference to the command of a mode."""
 
     def command(self, reference: JointReference, position: Array) -> JointCommand:
         """Return the command for the measured `position` (n,) [rad]."""
@@ -207,7 +207,8 @@ class ExcitationPlayer:
         if moved[worst] > self.START_TOLERANCE:
             raise ExcitationError(
                 f'{self._joint_names[worst]} moved by {moved[worst]:.3f} rad since the motion was '
-                'planned: check that the arm is held and that nobody else moves it, then try again'
+                'planned: check that the arm is held and that no person or node moves it, then '
+                'try again'
             )
 
     def _elapsed(self, stamp_ns: int) -> float:

@@ -54,7 +54,7 @@ def one_a_joint(name: str, values: ArrayLike, n: int) -> Array:
     """
     array = np.atleast_1d(np.asarray(values, dtype=float))
     if array.shape not in ((1,), (n,)):
-        raise ExcitationError(f'{name} must have 1 value or {n}, one a joint, not {array.size}')
+        raise ExcitationError(f'{name} must have 1 value or {n}, one per joint, not {array.size}')
     return np.broadcast_to(array, n).copy()
 
 
@@ -91,7 +91,7 @@ class MotionLimits:
             values = np.asarray(getattr(self, field.name), dtype=float)
             object.__setattr__(self, field.name, values)
             if values.shape != (n,):
-                raise ExcitationError(f'limit {field.name} must have {n} values, one a joint')
+                raise ExcitationError(f'limit {field.name} must have {n} values, one per joint')
             for name, value in zip(self.joint_names, values, strict=True):
                 if np.isnan(value) or (not field.name.startswith('position') and value <= 0.0):
                     raise ExcitationError(f'limit {field.name} of {name} must be positive: {value}')

@@ -266,8 +266,8 @@ class TrajectoryDesigner:
             return self._result(trajectory, report, start, began)
         amplitude = self.specification.amplitude
         raise InfeasibleError(
-            f'no random trajectory with the amplitude of {amplitude:g} rad is feasible, nor with '
-            f'less, down to a tenth of it, where {binding}: lower the amplitude or the fundamental '
+            f'no random trajectory between a tenth and all of the amplitude {amplitude:g} rad is '
+            f'feasible, where {binding}: lower the amplitude or the fundamental '
             f'({self.specification.fundamental:g} Hz), or check that limit and the bias'
         )
 

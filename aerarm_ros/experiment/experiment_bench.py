@@ -137,7 +137,7 @@ class ExperimentRun:
 
 
 class ExperimentBench:
-    """An arm, a motion, and a plant with parameters of its own.
+    """Arm, motion, and a simulated plant with different parameters.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ _TOOL_RMS = HEADINGS.index('tool RMS [mm]')
 
 
 class ExperimentReport:
-    """Collects runs and tells how well the arm followed.
+    """Collects runs and reports the tracking errors.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ class MassProperties:
 
 
 class FeedForward(NamedTuple):
-    """Mass properties of drone and arm, and what the arm's motion does to the drone.
+    """Mass properties of drone and arm, and the wrench of the arm's motion on the drone.
 
     In body axes, moments about the body frame's origin.
 
@@ -81,7 +81,7 @@ class FeedForward(NamedTuple):
 
     @classmethod
     def at_rest(cls, body: MassProperties) -> 'FeedForward':
-        """Return what an arm at rest does: nothing but weigh."""
+        """Return the feed-forward of an arm at rest: its weight."""
         zero = np.zeros(3)
         return cls(body, np.zeros(6), np.zeros(6), zero, zero)
 
@@ -115,7 +115,7 @@ class ArmLoad(NamedTuple):
     motion: Array
 
     def acceleration(self, drone: DroneConfig) -> Array:
-        """Return the acceleration (6,) that rotors must add so that the arm's motion moves nothing.
+        """Return the acceleration (6,) of the rotors that compensates the arm's motion.
 
         Of the arm's base origin [m/s^2], then angular [rad/s^2], in base axes: `motion` taken
         back, over the inertia of drone and arm in this posture.
@@ -284,7 +284,7 @@ _REACH = 3.0  # [m] its centre is nearer, or was told in another unit
 
 
 class ArmFeedForward:
-    """Takes stamped mass properties and wrenches of the arm, and tells those of a time.
+    """Receives stamped mass properties and wrenches of the arm, and returns those of a time.
 
     What is told of a posture is kept until it is told anew; a motion that is no longer told fades.
 
@@ -357,12 +357,12 @@ class ArmFeedForward:
 
     @property
     def newest(self) -> float | None:
-        """Time of the newest that was told of the arm [s], None before the first."""
+        """Time of the newest forecast of the arm [s], None before the first."""
         times = [told.newest for told in (self._arm, self._motion) if told.newest is not None]
         return max(times, default=None)
 
     def is_late(self, now: float) -> bool:
-        """Return whether the arm is told, but not yet as far ahead as `now` [s] needs."""
+        """Return whether the arm's forecast exists but ends before `now` [s]."""
         ahead = now + self.lead
         needs = (
             (self.use_posture, self._arm.newest, ahead),
@@ -371,7 +371,7 @@ class ArmFeedForward:
         return any(used and newest is not None and newest < need for used, newest, need in needs)
 
     def at(self, now: float) -> FeedForward:
-        """Return what is to be fed forward at `now` [s]."""
+        """Return the feed-forward at `now` [s]."""
         step = min(max(now - self._time, 0.0), _STEP_MAX)
         self._time = now
         last = self._last
@@ -388,7 +388,7 @@ class ArmFeedForward:
         return FeedForward(body, share * wrench, *(share * force for force in forces))
 
     def _motion_at(self, now: float) -> tuple[Array, Array, Array, Array] | None:
-        """Return the wrench then and now, its force's derivatives, None if they are not told."""
+        """Return the wrench then and now, and the force's derivatives, None if unknown."""
         ahead, motion = now + self.lead, self._motion
         wrench = motion.at(ahead)
         if wrench is None:

@@ -19,7 +19,7 @@ _WEIGHT = np.array([0.0, 0.0, -GRAVITY])
 
 
 class ContactObserver:
-    """Compares the momentum of drone and arm with what rotors and weight have made of it.
+    """Compares the momentum of drone and arm with the effect of rotors and weight.
 
     With p and L the linear momentum and the angular one about the centre of mass c of the whole,
     joints included, in the world::
@@ -58,12 +58,12 @@ class ContactObserver:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew, with no contact."""
+        """Reset the observer, without contact."""
         self._estimate = np.zeros(6)
         self.pause()
 
     def pause(self) -> None:
-        """Keep the estimate, and take the next motion as it is: what went before was not seen."""
+        """Keep the estimate over a gap; the next motion restarts the comparison."""
         self._before: tuple[Array, Array, Array] | None = None
 
     def update(self, state: FlightState, q: Array, dq: Array, rotors: Array, dt: float) -> Array:
@@ -124,7 +124,7 @@ DURATION = 2.0
 
 
 class ContactZero:
-    """Subtracts what a wrong model makes of weight and thrust.
+    """Subtracts the bias that a wrong model of weight and thrust causes.
 
     A wrong mass, or a thrust that is not as commanded, is a force that stays along the world's axes
     as long as the drone hovers; where it acts stays with the drone. So a mean force in the world
@@ -137,11 +137,11 @@ class ContactZero:
         self._is_averaging = False
 
     def begin(self) -> None:
-        """Average what comes from now on; until that is done what was subtracted still is."""
+        """Start averaging; the previous bias applies until the average is complete."""
         self._sum, self._time, self._is_averaging = np.zeros(6), 0.0, True
 
     def apply(self, wrench: Array, rotation: Array, dt: float) -> Array:
-        """Return a wrench (6,) in base axes, about the base's origin, without what is subtracted.
+        """Return a wrench (6,) in base axes, about the base's origin, minus the bias.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ class ContactEstimator:
         self._joints.add(stamp, np.concatenate([q, dq]))
 
     def problem(self) -> str:
-        """Return why nothing can be told now, '' if it can."""
+        """Return why the contact estimate is unavailable, '' if it is available."""
         now = self._now
         if np.isinf(now):
             return 'no joint states yet'
@@ -252,7 +252,7 @@ class ContactEstimator:
         return self._rotors.problem(now)
 
     def update(self) -> tuple[float, Array] | None:
-        """Return the newest wrench (6,) with its time [s], None if there is nothing new to tell.
+        """Return the newest wrench (6,) with its time [s], None if there is none.
 
         See `ContactObserver.update`.
         """
@@ -266,7 +266,7 @@ class ContactEstimator:
         return told
 
     def fade(self, dt: float) -> tuple[float, Array] | None:
-        """Let the last estimate fade over `dt` [s]; return what is left, None once that is told."""
+        """Fade the last estimate over `dt` [s]; return the rest, None once it is zero."""
         if self._wrench is None:
             return None
         # What was told last is some time ago; nothing may jump for that.

@@ -13,7 +13,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class Disturbance(Protocol):
-    """What estimates the wrench on drone and arm beside rotors and weight."""
+    """Estimator of the wrench on drone and arm in addition to rotors and weight."""
 
     def reset(self) -> None:
         """Begin anew."""
@@ -35,7 +35,7 @@ _WEIGHT = np.array([0.0, 0.0, -GRAVITY])
 
 
 class DisturbanceObserver:
-    """Compares the momentum of drone and arm with what is known to have changed it.
+    """Compares the momentum of drone and arm with its known changes.
 
     First order: `d = K (p - int(w + d) dt)`, with the momentum p of the whole taken as one rigid
     body, from odometry and gyroscope.
@@ -74,7 +74,7 @@ class DisturbanceObserver:
 
 
 class IncrementalEstimate:
-    """What incremental dynamic inversion adds to the last command, as a `Disturbance`.
+    """Correction of the last command by incremental dynamic inversion, as a `Disturbance`.
 
     INDI commands `w_f + M (a_wanted - a_f)`, with the rotors' wrench w and the measured
     acceleration a through one filter (Smeur, Chu and de Croon, J. Guid. Control Dyn. 2016). That

@@ -156,7 +156,7 @@ class RotorEstimate:
         self._thrust = np.zeros(drone.n)
 
     def reset(self) -> None:
-        """Forget what was commanded."""
+        """Reset the allocation."""
         self._command = None
 
     def command(self, thrust: Array) -> None:

@@ -1,4 +1,4 @@
-"""Where the drone is, from odometry and IMU, and which of the two cannot be believed."""
+"""Estimate the drone's state from odometry and IMU, and detect faulty sources."""
 
 import numpy as np
 
@@ -132,7 +132,7 @@ class FlightEstimator:
         return FlightState(odometry.position + age * velocity, velocity, turned, rate, force)
 
     def attitude_alone(self) -> FlightState | None:
-        """Return what the IMU knows, place and velocity as zeros; None without its attitude."""
+        """Return the IMU's attitude, with zero position and velocity; None without an attitude."""
         now, imu = self.stamp, self._imu
         if imu is None or imu.attitude is None or now is None or _is_old(imu, now):
             return None

@@ -126,7 +126,7 @@ SET_BACK = 1.0  # [s] a stamp that far before the last is of a clock that was se
 
 
 class StampedValues:
-    """The last values of a stream, to be asked for at any time between them.
+    """Last values of a stream, interpolated at any time between them.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ class StampedValues:
         return self.at(time) if times and times[0] <= time <= times[-1] else None
 
     def at(self, time: float) -> Array | None:
-        """Return the value at a time [s], straight between two; None if it is not known."""
+        """Return the linearly interpolated value at a time [s]; None if it is unknown."""
         times, values = self._times, self._values
         if not times or time > times[-1] + self._hold_time:
             return None
@@ -244,7 +244,7 @@ class FlightPath:
             )
 
     def at(self, time: float) -> FlightTarget:
-        """Return where the drone shall be `time` [s] after the start."""
+        """Return the drone's reference `time` [s] after the start."""
         q, dq, ddq = self._path.evaluate(float(time - self._begin))
         return FlightTarget(q[:3], float(q[3]), dq[:3], ddq[:3])
 

@@ -67,15 +67,15 @@ class BridgeReport:
         self._monitors = [link.monitor for link in links]
 
     def faults(self, mode: str, now: float) -> list[str]:
-        """Return what is wrong, the latched stop first; rejections and limits for a second."""
+        """Return faults, the latched stop first; rejections and limits for a second."""
         intake, gate = self._intake, self._gate
         texts = [gate.stop, *(monitor.fault for monitor in self._monitors)]
         for link in self._links:
             monitor = link.monitor
             if link.is_damped_unheard:
                 texts.append(
-                    f'{monitor.name} is not heard, and told to damp its joints in case it hears; '
-                    f'disable switches it off: {monitor.problem}'
+                    f'{monitor.name} sends no valid frames; the bridge commands it to damp its '
+                    f'joints, disable switches it off: {monitor.problem}'
                 )
             elif monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
                 texts.append(f'{monitor.name} does not answer: {monitor.problem}')
@@ -85,8 +85,8 @@ class BridgeReport:
             texts.append(self._zeros.problem)
         if mode == 'damping':
             texts.append(
-                f'no good command for {intake.age(now):.2f} s, the arm is damped: is the '
-                'controller running?'
+                f'no valid command for {intake.age(now):.2f} s, the arm is damped: check that the '
+                'controller runs'
             )
         texts += [*self._heat.warnings(), *self._loads.warnings()]
         if now - intake.last_rejection_time < _RECENT:
@@ -223,11 +223,11 @@ class BridgeCycle:
 
     @property
     def faults(self) -> list[str]:
-        """What is wrong, the latched stop first; rejections and limits for a second."""
+        """Faults, the latched stop first; rejections and limits for a second."""
         return self._report.faults(self.mode, self._now)
 
     def way_out(self, emulated: bool) -> str:
-        """Return what brings an arm back as things are now, '' if nothing has to; see `way_out`."""
+        """Return the recovery hint for the present state, '' if none is needed; see `way_out`."""
         if not self.gate.stop and (self._enabled or not self.zeros.are_lost):
             return ''
         return way_out(self._watch.stopped(self.state, self._enabled and self._aligned), emulated)
@@ -271,18 +271,18 @@ class BridgeCycle:
     def _hold(self) -> Answer:
         """Hold a damped arm where it is; leave one that follows a command alone."""
         if self.intake.is_fresh(self._now):
-            return Answer(True, 'already enabled, a command is followed')
+            return Answer(True, 'already enabled, tracking a command')
         self._followed = False
-        return Answer(True, 'already enabled: the arm is held where it is')
+        return Answer(True, 'already enabled: the bridge holds the arm in place')
 
     def hold(self) -> Answer:
-        """Hold the arm once commands end, as who ends them asks: else it would be damped."""
+        """Hold the arm once commands end, instead of damping it."""
         if self.mode not in ('ready', 'running', 'damping'):
             first = "'arm clear_fault'" if self.gate.stop else to_switch_on(self.mode)
             return Answer(False, f'arm_mode is {self.mode}: run {first} first')
         self.intake.conclude(self._now)
-        when = ' once no more commands come' if self.intake.is_fresh(self._now) else ''
-        return Answer(True, f'the arm is held where it is{when}')
+        when = ' once commands end' if self.intake.is_fresh(self._now) else ''
+        return Answer(True, f'the bridge holds the arm in place{when}')
 
     def disable(self) -> Answer:
         """Ask the boards to switch the motors off. The arm falls: have it supported."""
@@ -297,7 +297,9 @@ class BridgeCycle:
         silent = [link.monitor.name for link in self.links if link.monitor.is_silent]
         if silent and self._enabled:
             # Going on without it would switch off the boards that damp the arm.
-            return Answer(False, f'{", ".join(silent)} does not answer: disable first, or mend it')
+            return Answer(
+                False, f'{", ".join(silent)} does not answer: disable first, or repair it'
+            )
         # Motors that lost their alignment align only when somebody says so.
         stays = self._enabled and all(link.may_be_damped for link in self.links)
         if stays and self.zeros.are_lost:

@@ -33,11 +33,11 @@ MODES = (
 
 
 OFF = ('idle', 'unhomed')
-"""In which the boards answer and the motors are off: what a bridge that has started is in."""
+'Modes in which the boards respond and the motors are off: the first mode of a started bridge.'
 HELD = ('ready', 'running')
-"""In which the motors hold the arm."""
+'Modes in which the motors hold the arm.'
 COMMANDABLE = (*HELD, 'damping')
-"""In which a command is followed: damping ends with the next one."""
+'Modes in which the arm tracks a command: damping ends with the next one.'
 
 
 def to_switch_on(mode: str) -> str:

@@ -23,7 +23,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class StoppedArm:
-    """What of a stopped arm decides how it is brought back.
+    """State of a stopped arm that determines its recovery.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class StoppedArm:
 
 
 def way_out(arm: StoppedArm, emulated: bool) -> str:
-    """Return what to do, one step after the other, divided by commas; commands are in quotes.
+    """Return the recovery hint, steps separated by commas; commands are in quotes.
 
     Without a fault of a board or an encoder, and inside its limits, a driven arm is held where it
     is. All else goes through idle: a board that restarted has to align, and clearing a fault would
@@ -75,7 +75,7 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
     if emulated:
         steps += [f"'arm fault power_cycle:{number}'" for number, _ in arm.boards]
     elif arm.boards:
-        steps.append('mend the cause')
+        steps.append('repair the cause')
         if arm.until_power_cycle:
             steps += [f'switch the supply of {name} off and on' for _, name in arm.boards]
     if not emulated and homes:  # where home and enable do it
@@ -260,7 +260,7 @@ class LoadCheck:
         self._current_error: Array = _CURRENT_ERROR * config.column('effort_max')
 
     def warnings(self, q: Array, held: Array, requested: Array) -> list[str]:
-        """Return what is wrong with joints, and what to check.
+        """Return warnings about joints, and what to check.
 
         Parameters
         ----------
@@ -280,9 +280,9 @@ class LoadCheck:
         for i, name in enumerate(self._config.joint_names):
             if fails[i]:
                 texts.append(
-                    f'{name} was asked for {requested[i]:.2f} Nm, and its current makes '
-                    f"{held[i]:.2f} Nm: check the driver of {name}, supply and motor phases ('arm "
-                    "commission')"
+                    f'{name} has a torque of {held[i]:.2f} Nm by its current instead of '
+                    f'{requested[i]:.2f} Nm: check the driver of {name}, supply and motor phases '
+                    "('arm commission')"
                 )
             elif differs[i]:
                 texts.append(
@@ -327,7 +327,7 @@ class LoadWatch:
             self._add(state)
 
     def warnings(self) -> list[str]:
-        """Return what is wrong in the posture that is held."""
+        """Return warnings about the held configuration."""
         means = self._means
         if means is None:
             return []

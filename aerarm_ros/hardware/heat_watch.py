@@ -1,4 +1,4 @@
-"""Keeps motors and supply within what they bear, beside the cycle's limits of motion."""
+"""Keep motors and supply within their thermal and electrical limits."""
 
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ class SupplyWatch:
         return ''
 
     def warning(self) -> str:
-        """Return what is to be said of the supply, or ''."""
+        """Return the warning about the supply, or ''."""
         return self._warning
 
     def _warn(self, text: str) -> None:
@@ -407,10 +407,10 @@ class ThermalLimit:
         return self.warning() if rises else ''
 
     def warning(self) -> str:
-        """Return what is to be said of the motor, or ''."""
+        """Return the warning about the motor, or ''."""
         name, temperature = self._name, f'{self.motor.winding:.0f} degC (estimated)'
         if self.lets_down:
-            return f'{name} is let down beyond its limit, its motor has {temperature}: support it'
+            return f'{name} yields beyond its limit, its motor has {temperature}: support it'
         if self.is_sinking:
             return (
                 f'{name} sinks: its motor has {temperature} and only {self.effort_limit:.2f} of '
@@ -573,7 +573,7 @@ class HeatWatch:
         return next(filter(None, (limit.refusal() for limit in self.limits)), '')
 
     def warnings(self) -> list[str]:
-        """Return what is to be said of motors and supply."""
+        """Return the warnings about motors and supply."""
         texts = [limit.warning() for limit in self.limits]
         texts += [supply.warning() for supply in self.supplies]
         return [*filter(None, texts)]

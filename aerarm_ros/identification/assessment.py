@@ -21,7 +21,7 @@ _QUANTITIES = (('q', 'position'), ('dq', 'velocity'), ('ddq', 'acceleration'))
 
 @dataclass(frozen=True, eq=False)
 class BagDemand:
-    """What one bag demands of the model.
+    """Range and excitation of one bag relative to the model.
 
     Attributes
     ----------

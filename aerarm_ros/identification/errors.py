@@ -2,14 +2,14 @@
 
 
 class IdentificationError(ValueError):
-    """Data or an option that can't be used; the message says what to check."""
+    """Unusable data or option; the message states what to check."""
 
 
 _CONTRADICTION = ('PrimalInfeasible', 'AlmostPrimalInfeasible')
 
 
 class SolverError(IdentificationError):
-    """A program without a solution: because there is none, or because none was found.
+    """Optimisation problem without a solution, or whose solution was not found.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ def torque_error_per_length(
 
 
 def geometry_text(result: IdentificationResult) -> str:
-    """Return whether the geometry was calibrated, and what an error of it costs, in words."""
+    """Return whether the geometry was calibrated, and the torque error otherwise, in words."""
     robot = result.robot
     if is_calibrated(robot):
         return 'The geometry of the URDF is calibrated.'
@@ -61,9 +61,9 @@ def geometry_text(result: IdentificationResult) -> str:
     identified = robot.with_inertial_parameters(result.recommended.estimate.inertial)
     cost = torque_error_per_length(identified, samples.q, samples.dq, samples.ddq)
     return (
-        'The geometry of the URDF was not calibrated. If the place of each joint is wrong by 1 mm '
-        f'along each axis, the torque of the links is wrong by {cost:.2g} %, of which the '
-        'identification takes up a part. The calibrator measures it.'
+        'The geometry of the URDF was not calibrated. An error of 1 mm per axis at each joint '
+        f'changes the torque of the links by {cost:.2g} %; the identification absorbs a part of '
+        'it. The calibrator measures the geometry.'
     )
 
 

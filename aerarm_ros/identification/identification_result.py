@@ -106,7 +106,7 @@ class IdentificationResult:
 
     @property
     def only_prior(self) -> tuple[str, ...]:
-        """Parameters of the recommended estimate that the data say next to nothing about."""
+        """Parameters of the recommended estimate that the data hardly determine."""
         determined = self.recommended.estimate.determined
         if determined is None:
             return ()
@@ -138,7 +138,7 @@ class IdentificationResult:
 
 @dataclass(frozen=True)
 class Check:
-    """One limit, and what was found.
+    """One limit, with the measured value.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Verdict:
-    """All limits that were asked for."""
+    """All requested limits."""
 
     checks: tuple[Check, ...]
 
@@ -200,8 +200,10 @@ LIMITS: dict[str, Callable[[IdentificationResult], float]] = {
     'tilt': lambda result: float(np.degrees(result.gravity.tilt)) if result.gravity else 0.0,
     'warnings': lambda result: float(len(result.warnings)),
 }
-"""What can be limited: largest errors of the validation bags [%], the standard deviation of
-predicted torque because of the parameters' [Nm], (5.2), 0 or 1, degrees, and a count."""
+(
+    'Quantities with limits: largest errors of the validation bags [%], standard deviation of\n'
+    "predicted torque caused by the parameters' [Nm], (5.2), 0 or 1, degrees, and a count."
+)
 
 
 def read_limits(path: Path) -> dict[str, float]:

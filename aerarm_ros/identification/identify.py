@@ -100,7 +100,7 @@ _STATES = 50  # random ones, enough to show every effect that the arm's mechanic
 
 
 def excitation_warnings(base: BaseParameters, regressor: Regressor) -> list[str]:
-    """Return what is wrong with a motion.
+    """Return warnings about a motion.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ _ROUNDS = 2  # without one term another one may turn out to be nil
 
 @dataclass(frozen=True)
 class IdentificationOptions:
-    """What the user may choose.
+    """Options of the identification.
 
     Attributes
     ----------
@@ -385,7 +385,7 @@ def _solved(
     options: IdentificationOptions,
     windows: RolloutWindows | None,
 ) -> tuple[ModelFit, dict[str, Estimate], list[str], list[str]]:
-    """Solve, and again without the terms that come out as nil; say which, and what that means."""
+    """Solve, and solve again without insignificant terms; report these terms and their meaning."""
     left_out: list[str] = []
     warnings: list[str] = []
     how = (options.solvers, options.progress, options.bounds, windows)

@@ -130,7 +130,7 @@ def find_input_errors(
 def torque_factors(
     bags: Sequence[SampleColumns], cad: ArmParameters, joints: Sequence[str]
 ) -> dict[str, float]:
-    """Return by how much the torque of joints exceeds the drawing's, beside their friction.
+    """Return the factor of each joint's torque relative to the nominal model and its friction.
 
     Only of joints whose drawn torque clearly shows in the measured one: not of those that carry
     next to nothing, whose torque is friction that no drawing has.
@@ -167,7 +167,7 @@ def _joint_columns(motion: _Motion, joint: int) -> Array:
 
 
 def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]:
-    """Return measured over expected torque beside friction, and the share that it explains."""
+    """Return measured over expected torque in addition to friction, and the explained share."""
     others = _joint_columns(motion, joint)
     torques = np.column_stack([expected, motion.tau[:, joint]])
     left, measured = (torques - others @ np.linalg.lstsq(others, torques, rcond=None)[0]).T
@@ -305,8 +305,9 @@ def _sign_text(name: str) -> str:
 
 def _constant_text(name: str, factor: float) -> str:
     return (
-        f"{name}'s effort is {factor:.2g} times what the other joints' torque asks for: check its "
-        f'torque constant, gear ratio and unit, or give --effort-gain {name}={1.0 / factor:.3g}'
+        f"{name}'s effort is {factor:.2g} times the value that the other joints' torque suggests: "
+        'check its torque constant, gear ratio and unit, or pass --effort-gain '
+        f'{name}={1.0 / factor:.3g}'
     )
 
 

@@ -11,7 +11,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class TermKind(Enum):
-    """What a term stands for; the value is its symbol in column names."""
+    """Kind of a term; the value is its symbol in column names."""
 
     VISCOUS = 'fv'
     COULOMB = 'fs'
@@ -93,7 +93,7 @@ class JointTerm:
 
     @property
     def meaning(self) -> str:
-        """What the coefficient is, in words."""
+        """Meaning of the coefficient, in words."""
         return _MEANINGS[self.kind]
 
     @property

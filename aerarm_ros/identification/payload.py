@@ -107,7 +107,7 @@ class _Residual:
 
 
 def identify_payload(result: IdentificationResult, recordings: Sequence[Recording]) -> Payload:
-    """Identify what the last link carries, from a motion with and one without it.
+    """Identify the payload of the last link, from a motion with and one without it.
 
     Torque that the arm's own model leaves unexplained is linear in the payload's inertial
     parameters: their columns are those of the last link.
@@ -141,7 +141,7 @@ def weigh_payload(
     recordings: Sequence[Recording],
     options: ConditioningOptions,
 ) -> Payload:
-    """Identify what the last link carries with the arm's model given, for example from a file.
+    """Identify the payload of the last link with a given arm model, for example from a file.
 
     Standard deviations are those of the motion; the model counts as exact.
 

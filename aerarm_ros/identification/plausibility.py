@@ -29,9 +29,8 @@ _FAR_OFF = 20.0  # [%] of a joint's own torque
 _FOLLOWS = 0.5  # share of a residual that two columns of another joint's motion explain
 
 _CHECK = (
-    'check the sign and unit of the effort (--effort-gain JOINT=Nm/A for amperes, =-1 for the '
-    'other sign), the direction of gravity (--gravity), the topic, and that the names of the '
-    "bag's joints belong to the joints that move (--rename)"
+    'check sign and unit of the effort (--effort-gain JOINT=Nm/A for amperes, =-1 for the other '
+    "sign), gravity (--gravity), the topic, and the names of the bag's joints (--rename)"
 )
 
 
@@ -41,7 +40,7 @@ def error_warnings(
     cad: ArmParameters,
     joints: tuple[str, ...],
 ) -> list[str]:
-    """Return what torque errors reveal of a wrong input.
+    """Return warnings about wrong inputs, derived from torque errors.
 
     Parameters
     ----------
@@ -82,13 +81,13 @@ def joint_warnings(recommended: Solution, joints: tuple[str, ...]) -> list[str]:
     )
     if far_off := _shares(joints, errors, errors > _FAR_OFF):
         warnings.append(
-            f'of the torque of some joints much is not explained ({far_off} of it): '
-            'their friction and the parameters that only they feel are not to be relied on'
+            f'the model explains little of the torque of some joints ({far_off} is residual): do '
+            'not rely on their friction and on parameters that only these joints identify'
         )
     if far_off := _shares(joints, predicted, (predicted > _FAR_OFF) & (errors <= _FAR_OFF)):
         warnings.append(
-            f'of the torque of some joints much is not predicted in validation ({far_off} of it): '
-            'see what that motion asks for that the one of identification has not shown'
+            f'the model predicts little of the torque of some joints in validation ({far_off} is '
+            'residual): compare the ranges of both motions in the report'
         )
     return warnings
 
@@ -188,8 +187,8 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
     if too_much.any():
         at_bound = np.array(fit.model.columns[start:])[too_much]
         warnings.append(
-            f'{", ".join(at_bound)} at the bound 1: a gear that loses all that it carries is none; '
-            'something else that grows with the load is in the torque of these joints'
+            f'{", ".join(at_bound)} at the bound 1, which means a gear that loses all torque: '
+            'another load-dependent torque acts at these joints'
         )
     std = fit.prior.std if estimate.std is None else estimate.std
     asked_for_less = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)

@@ -22,7 +22,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What a simulated arm is made of.
+    """Parameters of a simulated arm.
 
     Attributes
     ----------

@@ -165,7 +165,7 @@ class Regressor:
 
 
 class MomentumRegressor:
-    """What a body on the last link asks of the joints, as `tau = d/dt(Y_p pi) + Y_f pi`.
+    """Joint torques of a body on the last link, as `tau = d/dt(Y_p pi) + Y_f pi`.
 
     With the link's Jacobian `J`, its twist `v` and its momentum `h = I v = A(v) pi`, all in the
     frame of its joint, the momentum that the joints feel is `J^T h`, and::

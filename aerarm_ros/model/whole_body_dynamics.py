@@ -90,7 +90,7 @@ class WholeBodyDynamics:
         angular_velocity: Array,
         acceleration: Array | float = 0.0,
     ) -> Array:
-        """Return what a motion takes: wrench on the base and joint torques.
+        """Return the inverse dynamics of a motion: wrench on the base and joint torques.
 
         With `acceleration` and `ddq` zero it is c; with `ddq` alone `M_bj ddq + c_b` and
         `M_jj ddq + c_j`.
@@ -153,7 +153,7 @@ class WholeBodyDynamics:
         return np.asarray(self._data.Ycrb[1].inverse()), coupling
 
     def reduced_inertia(self, q: Array) -> Array:
-        """Return `M_jj - M_jb M_bb^-1 M_bj`, (n, n) [kg m^2]: what joints feel on a free base."""
+        """Return `M_jj - M_jb M_bb^-1 M_bj`, (n, n) [kg m^2]: joint inertia on a free base."""
         matrix = self.inertia_matrix(q)
         coupling = matrix[:6, 6:]
         answer = self._data.Ycrb[1].inverse() @ coupling

@@ -1,4 +1,4 @@
-"""Asks bridge and controllers to do something, and says what came of it.
+"""Send one request to the bridge or a controller and print the result.
 
 Usage: ros2 run aerarm_ros arm home --wait ready
 """
@@ -35,29 +35,39 @@ NAME = 'arm'
 MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]
 _FAKE = 'fake_hardware'
 _MEANING = {
-    'enable': 'motors on; they align first: THE ARM MOVES, then it is held',
-    'hold': 'hold a damped arm where it is; one that follows commands, once they end',
-    'disable': 'motors off: the arm sinks',
-    'clear_fault': 'end a fault whose cause is gone',
-    'home': "turn slowly to the encoders' index pulses, from the home configuration: THE ARM MOVES",
+    'enable': 'switch the motors on: they align first, THE ARM MOVES, then the bridge holds it',
+    'hold': 'hold a damped arm in place; hold a tracking arm once its controller stops',
+    'disable': 'switch the motors off: the arm sinks',
+    'clear_fault': 'clear a fault whose cause is gone',
+    'home': (
+        'turn slowly to the index pulses of the encoders, from the home configuration: THE ARM '
+        'MOVES'
+    ),
     'e_stop': 'damp the arm at once, latched until clear_fault',
-    'put_back': f'{_FAKE} with motors off: the arm back where it started',
+    'put_back': f'{_FAKE} with motors off: reset the arm to its initial configuration',
 }
 # Which bridges are asked, if none is named.
 _WHO = {
-    'e_stop': 'every one there is, of any name and namespace',
-    'disable': "every one of this node's namespace",
+    'e_stop': f'every {_FAKE} node, of any name and namespace',
+    'disable': f'every {_FAKE} node of this namespace',
     'put_back': _FAKE,
 }
 # What runs another executable: its name, the parameter that is given, and what it is.
 _PROGRAMS = {
-    'play': ('excitation', 'trajectory', 'FILE', 'play a motion of a file, once it can begin'),
-    'record': ('recorder', 'bag', 'NAME', 'record a bag of that name, until Ctrl-C'),
+    'play': (
+        'excitation',
+        'trajectory',
+        'FILE',
+        'play a trajectory file, as soon as the arm is ready',
+    ),
+    'record': ('recorder', 'bag', 'NAME', 'record a bag with the given name, until Ctrl-C'),
 }
-_HOME = 'home the arm instead if a zero is unknown: it must be in its home configuration'
-_CALIBRATE = 'drive through postures of a calibration, rest in each and record: THE ARM MOVES'
+_HOME = 'if an encoder zero is unknown, home the arm first: it must be in its home configuration'
+_CALIBRATE = 'move through calibration configurations, rest in each and record: THE ARM MOVES'
 _INIT = 'write a first configuration of an arm from its URDF'
-_COMMISSION = 'lead through the first power-on, joint by joint: THE ARM MOVES, after a question'
+_COMMISSION = (
+    'guide through the first power-on, joint by joint: THE ARM MOVES, after a confirmation'
+)
 _TIMEOUT = 20.0  # [s]
 # Twice what a new node needs at worst until it is told of a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
@@ -79,7 +89,7 @@ class Arm:
         self._request = options.make_request(self._node, options)
 
     def run(self) -> None:
-        """Ask, and say what came of it."""
+        """Send the request and print the result."""
         try:
             self._request()
             self.status = 0
@@ -129,7 +139,7 @@ def _go(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
     def ask() -> None:
         request.go(options.angle, options.tolerance, options.timeout, _say_wait)
-        print('the arm is there', flush=True)
+        print('the arm has reached its goal', flush=True)
 
     return ask
 
@@ -142,7 +152,7 @@ def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     def ask() -> None:
         place = options.x, options.y, options.z
         request.go(place, options.tolerance, options.timeout, _say_wait, options.frame)
-        print('the tool is there', flush=True)
+        print('the tool has reached its goal', flush=True)
 
     return ask
 
@@ -179,10 +189,12 @@ def make_parser() -> argparse.ArgumentParser:
     """Return what reads the command line."""
     parser = argparse.ArgumentParser(
         prog=NAME,
-        description='Asks the bridge, or another node, for one thing, and says what came of it.',
-        epilog=f'{NAME} COMMAND --help tells more, as in: {NAME} home --wait ready; '
-        f'{NAME} enable --wait ready; {NAME} go 0 1.57 0 0; '
-        f"{NAME} set computed_torque kp '[900.0]'",
+        description='Send one request to the bridge or another node and print the result.',
+        epilog=(
+            f'{NAME} COMMAND --help describes a command. Examples: {NAME} home --wait ready; '
+            f'{NAME} enable --wait ready; {NAME} go 0 1.57 0 0; {NAME} set computed_torque kp '
+            "'[900.0]'"
+        ),
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
 
@@ -195,7 +207,7 @@ def make_parser() -> argparse.ArgumentParser:
             '--timeout',
             type=positive_number,
             default=timeout,
-            help=f'for each step [s] (default: {timeout:g})',
+            help=f'time limit of each step [s] (default: {timeout:g})',
         )
         return command
 
@@ -204,23 +216,27 @@ def make_parser() -> argparse.ArgumentParser:
         _add_waits(command, _WHO.get(name, ' or '.join(BRIDGES)))
         if name == 'enable':
             command.add_argument('--home', action='store_true', help=_HOME)
-    command = add('go', 'let the controller that runs move the arm to a posture', _go)
-    command.add_argument('angle', type=finite_number, nargs='+', help='of each joint in turn [rad]')
+    command = add('go', 'let the active controller move the arm to a joint configuration', _go)
     command.add_argument(
-        '--tolerance', type=positive_number, default=0.05, help='that is there [rad]'
+        'angle', type=finite_number, nargs='+', help='joint positions, one per joint [rad]'
     )
-    command = add('tool', 'let the Cartesian controller that runs move the tool to a place', _tool)
+    command.add_argument(
+        '--tolerance', type=positive_number, default=0.05, help='goal tolerance [rad]'
+    )
+    command = add('tool', 'let the active Cartesian controller move the tool to a position', _tool)
     for axis in 'xyz':
-        command.add_argument(axis, type=finite_number, help='in the frame [m]')
+        command.add_argument(axis, type=finite_number, help='tool position in the frame [m]')
     command.add_argument(
         '--frame',
         choices=('base', 'world'),
         default='base',
-        help="frame of the place: the arm's base, or the world of the drone's odometry, in which "
-        'world_control holds the tool (default: base)',
+        help=(
+            "frame of the position: base of the arm, or world of the drone's odometry, which needs "
+            'world_control (default: base)'
+        ),
     )
     command.add_argument(
-        '--tolerance', type=positive_number, default=0.01, help='that is there [m]'
+        '--tolerance', type=positive_number, default=0.01, help='goal tolerance [m]'
     )
     for name, (executable, _, what, meaning) in _PROGRAMS.items():
         command = commands.add_parser(
@@ -228,17 +244,19 @@ def make_parser() -> argparse.ArgumentParser:
         )
         command.add_argument('what', metavar=what)
     command = add('set', 'set a live parameter of a node', _set)
-    command.add_argument('node', help='as in computed_torque')
-    command.add_argument('name', help='of the parameter')
-    command.add_argument('value', help='as in 0.5, true or "[900.0]"')
+    command.add_argument('node', help='node name, for example computed_torque')
+    command.add_argument('name', help='parameter name')
+    command.add_argument('value', help='new value, for example 0.5, true or "[900.0]"')
     command = add('fault', f'inject a fault into {_FAKE}', _fault)
     command.add_argument('fault', metavar=FORM, help=f'NAME is one of {", ".join(FAULTS)}')
-    command.add_argument('--bridge', metavar='NODE', default=_FAKE, help='its node name')
+    command.add_argument(
+        '--bridge', metavar='NODE', default=_FAKE, help='node name of the emulated arm'
+    )
     _add_commission(add('commission', _COMMISSION, _commission))
     _add_calibrate(add('calibrate', _CALIBRATE, _calibrate))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
     commands.add_parser(
-        'completion', help='print what makes bash or zsh complete this and all other executables'
+        'completion', help='print shell code that completes all executables in bash or zsh'
     )
     return parser
 
@@ -248,54 +266,98 @@ def _add_commission(command: argparse.ArgumentParser) -> None:
     add('--joint', action='append', default=[], metavar='NAME', help='joint to commission; may be '
         'repeated (default: all)')  # fmt: skip
     add('--resume', action='store_true', help='only joints that have not passed yet')
-    add('--config', default='', metavar='FILE', help="the bridge's (default: packaged)")
-    add('--urdf', default='', metavar='FILE', help='of the arm (default: packaged)')
-    add('--record', default='', metavar='FILE', help='of the results (default: '
-        'CONFIG.commissioning.yaml beside the configuration)')  # fmt: skip
-    add('--yes', action='store_true', help='emulated boards only: an emulated hand does and '
-        'confirms everything')  # fmt: skip
+    add(
+        '--config',
+        default='',
+        metavar='FILE',
+        help='configuration of the bridge (default: packaged)',
+    )
+    add('--urdf', default='', metavar='FILE', help='URDF of the arm (default: packaged)')
+    add('--record', default='', metavar='FILE', help=(
+        'result file (default: CONFIG.commissioning.yaml next to the configuration)'
+    ))  # fmt: skip
+    add('--yes', action='store_true', help=(
+        'emulated boards only: perform and confirm every manual step automatically'
+    ))  # fmt: skip
     add('--bridge', metavar='NODE', default=_FAKE, help='node name of the emulated bridge, for '
         f'--yes (default: {_FAKE})')  # fmt: skip
 
 
 def _add_calibrate(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add('--postures', type=int, default=40, metavar='N', help='number of postures (default: 40)')
-    add('--rest', type=positive_number, default=1.0, help='at rest in each posture [s] (default: '
-        '1)')  # fmt: skip
-    add('--span', type=positive_number, default=0.8, help="share of the joints' ranges to use "
-        '(default: 0.8)')  # fmt: skip
-    add('--sensors', nargs='+', default=[], metavar='TOPIC', help='topics of markers and poses to '
-        'record (default: all that are no output of this suite)')  # fmt: skip
-    add('--link', default='', metavar='NAME', help='that carries the markers (default: the last)')
-    add('--config', default='', metavar='FILE', help="the bridge's (default: packaged)")
-    add('--urdf', default='', metavar='FILE', help='of the arm (default: packaged)')
-    add('--excitation-config', default='', metavar='FILE', help='clearances and ground (default: '
-        'packaged)')  # fmt: skip
+    add(
+        '--postures',
+        type=int,
+        default=40,
+        metavar='N',
+        help='number of configurations (default: 40)',
+    )
+    add('--rest', type=positive_number, default=1.0, help=(
+        'rest time in each configuration [s] (default: 1)'
+    ))  # fmt: skip
+    add('--span', type=positive_number, default=0.8, help=(
+        'share of the joint ranges to use (default: 0.8)'
+    ))  # fmt: skip
+    add('--sensors', nargs='+', default=[], metavar='TOPIC', help=(
+        'marker and pose topics to record (default: all except the outputs of this suite)'
+    ))  # fmt: skip
+    add(
+        '--link',
+        default='',
+        metavar='NAME',
+        help='link that carries the markers (default: the last)',
+    )
+    add(
+        '--config',
+        default='',
+        metavar='FILE',
+        help='configuration of the bridge (default: packaged)',
+    )
+    add('--urdf', default='', metavar='FILE', help='URDF of the arm (default: packaged)')
+    add('--excitation-config', default='', metavar='FILE', help=(
+        'excitation configuration with clearances and ground (default: packaged)'
+    ))  # fmt: skip
     add('--out', default='', metavar='BAG', help='bag to record (default: calibration_DATE_TIME)')
-    add('--seed', type=int, default=0, help='of the choice of postures (default: 0)')
-    add('--dry-run', action='store_true', help='print the postures, and do not move')
+    add('--seed', type=int, default=0, help='seed of the selected configurations (default: 0)')
+    add('--dry-run', action='store_true', help='print the configurations without moving')
 
 
 def _add_init(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add('urdf', type=Path, help='of the arm')
-    add('--name', default='', help='of the arm and of the files (default: as in the URDF)')
-    add('--out', type=Path, default=Path(), metavar='FOLDER', help='for the files (default: here)')
-    add('--locked', nargs='+', default=[], metavar='JOINT', help='that do not move (fingers)')
+    add('--name', default='', help='name of the arm and of the files (default: as in the URDF)')
+    add(
+        '--out',
+        type=Path,
+        default=Path(),
+        metavar='FOLDER',
+        help='folder for the files (default: current folder)',
+    )
+    add(
+        '--locked',
+        nargs='+',
+        default=[],
+        metavar='JOINT',
+        help='joints that do not move, for example fingers',
+    )
     add(
         '--gravity',
         type=finite_number,
         nargs=3,
         default=[0.0, 0.0, -9.81],
         metavar=tuple('XYZ'),
-        help='in the frame of the base link [m/s^2] (default: 0 0 -9.81, 0 0 9.81 hangs)',
+        help=(
+            'gravity in the frame of the base link [m/s^2] (default: 0 0 -9.81; for a hanging arm '
+            '0 0 9.81)'
+        ),
     )
     add('--package-directory', type=Path, action='append', default=[], metavar='FOLDER',
-        help='for package:// meshes')  # fmt: skip
-    add('--estimate', type=Path, metavar='FILE', help="estimate.yaml of the identifier: friction "
-        'and rotor inertias that were found, instead of guesses')  # fmt: skip
-    add('--overwrite', action='store_true', help='replace files that exist')
+        help='search path for package:// meshes')  # fmt: skip
+    add('--estimate', type=Path, metavar='FILE', help=(
+        'estimate.yaml of the identifier, with identified friction and rotor inertias (default: '
+        'guesses)'
+    ))  # fmt: skip
+    add('--overwrite', action='store_true', help='overwrite existing files')
 
 
 def _init(options: argparse.Namespace) -> int:
@@ -318,10 +380,14 @@ def _add_waits(command: argparse.ArgumentParser, default: str) -> None:
         help=f'node name of the bridge (default: {default})',
     )
     command.add_argument(
-        '--wait-before', choices=MODES, metavar='MODE', help='mode to wait for before asking'
+        '--wait-before', choices=MODES, metavar='MODE', help='mode to wait for before the request'
     )
     command.add_argument(
-        '--wait', nargs='+', choices=MODES, metavar='MODE', help='modes to wait for afterwards'
+        '--wait',
+        nargs='+',
+        choices=MODES,
+        metavar='MODE',
+        help='modes to wait for after the request',
     )
 
 
@@ -360,7 +426,7 @@ def _completion() -> str:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the command; 0 if what was asked was done."""
+    """Run the command; return 0 if the request succeeded."""
     arguments = list(sys.argv[1:] if args is None else args)
     parser = make_parser()
     complete(parser)

@@ -39,8 +39,15 @@ from aerarm_ros.ros.states.state_stream import base_header
 NAME = 'base_reaction'
 
 PARAMETERS = state_node_parameters(
-    Parameter('rate', 100.0, 'how often the whole wrench is published', 'Hz', 1.0, 1000.0),
-    Parameter('cutoff', 20.0, 'low-pass of the measured joint acceleration', 'Hz', 0.1, 500.0),
+    Parameter('rate', 100.0, 'publishing rate of the whole wrench', 'Hz', 1.0, 1000.0),
+    Parameter(
+        'cutoff',
+        20.0,
+        'cutoff frequency of the low-pass for the measured joint acceleration',
+        'Hz',
+        0.1,
+        500.0,
+    ),
     *LOAD_PARAMETERS,
     *CONTACT_PARAMETERS,
     *ENERGY_PARAMETERS,
@@ -48,7 +55,7 @@ PARAMETERS = state_node_parameters(
 
 
 class BaseReactionNode(StateNode):
-    """Joint states in, `BaseReaction` out, at a rate of its own."""
+    """Publishes the arm's reaction on the drone at its own rate, from joint states."""
 
     answers_every_state = False
 
@@ -68,7 +75,7 @@ class BaseReactionNode(StateNode):
         self._last = self._due = -np.inf
 
     def connect(self) -> None:
-        """Advertise what the drone wants to know."""
+        """Advertise the topics for the drone."""
         self._wrench = self.advertise(topics.BASE_WRENCH)
         self._static = self.advertise(topics.STATIC_WRENCH)
         self._loads = LoadTopics(self.node, self.arm, self.values, self.answers.publish)
@@ -99,7 +106,7 @@ class BaseReactionNode(StateNode):
         self.count_answer()
 
     def silence(self, silent_for: float) -> float:
-        """Let what is told of the arm's motion fade, and of contact.
+        """Fade the published arm motion and contact.
 
         Not by a pause of an emulated arm's host, which is none of the arm's time.
         """
@@ -121,10 +128,10 @@ class BaseReactionNode(StateNode):
         return super().warning() or self._contact.problem()
 
     def describe(self) -> dict[str, object]:
-        """Tell whose motion is told, and the joules."""
+        """Report the source of the published motion, and the energy."""
         motion = self._loads.forecast.problem or 'planned'
         others = {**self._contact.describe(), **self._energy.describe()}
-        return {**super().describe(), 'motion ahead': motion, **others}
+        return {**super().describe(), 'motion forecast': motion, **others}
 
 
 def main(args: Sequence[str] | None = None) -> int:

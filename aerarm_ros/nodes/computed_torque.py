@@ -40,17 +40,21 @@ PARAMETERS = controller_parameters(
     Parameter(
         'feedback',
         HOST,
-        "where the error is fed back: 'host' by kp and kd (pure torque commands), 'boards' by "
-        'the gains of the bridge',
+        "where the position error is fed back: 'host' uses kp and kd (pure torque commands), "
+        "'boards' uses the gains of the bridge",
         choices=(HOST, BOARDS),
     ),
-    Parameter('kp', [400.0], 'proportional gains, one or one a joint', '1/s^2', 0, 1e5, live=True),
-    Parameter('kd', [40.0], 'derivative gains, one or one a joint', '1/s', 0, 1e4, live=True),
+    Parameter(
+        'kp', [400.0], 'proportional gains, one value or one per joint', '1/s^2', 0, 1e5, live=True
+    ),
+    Parameter(
+        'kd', [40.0], 'derivative gains, one value or one per joint', '1/s', 0, 1e4, live=True
+    ),
     Parameter(
         'command_delay',
         0.0,
-        "from a state to the middle of the cycle in which its answer acts, which feedback 'host' "
-        "makes up for: 0.0015 at the bridge's 1 kHz",
+        "delay from a state to the middle of the cycle that applies its command; feedback 'host' "
+        "compensates it. 0.0015 at the bridge's 1 kHz",
         's',
         0.0,
         0.02,
@@ -58,7 +62,8 @@ PARAMETERS = controller_parameters(
     Parameter(
         'velocity_lag',
         0.0,
-        "time constant of the boards' low-pass of speeds, likewise: 0.00159 for 100 Hz",
+        "time constant of the boards' velocity low-pass; feedback 'host' compensates it. 0.00159 "
+        'for 100 Hz',
         's',
         0.0,
         0.02,
@@ -75,7 +80,7 @@ class ComputedTorqueNode(ControllerNode):
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law and what surrounds it."""
+        """Build the law with its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         integral = None
@@ -115,14 +120,16 @@ class ComputedTorqueNode(ControllerNode):
         setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Require one gain, or one a joint, and a law that has them."""
+        """Require one gain, or one per joint, and a law that has them."""
         if name in ('kp', 'kd'):
             if not isinstance(self.law, ComputedTorque):
-                raise ValueError("with feedback 'boards' the gains are parameters of the bridge")
+                raise ValueError(
+                    "with feedback 'boards', set the gains as parameters of the bridge"
+                )
             non_negative(name, one_or_each(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
-        """Say how the motion goes, and under a drone what delay of a command is borne."""
+        """Report the progress of the motion, and under a drone the tolerated command delay."""
         values: dict[str, object] = {
             'motion': self.follower.status,
             'last motion': self.follower.outcome,
@@ -130,7 +137,7 @@ class ComputedTorqueNode(ControllerNode):
         if self.arm.drone is not None and isinstance(self.law, ComputedTorque):
             gains = zip(self.law.kp.tolist(), self.law.kd.tolist(), strict=True)
             delay = min(largest_delay(self._feedback_gain, *pair) for pair in gains)
-            values['delay borne [ms]'] = round(1e3 * delay, 1)
+            values['compensated delay [ms]'] = round(1e3 * delay, 1)
         return {**super().describe(), **values}
 
 

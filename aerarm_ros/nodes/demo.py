@@ -45,10 +45,13 @@ def _run(options: argparse.Namespace) -> int:
             raise FileExistsError('it is not empty')
         (out / 'logs').mkdir(parents=True)
         marker = out / INCOMPLETE
-        marker.write_text('The demo is still running, or ended before its result was whole.\n')
+        marker.write_text('The demo is still running, or ended before it wrote all results.\n')
     except OSError as error:
         reason = error.strerror or error
-        print(f'demo: {out} cannot be used ({reason}): name another with --out', file=sys.stderr)
+        print(
+            f'demo: {out} cannot be used ({reason}): pass another folder with --out',
+            file=sys.stderr,
+        )
         return USER_ERROR
     started = time.monotonic()
     run = DemoRun(out, options)
@@ -59,7 +62,7 @@ def _run(options: argparse.Namespace) -> int:
         print(f'demo: {error}\ndemo: {out} is incomplete', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print(f'\ndemo: interrupted, every node was stopped; {out} is incomplete', file=sys.stderr)
+        print(f'\ndemo: interrupted, all nodes were stopped; {out} is incomplete', file=sys.stderr)
         return INTERRUPTED
     marker.unlink()
     print(*account.lines(), f'Time      {time.monotonic() - started:.0f} s', sep='\n')
@@ -75,21 +78,23 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
         help='folder for bags, logs and the result (default: %(default)s)',
     )
     parser.add_argument('--seed', type=int, default=2, help='seed of the validation trajectory')
-    parser.add_argument('--arm-seed', type=int, default=7, help="seed of the arm's true parameters")
+    parser.add_argument(
+        '--arm-seed', type=int, default=7, help=("seed of the simulated arm's parameters")
+    )
     parser.add_argument(
         '--periods',
         type=_at_least_one,
         default=2,
-        help='periods of 10 s in each trajectory (default: 2)',
+        help='periods of 10 s per trajectory (default: 2)',
     )
     parser.add_argument(
         '--pace',
         choices=(KEEP_UP, LOCKSTEP),
         default=KEEP_UP,
-        help="how the emulated arm's time passes (default: %(default)s)",
+        help='speed of the simulation (default: %(default)s)',
     )
     parser.add_argument(
-        '--priority', type=int, default=80, help='SCHED_FIFO priority of the bridge, 0 for none'
+        '--priority', type=int, default=80, help='SCHED_FIFO priority of the bridge; 0 for none'
     )
     return parser.parse_args(arguments)
 

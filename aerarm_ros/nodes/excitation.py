@@ -39,26 +39,33 @@ VELOCITY, FULL = 'velocity', 'position_velocity_effort'
 DEFAULT_PERIODS = 2
 
 PARAMETERS = ParameterTable(
-    Parameter('trajectory', '', 'YAML file to play; without one a random trajectory is drawn'),
+    Parameter('trajectory', '', 'YAML trajectory file to play; a random trajectory if empty'),
     Parameter('seed', 1, 'seed of the random trajectory', '', 0, 10**9),
-    Parameter('fundamental', 0.1, 'f0 of the random trajectory', 'Hz', 0.001, 10.0),
-    Parameter('harmonics', 5, 'N of the random trajectory', '', 1, 50),
+    Parameter('fundamental', 0.1,
+        'fundamental frequency f0 of the random trajectory', 'Hz', 0.001, 10.0),
+    Parameter('harmonics', 5, 'number of harmonics N of the random trajectory', '', 1, 50),
     Parameter('amplitude', 0.35, 'largest random coefficient', 'rad', 0.001, 3.0),
-    Parameter('periods', 0, 'whole periods to play at full speed; 0: as many as the file says, '
-              'or 2', '', 0, 10000),
-    Parameter('save', '', 'YAML file to write the trajectory to before it is played'),
-    Parameter('mode', VELOCITY, 'what is commanded', choices=(VELOCITY, FULL)),
-    Parameter('position_gain', 1.0, 'K of dq_d + K (q_d - q) in velocity mode', '1/s', 0.0, 20.0),
-    Parameter('tracking_limit', 0.3, '|q_d - q| at which the arm is stopped', 'rad', 1e-3, 3.0),
-    Parameter('damped_share_max', 0.01, "share of the motion's time for which the bridge may damp "
-              'the arm, since commands come late; above it the exit status is 1', '', 0.0, 1.0),
-    Parameter('return_to_start', True, 'go back to the posture found at the start'),
-    Parameter('state_timeout', 0.2, 'longest wait for the next joint state', 's', 0.005, 10.0),
-    Parameter('wait_timeout', 20.0, 'longest wait for arm and subscribers', 's', 0.1, 3600.0),
-    Parameter('subscribers', 1, 'subscribers of joint_command, and of joint_states, to wait for '
-              '(2: bridge and recorder; this node and recorder)', '', 1, 100),
-    Parameter('wait_for_recorder', False, 'wait until recorder_status says that joint_states and '
-              'joint_command are being recorded'),
+    Parameter('periods', 0,
+        'whole periods to play at full speed; 0: as in the file, or 2', '', 0, 10000),
+    Parameter('save', '', 'YAML file to write the trajectory to before playing it'),
+    Parameter('mode', VELOCITY, 'commanded quantity', choices=(VELOCITY, FULL)),
+    Parameter('position_gain', 1.0,
+        'gain K of dq_d + K (q_d - q) in velocity mode', '1/s', 0.0, 20.0),
+    Parameter('tracking_limit', 0.3,
+        'position error |q_d - q| at which the node stops the arm', 'rad', 1e-3, 3.0),
+    Parameter('damped_share_max', 0.01, (
+        'allowed share of the motion during which the bridge damps the arm because commands are '
+        'late; a larger share ends with exit status 1'
+    ), '', 0.0, 1.0),
+    Parameter('return_to_start', True, 'return to the initial configuration at the end'),
+    Parameter('state_timeout', 0.2, 'time limit for the next joint state', 's', 0.005, 10.0),
+    Parameter('wait_timeout', 20.0, 'time limit for arm and subscribers', 's', 0.1, 3600.0),
+    Parameter('subscribers', 1, (
+        'number of subscribers of joint_command and of joint_states to wait for (2: bridge and '
+        'recorder; this node and recorder)'
+    ), '', 1, 100),
+    Parameter('wait_for_recorder', False,
+        'wait until recorder_status reports that joint_states and joint_command are recorded'),
     *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
     *ARM_FILES,
@@ -67,7 +74,7 @@ PARAMETERS = ParameterTable(
 
 
 class ExcitationNode:
-    """Waits for the arm, plans from where it is, plays, and says how it went.
+    """Waits for the arm, plans from its present configuration, plays, and reports the result.
 
     Attributes
     ----------
@@ -106,7 +113,7 @@ class ExcitationNode:
         self._plan = PlanTopic(self._node, self._names, lambda: states.stamp_ns, self._ahead)
 
     def run(self) -> None:
-        """Play the trajectory; `status` says how it ended."""
+        """Play the trajectory; `status` is the exit status."""
         with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
                 self._run()
@@ -190,10 +197,10 @@ class ExcitationNode:
         if not stopped and damping.share > allowed:
             self.status = 1
             raise ExcitationError(
-                f'the arm was damped for {damping.share:.1%} of the motion, allowed are '
-                f'{allowed:.1%}: this is not the motion that was planned. The computer is too '
-                'busy for 1 kHz: end other programs, give it priority (realtime_priority), or '
-                'bear more (damped_share_max)'
+                f'the bridge damped the arm for {damping.share:.1%} of the motion, more than the '
+                f'allowed {allowed:.1%}: the motion is not the planned one. The computer is too '
+                'busy for 1 kHz: end other processes, set realtime_priority, or raise '
+                'damped_share_max'
             )
 
     def _diagnostic_values(self) -> dict[str, object]:

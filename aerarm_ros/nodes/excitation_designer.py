@@ -40,36 +40,78 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
     parser = OneLineParser(prog=NAME, description=__doc__.splitlines()[0])
     add = parser.add_argument
-    add('--out', type=Path, default=Path('trajectory.yaml'), help='file (default: %(default)s)')
-    add('--overwrite', action='store_true', help='replace files that exist')
+    add(
+        '--out',
+        type=Path,
+        default=Path('trajectory.yaml'),
+        help=('output file (default: %(default)s)'),
+    )
+    add('--overwrite', action='store_true', help='overwrite existing files')
     add('--preview', type=Path, help='HTML page with plots, workspace and animation')
     add('--validation', action='store_true', help='also write a slower and a faster trajectory')
     objectives = '; '.join(f'{key}: {text}' for key, text in OBJECTIVES.items())
     add('--objective', choices=list(OBJECTIVES), default=BOTH, help=objectives)
-    add('--condition-limit', type=float, default=26.0, help=f'for {BOTH} (default: %(default)s)')
-    add('--fundamental', type=float, default=0.1, help='f0 [Hz] (default: %(default)s)')
-    add('--harmonics', type=int, default=5, help='N (default: %(default)s)')
-    add('--duration', type=float, default=20.0, help='whole periods [s] (default: %(default)s)')
-    add('--amplitude', type=float, default=0.35, help='of random starts [rad]')
+    add(
+        '--condition-limit',
+        type=float,
+        default=26.0,
+        help=(f'design criterion for {BOTH} (default: %(default)s)'),
+    )
+    add(
+        '--fundamental',
+        type=float,
+        default=0.1,
+        help=('fundamental frequency f0 [Hz] (default: %(default)s)'),
+    )
+    add('--harmonics', type=int, default=5, help='number of harmonics N (default: %(default)s)')
+    add(
+        '--duration',
+        type=float,
+        default=20.0,
+        help=('number of whole periods, as a duration [s] (default: %(default)s)'),
+    )
+    add(
+        '--amplitude',
+        type=float,
+        default=0.35,
+        help=('largest coefficient of the random starts [rad]'),
+    )
     add('--torque-noise', type=float, nargs='+',
-        help='standard deviation of the torque [Nm], one for all joints or one each (default: 1 %% '
-        'of the effort limit)')  # fmt: skip
-    add('--bias', type=float, nargs='+', help='centre of the motion [rad], a joint each')
-    add('--seed', type=int, default=1, help='of the random starts (default: %(default)s)')
-    add('--starts', type=int, default=8, help='random starts (default: %(default)s)')
+        help=(
+            'standard deviation of the torque [Nm], one value or one per joint (default: 1 %% of '
+            'the effort limit)'
+        ))  # fmt: skip
+    add('--bias', type=float, nargs='+', help='centre of the motion [rad], one value per joint')
+    add('--seed', type=int, default=1, help='seed of the random starts (default: %(default)s)')
+    add('--starts', type=int, default=8, help='number of random starts (default: %(default)s)')
     add('--workers', type=int, default=os.cpu_count() or 1, help='processes')
-    add('--time-limit', type=float, default=55.0, help='[s] (default: %(default)s)')
-    add('--excitation-config', type=Path, help='surroundings and usable shares of the limits')
-    add('--config', type=Path, help='drive train (default: the packaged arm)')
-    add('--urdf', type=Path, help='another arm; without --config its own limits count, and these:')
-    add('--locked', nargs='*', default=[], help='joints of --urdf that do not move (fingers)')
-    add('--package-directory', type=Path, action='append', default=[], help='for package:// meshes')
+    add('--time-limit', type=float, default=55.0, help='time limit [s] (default: %(default)s)')
+    add('--excitation-config', type=Path, help='obstacles and usable shares of the limits')
+    add('--config', type=Path, help='drive train configuration (default: the packaged arm)')
+    add(
+        '--urdf',
+        type=Path,
+        help=('URDF of another arm; without --config its own limits apply, and these options:'),
+    )
+    add(
+        '--locked',
+        nargs='*',
+        default=[],
+        help=('joints of --urdf that do not move, for example fingers'),
+    )
+    add(
+        '--package-directory',
+        type=Path,
+        action='append',
+        default=[],
+        help=('search path for package:// meshes'),
+    )
     for name, what in (
         ('acceleration-limit', 'largest acceleration [rad/s^2]'),
         ('current-limit', 'largest motor current [A]; needs --torque-per-ampere'),
         ('torque-per-ampere', 'joint torque per motor current [Nm/A]'),
     ):
-        add(f'--{name}', type=float, nargs='+', help=f'{what}, one for all joints or one each')
+        add(f'--{name}', type=float, nargs='+', help=f'{what}, one value or one per joint')
     return parser.parse_args(arguments)
 
 

@@ -66,10 +66,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print('\n' + report.text())
     path = options.out / 'controllers.html'
     note = (
-        f'Five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}); plant: {origin}. "True" '
-        'means that the controller knows the parameters of the plant. RMS and max are of the '
-        'periodic motion; final is one second after it stopped, where dry friction holds the arm '
-        'beside its reference unless something integrates.'
+        f'Five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}); plant: {origin}. "True" means '
+        "that the controller uses the plant's own parameters. RMS and max refer to the periodic "
+        'motion. "Final" is the error one second after the end, where dry friction causes an '
+        'offset unless the controller integrates.'
     )
     try:
         report.write(path, note)
@@ -88,7 +88,7 @@ def _cases(text: str) -> list[ExperimentCase]:
     cases = [case for case in all_cases() if text in case.name]
     if not cases:
         names = '; '.join(case.name for case in all_cases())
-        raise ValueError(f"no run's name holds {text!r}, given with --only: there are {names}")
+        raise ValueError(f'no run name contains {text!r}, given with --only: the runs are {names}')
     return cases
 
 
@@ -96,13 +96,11 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = OneLineParser(prog=NAME, description=(__doc__ or '').splitlines()[0])
     parser.add_argument('--out', type=Path, default=Path('output') / NAME, help='folder')
     parser.add_argument('--seed', type=int, default=1, help='seed of the trajectory')
-    parser.add_argument('--amplitude', type=float, default=0.15, help='coefficients [rad]')
-    parser.add_argument('--only', default='', help='only runs whose name holds this text')
+    parser.add_argument('--amplitude', type=float, default=0.15, help='largest coefficient [rad]')
+    parser.add_argument('--only', default='', help='run only cases whose name contains this text')
     plant = parser.add_mutually_exclusive_group()
     plant.add_argument('--arm-seed', type=int, default=7, help='seed of the simulated arm')
-    plant.add_argument(
-        '--identified', type=_file, help='URDF of an identified model to be the simulated arm'
-    )
+    plant.add_argument('--identified', type=_file, help='URDF of an identified model to simulate')
     return parser.parse_args(arguments)
 
 

@@ -132,7 +132,7 @@ class FlightControlNode:
         self._fly(stamp_ns)
 
     def _wait_for_arm(self) -> None:
-        """Wait for what is told of the arm; once it was in vain, not before it comes in time."""
+        """Wait for the arm's forecast; after a timeout, only once a forecast is on time again."""
         if not self._is_told_late():
             self._waits_for_arm = True
             return
@@ -150,7 +150,7 @@ class FlightControlNode:
             self._try(self._requests.popleft())
 
     def _is_told_late(self) -> bool:
-        """Return whether the arm is told later than it is needed."""
+        """Return whether the arm's forecast is late."""
         now = self._estimator.stamp
         return now is not None and self._arm.is_late(now)
 
@@ -172,7 +172,7 @@ class FlightControlNode:
             self._doing = ''
         elif self._target is not None and (attitude := self._estimator.attitude_alone()):
             self._thrust = self._law.level(attitude, dt)
-            self._doing = 'odometry is missing: level by the IMU, sinking'
+            self._doing = 'odometry is missing: the drone levels by the IMU and sinks'
         else:
             self._note_silence()
             return
@@ -185,7 +185,7 @@ class FlightControlNode:
 
     def _note_silence(self) -> None:
         if self._target is not None:
-            self._doing = 'neither odometry nor IMU: nothing is commanded, the rotors stop'
+            self._doing = 'neither odometry nor IMU: the rotors stop. Check both topics'
 
     # Callbacks.
 
@@ -200,13 +200,15 @@ class FlightControlNode:
 
     def _go_along(self, message: MultiDOFJointTrajectory) -> None:
         if self._target is None:
-            raise RejectedInputError('flight_trajectory: the drone does not know where it is yet')
+            raise RejectedInputError(
+                'flight_trajectory rejected: the drone has no position yet. Check odometry'
+            )
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         begin = stamp or self._time
         if not -_LATEST < begin - self._time < _EARLIEST:
             raise RejectedInputError(
-                f'flight_trajectory: it is stamped {begin - self._time:+.1f} s from now: use a '
-                'zero stamp for now, and check the clocks'
+                f'flight_trajectory rejected: its stamp is {begin - self._time:+.1f} s from now. '
+                'Use a zero stamp for now, and check the clocks'
             )
         self._path = begin, to_path(message, self._stream.frame, self._target)
 
@@ -225,7 +227,7 @@ class FlightControlNode:
             'commands': self._answers,
             'rejected inputs': self._rejections,
             'last rejection': self._rejection,
-            'arm told late': self._late,
+            'late arm forecasts': self._late,
             'position error [m]': f'{np.linalg.norm(self._error):.3f}',
             'largest thrust [%]': f'{100.0 * (self._thrust / self._thrust_max).max():.0f}',
         }

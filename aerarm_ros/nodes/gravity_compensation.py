@@ -39,10 +39,21 @@ PARAMETERS = controller_parameters(
     *observer_parameters(REACHING_COMPENSATION),
     *HAND_OVER_PARAMETERS,
     *FOLLOWER_PARAMETERS,
-    Parameter('kp', KP, 'proportional gains, one or one a joint', 'Nm/rad', 0.0, 1e4, live=True),
-    Parameter('kd', KD, 'derivative gains, one or one a joint', 'Nms/rad', 0.0, 1e3, live=True),
-    Parameter('hand_guiding', False, 'gains fade to nothing: a person moves the arm', live=True),
-    Parameter('hand_friction', 0.7, 'share of friction compensated by hand', '', 0.0, 0.95),
+    Parameter(
+        'kp', KP, 'proportional gains, one value or one per joint', 'Nm/rad', 0.0, 1e4, live=True
+    ),
+    Parameter(
+        'kd', KD, 'derivative gains, one value or one per joint', 'Nms/rad', 0.0, 1e3, live=True
+    ),
+    Parameter(
+        'hand_guiding',
+        False,
+        'hand guiding: the gains fade to zero and a person moves the arm',
+        live=True,
+    ),
+    Parameter(
+        'hand_friction', 0.7, 'share of friction compensated during hand guiding', '', 0.0, 0.95
+    ),
 )
 
 
@@ -53,7 +64,7 @@ class GravityCompensationNode(ControllerNode):
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law and what surrounds it."""
+        """Build the law with its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         # By hand the friction is compensated along a measured, noisy velocity: wider.
@@ -96,18 +107,18 @@ class GravityCompensationNode(ControllerNode):
             setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Require one gain, or one a joint."""
+        """Require one gain, or one per joint."""
         if name in ('kp', 'kd'):
             non_negative(name, one_or_each(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
-        """Say how the motion goes."""
+        """Report the progress of the motion."""
         mode = 'hand guiding' if self.law.hand_guiding else self.follower.status
         motion = {'motion': mode, 'last motion': self.follower.outcome}
         return {**super().describe(), **motion}
 
     def _guidance_problem(self) -> str:
-        return 'hand_guiding is on: switch it off first' if self.law.hand_guiding else ''
+        return 'hand_guiding is active: set it to false first' if self.law.hand_guiding else ''
 
     def _unless_guided(self, act: Callable[..., None]) -> Callable[[Any, float], None]:
         """Return what takes a message for the follower, except while a person moves the arm."""

@@ -33,10 +33,33 @@ PARAMETERS = controller_parameters(
     # What a contact pushes is no disturbance to compensate.
     *observer_parameters(compensation=0.0),
     *HAND_OVER_PARAMETERS,
-    Parameter('stiffness', [300.0], 'one or along x, y, z', 'N/m', 0.0, 1e5, live=True),
-    Parameter('damping', [40.0], 'one or along x, y, z', 'Ns/m', 0.0, 1e4, live=True),
-    Parameter('rest_stiffness', 2.0, 'pull of the home configuration', 'Nm/rad', 0.0, 100.0),
-    Parameter('rest_damping', 0.3, 'damping of what the tool leaves free', 'Nms/rad', 0.0, 100.0),
+    Parameter(
+        'stiffness',
+        [300.0],
+        'translational stiffness, one value or one per axis x, y, z',
+        'N/m',
+        0.0,
+        1e5,
+        live=True,
+    ),
+    Parameter(
+        'damping',
+        [40.0],
+        'translational damping, one value or one per axis x, y, z',
+        'Ns/m',
+        0.0,
+        1e4,
+        live=True,
+    ),
+    Parameter(
+        'rest_stiffness',
+        2.0,
+        'stiffness towards the home configuration in the null space',
+        'Nm/rad',
+        0.0,
+        100.0,
+    ),
+    Parameter('rest_damping', 0.3, 'damping in the null space of the tool', 'Nms/rad', 0.0, 100.0),
 )
 
 
@@ -47,7 +70,7 @@ class ImpedanceControlNode(ControllerNode):
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law and what surrounds it."""
+        """Build the law with its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         self.follower = make_target_follower(values, arm)

@@ -28,14 +28,16 @@ JOINT, CARTESIAN = 'joint', 'cartesian'
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     Parameter('scheme', CARTESIAN, 'where the error is fed back', choices=(JOINT, CARTESIAN)),
-    Parameter('gain', 8.0, 'K: errors decay as exp(-K t)', '1/s', 0.0, 100.0),
-    Parameter('singular_threshold', 0.03, 'singular value that is damped', 'm/rad', 1e-4, 1.0),
+    Parameter('gain', 8.0, 'gain K: errors decay as exp(-K t)', '1/s', 0.0, 100.0),
+    Parameter('singular_threshold', 0.03,
+        'singular value below which the inverse is damped', 'm/rad', 1e-4, 1.0),
     Parameter('singular_damping', 0.02, 'damping at the singularity', 'm/rad', 1e-4, 1.0),
-    Parameter('rest_gain', 0.5, 'pull of the home configuration', '1/s', 0.0, 20.0),
-    Parameter('holding_gain', 0.0, 'speed down the slope of what holding the weight takes, where '
-              'the tool leaves joints free', 'rad^2/J', 0.0, 1.0),
-    Parameter('limit_gain', 5.0, 'speed toward a limit over distance from it', '1/s', 0.1, 100.0),
-    Parameter('limit_margin', 0.02, 'distance kept from limits', 'rad', 0.0, 1.0),
+    Parameter('rest_gain', 0.5,
+        'gain towards the home configuration in the null space', '1/s', 0.0, 20.0),
+    Parameter('holding_gain', 0.0,
+        'gain of the null-space descent of the holding torque', 'rad^2/J', 0.0, 1.0),
+    Parameter('limit_gain', 5.0, 'gain of the repulsion from position limits', '1/s', 0.1, 100.0),
+    Parameter('limit_margin', 0.02, 'distance kept from position limits', 'rad', 0.0, 1.0),
 )  # fmt: skip
 
 
@@ -68,7 +70,7 @@ class KinematicControlNode(ControllerNode):
         self.tool = ToolTopics(self, self.follower, self.values.frame)
 
     def describe(self) -> dict[str, object]:
-        """Say how near a singularity or a limit the arm is."""
+        """Report the distance to singularities and limits."""
         return {
             **super().describe(),
             'least singular value [m/rad]': round(self.resolution.least_singular_value, 4),

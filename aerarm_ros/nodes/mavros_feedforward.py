@@ -86,11 +86,11 @@ def add_acceleration(
     frames = _FRAMES[firmware]
     if set_point.coordinate_frame not in frames:
         raise RejectedInputError(
-            f'set point: coordinate_frame is {set_point.coordinate_frame}, and with an '
-            f'acceleration {firmware} takes {" or ".join(frames.values())}'
+            f'set point rejected: coordinate_frame is {set_point.coordinate_frame}; for an '
+            f'acceleration {firmware} accepts {" or ".join(frames.values())}'
         )
     if set_point.type_mask & _IS_FORCE:
-        raise RejectedInputError('set point: it asks for a force, not for an acceleration')
+        raise RejectedInputError('set point rejected: it sets a force, not an acceleration')
     added = copy.deepcopy(set_point)
     position, velocity, wanted = (
         (set_point.type_mask & bits) == 0 for bits in (_POSITION, _VELOCITY, _ACCELERATION)

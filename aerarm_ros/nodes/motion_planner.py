@@ -53,29 +53,38 @@ from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.states.state_stream import StateSampler
 
 _SETTINGS = (
-    Parameter('objective', ENERGY, 'what a motion is planned for: energy, time (the quickest), '
-              'disturbance (least peak of the moment on the base), or quintic: straight in joint '
-              'space, for comparison', choices=OBJECTIVES, live=True),
-    Parameter('duration', 2.0, 'of a motion; 0 for as long as is best', 's', 0.0, 60.0, live=True),
-    Parameter('time_price', 10.0, 'what a second costs besides the arm where the duration is free, '
-              'as the power at which the drone hovers', 'W', 0.0, 1e5, live=True),
-    Parameter('smoothness', 0.03, 'price of acceleration squared, for light joints by their '
-              'inertia more: joints whose way costs nothing move evenly instead of creeping',
+    Parameter('objective', ENERGY, (
+        'objective: energy, time (shortest duration), disturbance (least peak moment on the base), '
+        'or quintic (straight line in joint space, for comparison)'
+    ), choices=OBJECTIVES, live=True),
+    Parameter('duration', 2.0,
+        'duration of a motion; 0 for the optimal duration', 's', 0.0, 60.0, live=True),
+    Parameter('time_price', 10.0,
+        'cost of one second of a free duration, for example the hover power of the drone',
+        'W', 0.0, 1e5, live=True),
+    Parameter('smoothness', 0.03, (
+        'weight of the squared acceleration, scaled by inertia for light joints: joints whose '
+        'motion costs nothing move evenly'
+    ),
               'J s^3/rad^2', 0.0, 100.0, live=True),
-    Parameter('disturbance_price', 0.0, "price of the moment that a motion's reaction puts on the "
-              'base, beside energy: 3 trades one for the other', 'J/(Nm)^2/s', 0.0, 1e6, live=True),
-    Parameter('velocity_share', 0.9, 'usable share of velocity and acceleration limits', '', 0.01,
+    Parameter('disturbance_price', 0.0,
+        'weight of the reaction moment on the base, relative to energy; 3 balances the two',
+        'J/(Nm)^2/s', 0.0, 1e6, live=True),
+    Parameter('velocity_share', 0.9,
+        'usable share of the velocity and acceleration limits', '', 0.01,
               1.0, live=True),
-    Parameter('effort_share', 0.8, 'usable share of torque and current limits', '', 0.01, 1.0,
+    Parameter('effort_share', 0.8, 'usable share of the torque and current limits', '', 0.01, 1.0,
               live=True),
 )  # fmt: skip
 
 PLANNER_PARAMETERS = (
     *_SETTINGS,
-    Parameter('frame', 'tool0', 'link that a tool goal is for'),
-    Parameter('hold_time', 5.0, 'how long the arm stays where a tool goal brings it: the longer, '
-              'the more counts what holding takes', 's', 0.0, 3600.0, live=True),
-    Parameter('lead', 0.0, 'how long after the newest state a motion begins; 0 for when it arrives',
+    Parameter('frame', 'tool0', 'link that a tool goal refers to'),
+    Parameter('hold_time', 5.0,
+        'hold time at a tool goal; a longer time gives the holding torque more weight',
+        's', 0.0, 3600.0, live=True),
+    Parameter('lead', 0.0,
+        'delay from the newest state to the start of a motion; 0 to start on arrival',
               's', 0.0, 10.0, live=True),
     *ENERGY_PARAMETERS,
     *ARM_FILES,
@@ -84,7 +93,7 @@ PLANNER_PARAMETERS = (
 
 
 def plan_settings(values: SimpleNamespace) -> dict[str, object]:
-    """Return what the parameters say of `PlanSettings`."""
+    """Return the `PlanSettings` of the parameters."""
     return {parameter.name: getattr(values, parameter.name) for parameter in _SETTINGS}
 
 
@@ -164,14 +173,16 @@ class MotionPlannerNode:
     def _on_joint_goal(self, message: JointState) -> None:
         self._limits.order(list(message.name))
         if len(message.position) != self._limits.n:
-            raise PlanError(f'joint goal: it needs {self._limits.n} positions')
+            raise PlanError(f'joint goal rejected: it needs {self._limits.n} positions')
         goal = np.array(message.position)[self._limits.order(list(message.name))]
         self._send(self._planner.plan(self._start(), goal))
 
     def _on_tool_goal(self, message: PointStamped) -> None:
         frame = message.header.frame_id
         if frame not in ('', self._base):
-            raise PlanError(f'tool goal: it is given in {frame!r}, send it in {self._base!r}')
+            raise PlanError(
+                f'tool goal rejected: its frame is {frame!r}; send it in {self._base!r}'
+            )
         point, values = message.point, self._values
         place = [point.x, point.y, point.z]
         planner = self._planner
@@ -186,12 +197,14 @@ class MotionPlannerNode:
             raise PlanError(
                 f'joint_states lacks {missing}: check config and tf_prefix'
                 if missing
-                else 'no joint_states have come: start the bridge'
+                else 'no joint_states received: start the bridge'
             )
         q, dq, _ = self._state
         speed = float(np.nanmax(np.abs(dq), initial=0.0))
         if speed > _AT_REST:
-            raise PlanError(f'the arm moves at {speed:.2f} rad/s: motions are planned from rest')
+            raise PlanError(
+                f'the arm moves at {speed:.2f} rad/s: wait until it rests, motions start from rest'
+            )
         return np.array(q)
 
     def _send(self, plan: MotionPlan) -> None:

@@ -54,36 +54,43 @@ NAME = 'motor_bench'
 _PLAN = BenchPlan()
 
 PARAMETERS = ParameterTable(
-    Parameter('joints', [], 'joints to measure, one after the other; all if empty'),
-    Parameter('mounted', True, 'whether the drives are in the arm; false for bare motors, on '
-              'which no gravity acts'),
-    Parameter('posture', [], 'about which is measured, in the joints\' order; where the arm is, '
-              'if empty', 'rad', -6.3, 6.3, element=float),
-    Parameter('speeds', list(_PLAN.speeds), 'of the velocity steps, each in both directions',
+    Parameter('joints', [], 'joints to measure one after the other; all if empty'),
+    Parameter('mounted', True,
+        'true if the drives are mounted in the arm; false for bare motors without gravity load'),
+    Parameter('posture', [],
+        'centre of the measurement, in joint order; the current configuration if empty',
+        'rad', -6.3, 6.3, element=float),
+    Parameter('speeds', list(_PLAN.speeds), 'speeds of the velocity steps, each in both directions',
               'rad/s', 1e-3, 50.0),
-    Parameter('span', _PLAN.span, 'way of a joint, half of it to either side of the posture',
+    Parameter('span', _PLAN.span, 'stroke of a joint, half of it to either side of the posture',
               'rad', 0.01, 6.28),
-    Parameter('acceleration_share', _PLAN.acceleration_share, 'share of acceleration_max that '
-              'ramps and acceleration runs reach', '', 0.01, 1.0),
-    Parameter('runs', _PLAN.runs, 'acceleration runs of a joint, forth and back', '', 0, 100),
-    Parameter('swings', _PLAN.swings, 'sine waves of a joint about the posture, which tell its '
-              "gear's backlash; 0 for none", '', 0, 1000),
-    Parameter('amplitude', _PLAN.amplitude, 'of the swings', 'rad', 0.01, 3.0),
-    Parameter('known_mass', 0.0, 'hung on the arm or lever to measure the torque constants; 0 for '
-              'none', 'kg', 0.0, 100.0),
-    Parameter('known_mass_position', [0.0, 0.0, 0.0], 'its centre in the frame of the last '
-              "link's joint (mounted)", 'm', -5.0, 5.0),
-    Parameter('lever', 0.0, 'its distance from the horizontal shaft (bare motor)', 'm', 0.0, 5.0),
+    Parameter('acceleration_share', _PLAN.acceleration_share,
+        'share of acceleration_max for ramps and acceleration runs', '', 0.01, 1.0),
+    Parameter('runs', _PLAN.runs, 'acceleration runs per joint, back and forth', '', 0, 100),
+    Parameter('swings', _PLAN.swings,
+        'sine waves per joint about the posture, to estimate the gear backlash; 0 for none',
+        '', 0, 1000),
+    Parameter('amplitude', _PLAN.amplitude, 'amplitude of the sine waves', 'rad', 0.01, 3.0),
+    Parameter('known_mass', 0.0,
+        'mass attached to the arm or lever to measure the torque constants; 0 for none',
+        'kg', 0.0, 100.0),
+    Parameter('known_mass_position', [0.0, 0.0, 0.0],
+        "centre of mass in the frame of the last link's joint (mounted)", 'm', -5.0, 5.0),
+    Parameter('lever', 0.0,
+        'distance of the mass from the horizontal shaft (bare motor)', 'm', 0.0, 5.0),
     Parameter('without_mass', '', 'motor_bench.yaml of a run without the mass (mounted)'),
-    Parameter('link_uncertainty', 0.2, "relative standard deviation of the links' inertia in the "
-              'URDF', '', 0.0, 2.0),
-    Parameter('resistance_uncertainty', 0.1, 'relative standard deviation of a resistance that '
-              'the boards report without measuring voltages', '', 0.0, 2.0),
-    Parameter('out', '', 'folder of the result; motor_bench_DATE_TIME if empty'),
-    Parameter('position_gain', 1.0, 'K of dq_d + K (q_d - q)', '1/s', 0.0, 20.0),
-    Parameter('tracking_limit', 0.3, '|q_d - q| at which the arm is stopped', 'rad', 1e-3, 3.0),
-    Parameter('state_timeout', 0.2, 'longest wait for the next joint state', 's', 0.005, 10.0),
-    Parameter('wait_timeout', 20.0, 'longest wait for the arm', 's', 0.1, 3600.0),
+    Parameter('link_uncertainty', 0.2,
+        'relative standard deviation of the link inertias in the URDF', '', 0.0, 2.0),
+    Parameter('resistance_uncertainty', 0.1, (
+        'relative standard deviation of a resistance that the boards report without a voltage '
+        'measurement'
+    ), '', 0.0, 2.0),
+    Parameter('out', '', 'folder for the results; motor_bench_DATE_TIME if empty'),
+    Parameter('position_gain', 1.0, 'gain K of dq_d + K (q_d - q)', '1/s', 0.0, 20.0),
+    Parameter('tracking_limit', 0.3,
+        'position error |q_d - q| at which the node stops the arm', 'rad', 1e-3, 3.0),
+    Parameter('state_timeout', 0.2, 'time limit for the next joint state', 's', 0.005, 10.0),
+    Parameter('wait_timeout', 20.0, 'time limit for the arm', 's', 0.1, 3600.0),
     *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
     *ARM_FILES,
@@ -92,7 +99,7 @@ PARAMETERS = ParameterTable(
 
 
 class MotorBenchNode:
-    """Moves one joint at a time, measures, and writes what the drives are like.
+    """Moves one joint at a time, measures, and writes the drives' parameters.
 
     Attributes
     ----------
@@ -118,7 +125,9 @@ class MotorBenchNode:
         joints = [self._robot.own_name(name) for name in values.joints]
         unknown = [name for name in joints if name not in names]
         if unknown:
-            raise ExcitationError(f'no joint {", ".join(unknown)}: there are {", ".join(names)}')
+            raise ExcitationError(
+                f'unknown joint {", ".join(unknown)}: the joints are {", ".join(names)}'
+            )
         self._joints = [names.index(name) for name in joints or names]
         self._plan = BenchPlan(
             speeds=tuple(values.speeds),
@@ -130,11 +139,12 @@ class MotorBenchNode:
         )
         if values.swings and not values.mounted:
             raise ExcitationError(
-                'swings tell the backlash by what a gear drives: a bare motor drives nothing'
+                'swings estimate the backlash by the load of a gear, and a bare motor has none: '
+                'set swings to 0'
             )
         if len(values.posture) not in (0, len(names)):
             raise ExcitationError(
-                f'posture has {len(values.posture)} angles: give {len(names)} or none'
+                f'posture has {len(values.posture)} values: give {len(names)} or none'
             )
         self._known = self._known_mass()
         earlier = values.without_mass
@@ -145,17 +155,17 @@ class MotorBenchNode:
         self._arm_at_end = ArmAtEnd(self._node, values)
 
     def run(self) -> None:
-        """Measure; `status` says how it ended."""
+        """Measure; `status` is the exit status."""
         out = Path(self._values.out or f'{NAME}_{datetime.now():%Y%m%d_%H%M%S}')
         with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
-                with ResultDirectory(out, 'the parameter out') as directory:
+                with ResultDirectory(out, 'remove parameter out') as directory:
                     self._measure(directory)
                 self.status = 0
                 print(f'{NAME}: {directory.target / "report.html"}', flush=True)
             except KeyboardInterrupt:
                 self.status = INTERRUPTED
-                print(f'{NAME}: stopped, nothing was written', file=sys.stderr, flush=True)
+                print(f'{NAME}: stopped, no files were written', file=sys.stderr, flush=True)
             except (ExcitationError, IdentificationError, BagError) as error:
                 print(f'{NAME}: {error}', file=sys.stderr, flush=True)
 

@@ -64,8 +64,8 @@ class PayloadEstimatorNode(StateNode):
         values = self.values
         if self.arm.drone is not None and values.base_motion == NONE:
             raise ValueError(
-                'a drone_file is given and base_motion is none: how the base moves has to be known '
-                "while it flies, give base_motion 'free'"
+                'drone_file is given but base_motion is none: the estimator needs the motion of '
+                "the flying base, set base_motion to 'free'"
             )
         self.base = self.arm.measured_base(values)
         self._estimator = PayloadEstimator(
@@ -118,12 +118,12 @@ class PayloadEstimatorNode(StateNode):
         return super().warning() or self._estimator.problem or unwritten
 
     def describe(self) -> dict[str, object]:
-        """Tell the last good estimate."""
-        told = {**super().describe(), 'changes found': self._estimator.changes}
+        """Report the last good estimate."""
+        told = {**super().describe(), 'detected changes': self._estimator.changes}
         told |= self._log.describe() if self._log is not None else {}
         estimate = self._estimator.estimate
         if estimate is None:
-            return {**told, 'carries': 'not known yet'}
+            return {**told, 'carries': 'not yet identified'}
         payload, friction = estimate.payload, zip(FRICTION_NAMES, estimate.friction, strict=True)
         told['carries'] = 'a payload' if estimate.carries else 'nothing'
         told['standard deviation of the mass [kg]'] = round(float(payload.std[0]), 5)

@@ -108,7 +108,7 @@ class Px4Imu:
             if count == before
         ]
         self._reported = counts
-        problem = f'nothing comes on {" and ".join(silent)}: is the uXRCE-DDS agent running?'
+        problem = f'no messages on {" and ".join(silent)}: check that the uXRCE-DDS agent runs'
         values = {'samples': counts[0], 'attitudes': counts[1]}
         self._diagnostics.report(problem if silent else '', values)
 

@@ -30,13 +30,13 @@ PARAMETERS = ParameterTable(
     Parameter(
         'topics',
         SUITE_TOPICS,
-        "what to record: names of the suite's topics, or NAME=TYPE for any other",
+        "topics to record: names of the suite's topics, or NAME=TYPE for others",
     ),
     Parameter('compression', 'zstd', 'compression of the bag', choices=tuple(COMPRESSIONS)),
     Parameter(
         'depth',
         4000,
-        'messages of a topic that may wait for the recorder',
+        'queue length per topic',
         minimum=10,
         maximum=100_000,
     ),
@@ -51,7 +51,7 @@ _STATUS_PERIOD = 0.1  # [s]
 
 
 class Recorder:
-    """A loop that feeds a bag, and tells how it goes.
+    """Loop that records a bag and reports its state.
 
     The latched topic `recorder_status` tells others when it is worth starting: a JSON object
     with `state` (recording, stored, failed), `bag`, and `matched`, the topics whose publisher
@@ -167,7 +167,7 @@ class Recorder:
             self._node.get_logger().warning(news)
         losing = {name: lost for name, (_, lost) in heard.items() if lost}
         names = ', '.join(losing)
-        problem = f'{sum(losing.values())} messages lost of {names}: is the machine too busy?'
+        problem = f'lost {sum(losing.values())} messages of {names}: check the load of the computer'
         messages, size = self._feed.written()
         values = {
             'bag': self._directory,
@@ -183,7 +183,7 @@ class Recorder:
             self._log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost', lost)
         if not heard.keys() - {self._own}:
             self._node.get_logger().warning(
-                'nothing came: is a bridge running in this ROS domain (ROS_DOMAIN_ID)?'
+                'no messages received: check that a bridge runs in this ROS domain (ROS_DOMAIN_ID)'
             )
         count = sum(count for count, _ in heard.values())
         total = self._feed.total_lost()

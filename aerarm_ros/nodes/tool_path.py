@@ -28,12 +28,17 @@ from aerarm_ros.ros.states.state_stream import StateSampler, base_header
 NAME = 'tool_path'
 
 PARAMETERS = ParameterTable(
-    Parameter('frame', 'tool0', 'frame whose path it is'),
+    Parameter('frame', 'tool0', 'link whose path is published'),
     Parameter(
-        'rate', 10.0, 'how often the tool is looked at; sent when it has moved', 'Hz', 0.1, 50.0
+        'rate',
+        10.0,
+        'sampling rate of the tool position; the path is published after the tool moved',
+        'Hz',
+        0.1,
+        50.0,
     ),
     Parameter('length', 500, 'points kept', '', 2, 10000),
-    Parameter('distance', 0.002, 'distance after which a new point is added', 'm', 1e-4, 1.0),
+    Parameter('distance', 0.002, 'distance after which the path gets a new point', 'm', 1e-4, 1.0),
     *ARM_FILES,
 )
 

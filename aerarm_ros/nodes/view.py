@@ -42,21 +42,23 @@ NAME = 'view'
 TEXT_EVERY = 3
 
 PARAMETERS = ParameterTable(
-    Parameter('host', '127.0.0.1', 'address to serve the page at; others than this machine reach '
-              'it only if it is another one, and then need the token in the address printed'),
+    Parameter('host', '127.0.0.1', (
+        'address of the page server; an address other than the local host opens the page to the '
+        'network and requires the token in the printed URL'
+    )),
     Parameter('port', 8080, 'first TCP port to try', '', 1, 65535),
     BRIDGES_PARAMETER,
-    Parameter('folder', '.', 'where the page records bags, and finds trajectories to play'),
-    Parameter('rate', 30.0, 'pictures a second', 'Hz', 1.0, 100.0),
-    Parameter('history', 10.0, 'time the plots show', 's', 1.0, 120.0),
-    Parameter('tool', 'tool0', 'frame whose path is drawn; the last of the URDF if empty'),
+    Parameter('folder', '.', 'folder for recorded bags and for trajectories to play'),
+    Parameter('rate', 30.0, 'frame rate of the 3-D view', 'Hz', 1.0, 100.0),
+    Parameter('history', 10.0, 'time range of the plots', 's', 1.0, 120.0),
+    Parameter('tool', 'tool0', 'link whose path is drawn; the last link of the URDF if empty'),
     *ARM_FILES,
     DRONE_FILE,
 )  # fmt: skip
 
 
 class ViewError(ValueError):
-    """The page cannot be served; the message says what to do."""
+    """The page cannot be served; the message states what to do."""
 
 
 class View:
@@ -119,10 +121,10 @@ class View:
         """Show until stopped."""
         address = self._guard.address(self._values.host, self._server.get_port())
         # Not by the log: that is published, and kept, and the address may hold a token.
-        print(f'{NAME}: the arm is shown at {address}', flush=True)
+        print(f'{NAME}: open {address} in a browser', flush=True)
         if not is_loopback(self._values.host):
             self._node.get_logger().warning(
-                'the page is open to the network: who knows its address can move the arm'
+                'the page is open to the network: everyone with its address can move the arm'
             )
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
@@ -254,8 +256,8 @@ def _check_address(host: str) -> None:
             probe.bind(address)
     except OSError as error:
         raise ViewError(
-            f'no page can be served at host {host}: {error.strerror or error}; give 127.0.0.1, '
-            '0.0.0.0 or an address of this computer'
+            f'cannot serve the page at host {host}: {error.strerror or error}; set host to '
+            '127.0.0.1, 0.0.0.0 or an address of this computer'
         ) from None
 
 

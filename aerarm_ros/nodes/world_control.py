@@ -51,38 +51,48 @@ PARAMETERS = controller_parameters(
     *observer_parameters(REACHING_COMPENSATION),
     *HAND_OVER_PARAMETERS,
     *grouped(
-        'The tool in the world',
-        Parameter('kp', _GAINS.kp, "of the tool's place", '1/s^2', 1.0, 2500.0, live=True),
-        Parameter('kd', _GAINS.kd, 'of its velocity', '1/s', 0.0, 200.0, live=True),
-        Parameter('orientation_weight', _GAINS.orientation, 'of a wanted orientation over the '
-                  'posture, where the place leaves joints free', '', 0.0, 100.0),
-        Parameter('posture', [], 'where joints are led that the tool leaves free, in the middle of '
-                  'the reach; the posture at which control begins if empty', 'rad', -7.0, 7.0,
+        'Tool position in the world',
+        Parameter('kp', _GAINS.kp, 'gain on the tool position', '1/s^2', 1.0, 2500.0, live=True),
+        Parameter('kd', _GAINS.kd, 'gain on the tool velocity', '1/s', 0.0, 200.0, live=True),
+        Parameter('orientation_weight', _GAINS.orientation, (
+            'weight of the orientation goal relative to the posture, in directions that the '
+            'position leaves free'
+        ), '', 0.0, 100.0),
+        Parameter('posture', [], (
+            'null-space joint configuration, in the middle of the reach; the initial configuration '
+            'if empty'
+        ), 'rad', -7.0, 7.0,
                   element=float),
-        Parameter('posture_kp', _GAINS.posture_kp, 'of that posture', '1/s^2', 0.0, 400.0),
-        Parameter('posture_kd', _GAINS.posture_kd, 'of that posture', '1/s', 0.0, 40.0),
-        Parameter('singular_threshold', 0.06, 'singular value that is damped', 'm/rad', 1e-4, 1.0),
+        Parameter('posture_kp', _GAINS.posture_kp,
+            'stiffness towards that configuration', '1/s^2', 0.0, 400.0),
+        Parameter('posture_kd', _GAINS.posture_kd,
+            'damping towards that configuration', '1/s', 0.0, 40.0),
+        Parameter('singular_threshold', 0.06,
+            'singular value below which the inverse is damped', 'm/rad', 1e-4, 1.0),
         Parameter('singular_damping', 0.03, 'damping at the singularity', 'm/rad', 1e-4, 1.0),
-        Parameter('error_max', 0.05, 'error of the tool beyond which it stops in the base frame',
+        Parameter('error_max', 0.05, 'tool error at which the tool stops in the base frame',
                   'm', 1e-3, 1.0),
-        Parameter('trust_min', 0.9, "how much of the base's predicted answer is used at least: "
-                  'wind makes it look wrong', '', 0.0, 1.0),
+        Parameter('trust_min', 0.9, (
+            'smallest share of the predicted base response that is used; wind makes the prediction '
+            'look wrong'
+        ), '', 0.0, 1.0),
     ),
     *grouped(
         'Odometry',
-        Parameter('odometry_timeout', 0.2, 'age up to which the newest odometry is used', 's', 0.01,
+        Parameter('odometry_timeout', 0.2, 'largest age of usable odometry', 's', 0.01,
                   2.0),
-        Parameter('jump_max', 0.5, 'largest jump of the odometry that is accepted, in m and rad',
+        Parameter('jump_max', 0.5, 'largest accepted jump of the odometry, in m and rad',
                   'm', 0.01, 10.0),
-        Parameter('recovery_speed', 0.1, 'of the tool toward its target after a stop or a jump',
+        Parameter('recovery_speed', 0.1, 'tool velocity towards its target after a stop or a jump',
                   'm/s', 1e-3, 1.0),
     ),
     *grouped(
-        'A request to the drone',
-        Parameter('request_drone', False, 'publish flight_set_point, where the arm is in the '
-                  'middle of its reach'),
-        Parameter('request_speed', 0.05, 'with which it moves', 'm/s', 1e-3, 1.0),
-        Parameter('request_deadband', 0.03, 'within which the drone is left where it is', 'm', 1e-3,
+        'Set point for the drone',
+        Parameter('request_drone', False,
+            'publish flight_set_point, which keeps the arm in the middle of its reach'),
+        Parameter('request_speed', 0.05, 'velocity of the set point', 'm/s', 1e-3, 1.0),
+        Parameter('request_deadband', 0.03,
+            'distance within which the drone keeps its position', 'm', 1e-3,
                   1.0),
     ),
 )  # fmt: skip
@@ -97,7 +107,7 @@ class WorldControlNode(ControllerNode):
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law and what surrounds it."""
+        """Build the law with its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         kinematics = Kinematics(arm.robot, values.frame)
@@ -173,17 +183,18 @@ class WorldControlNode(ControllerNode):
         if problem := super().warning():
             return problem
         if self.reference.reason:
-            return f'the arm stays in the base frame: {self.reference.reason}'
+            return f'the tool stays in the base frame: {self.reference.reason}'
         margin = self.topics.margin
         if margin is not None and (margin.time < _SOON or margin.least < _NEAR):
             return (
-                f'the arm nears the end of its reach: the drone may move {1e3 * margin.least:.0f} '
-                f'mm more, {margin.time:.1f} s at its velocity: bring it nearer to the tool'
+                'the arm nears the end of its reach: the drone may move '
+                f'{1000.0 * margin.least:.0f} mm more, {margin.time:.1f} s at its velocity. Bring '
+                'it nearer to the tool'
             )
         return ''
 
     def describe(self) -> dict[str, object]:
-        """Say how well the tool is held, how old the odometry is, and how far the reach goes."""
+        """Report tool error, odometry age and remaining reach."""
         pose, margin = self.pose, self.topics.margin
         values: dict[str, object] = {
             **super().describe(),
@@ -199,9 +210,9 @@ class WorldControlNode(ControllerNode):
         }
         if margin is not None:
             values['drone may move [mm]'] = round(1e3 * margin.least)
-            values['end of reach in [s]'] = round(margin.time, 1)
+            values['time to end of reach [s]'] = round(margin.time, 1)
         if self.values.base_motion != FREE:
-            values['law'] = 'ordinary Jacobian: the base is moved (base_motion is not free)'
+            values['law'] = 'fixed-base Jacobian: base_motion is not free'
         return values
 
 

@@ -21,7 +21,7 @@ _CLEAR = 3.0  # standard deviations
 
 
 class FrictionRecord(NamedTuple):
-    """Friction as it was found at a time.
+    """Identified friction at a time.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class FrictionRecord(NamedTuple):
 
 @dataclass(frozen=True)
 class FrictionChange:
-    """What became of one coefficient.
+    """Change of one coefficient.
 
     Attributes
     ----------
@@ -134,11 +134,11 @@ _LARGEST = 1000 * MOST  # bytes: so many records of some joints are smaller
 
 
 class TrendFileError(ValueError):
-    """A file that holds no trend of this arm; the text says what to check."""
+    """File without a trend of this arm; the message states what to check."""
 
 
 def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> FrictionTrend:
-    """Return the trend that `write_trend` has left, an empty one if there is no such file.
+    """Return the trend written by `write_trend`, an empty one without a file.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class Belief(NamedTuple):
-    """What is known of m parameters.
+    """Mean and information of m parameters.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class InformationFilter:
         self.belief = Belief(covariance @ known, information, covariance)
 
     def forget(self, which: slice) -> None:
-        """Put some parameters back to the prior; what is known of the others stays."""
+        """Reset some parameters to the prior; the others keep their information."""
         mean, _, covariance = self.belief
         mean, covariance = mean.copy(), covariance.copy()
         mean[which] = 0.0

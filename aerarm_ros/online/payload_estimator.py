@@ -62,7 +62,7 @@ class OnlineEstimate:
 
     @property
     def unexcited(self) -> tuple[str, ...]:
-        """Names of the parameters that the motion tells little of: they are near the prior."""
+        """Names of the parameters that the motion hardly excites: they are near the prior."""
         known = self.payload.std < _UNKNOWN * self.prior_std
         return tuple(
             name for name, is_known in zip(PARAMETER_NAMES, known, strict=True) if not is_known
@@ -278,7 +278,7 @@ class PayloadEstimator:
 
     @property
     def problem(self) -> str:
-        """What keeps the arm from being estimated, '' if nothing."""
+        """Reason why the arm cannot be estimated, '' if it can."""
         return self._efforts.problem or self._fault
 
     @property
@@ -434,9 +434,8 @@ class PayloadEstimator:
             self._begin(True, now)
         else:
             self._fault = (
-                'the arm seems to carry something since the start, or its model is not that of '
-                'this arm: start without a payload and move, give payload.inertial_parameters, '
-                'or identify the arm'
+                'the arm has a payload since the start, or its model is wrong: start without a '
+                'payload and move, set payload.inertial_parameters, or identify the arm'
             )
 
     def _decide(self, rows: Array, row: MotionRow, now: float) -> None:
@@ -460,7 +459,7 @@ class PayloadEstimator:
         self.changes += 1
 
     def _look_again(self, rows: Array, row: MotionRow) -> None:
-        """Begin anew once the arm without payload explains what is felt."""
+        """Reset once the arm without payload explains the torques."""
         _, square = self._innovation(rows, row)
         self._quiet = self._quiet + self._period if square < 3.0 else 0.0
         if self._quiet > 1.0:

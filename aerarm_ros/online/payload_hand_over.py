@@ -1,4 +1,4 @@
-"""A payload that was found, handed over to a controller's model bit by bit."""
+"""Payload compensation: fade an estimated payload into a controller's model."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ _SMALL = 0.1  # [Nm] by which it may be
 
 
 class PayloadHandOver:
-    """What a model shall carry, on its way to an estimate.
+    """Payload of a model, on its way to an estimate.
 
     The ten inertial parameters move along a straight line to the estimate, times a share. The
     bodies are a convex cone, so that what is carried is one at every instant. Mass and first moment
@@ -65,7 +65,7 @@ class PayloadHandOver:
         self._estimate = given
 
     def update(self, dt: float) -> Array:
-        """Move on for `dt` [s], and return what the model shall carry, (10,)."""
+        """Advance by `dt` [s], and return the payload of the model, (10,)."""
         target = self.share * self._estimate
         way = target - self.carried
         if not way.any():

@@ -21,7 +21,7 @@ _ELSEWHERE = (*_FOLLOWED, TermKind.ROTOR, *COUPLED)
 
 @dataclass(frozen=True, eq=False)
 class KnownArm:
-    """What a `PayloadEstimator` is made from.
+    """Model and friction that a `PayloadEstimator` is built from.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ _BETWEEN = 1.0  # [s] between two recordings, as far as the estimator knows
 
 
 class LoadChange(NamedTuple):
-    """When something was found to be picked up or put down.
+    """Time at which a payload was detected or released.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class Replay:
         self.estimate: OnlineEstimate | None = None
 
     def play(self, recording: Recording) -> list[LoadChange]:
-        """Go through a recording, and return what was picked up and put down.
+        """Process a recording, and return the detected payload changes.
 
         Raises
         ------

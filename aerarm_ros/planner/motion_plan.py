@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class PlanError(ValueError):
-    """A goal cannot be reached as asked; the message says which limit is in the way."""
+    """Goal that cannot be reached; the message names the binding limit."""
 
 
 ENERGY, TIME, QUINTIC, DISTURBANCE = OBJECTIVES = ('energy', 'time', 'quintic', 'disturbance')
@@ -18,7 +18,7 @@ ENERGY, TIME, QUINTIC, DISTURBANCE = OBJECTIVES = ('energy', 'time', 'quintic', 
 
 @dataclass(frozen=True, slots=True)
 class PlanSettings:
-    """What a motion is planned for, and how much of the limits it may use.
+    """Objective of a motion, and usable share of the limits.
 
     Attributes
     ----------

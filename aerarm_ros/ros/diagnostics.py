@@ -11,7 +11,7 @@ from rclpy.node import Node
 from aerarm_msgs_py import topics
 
 PERIOD = 1.0
-"""[s]; how often a node reports when nothing is new."""
+'[s]; reporting period of a node without news.'
 
 
 class DiagnosticsPublisher:

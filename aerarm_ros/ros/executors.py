@@ -1,4 +1,4 @@
-"""Executors: a lean one for a background thread, timers and spinning."""
+"""Executors: a small one for a background thread, timers and spinning."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class WaitedWaitable:
 
 
 def waited_entities(node: Node) -> Iterator[WaitedEntity | WaitedWaitable]:
-    """Yield what a node waits for, without what its callback group lets nobody run."""
+    """Yield the entities of a node whose callback group may run."""
     for kind, entities, run in (
         ('timer', node.timers, _run_timer),
         ('subscription', node.subscriptions, _run_subscription),

@@ -325,7 +325,7 @@ class ArmPlant:
 
     @property
     def support(self) -> float:
-        """Share of the arm's weight that somebody carries, 0 to 1."""
+        """Supported share of the arm's weight, 0 to 1."""
         return self._support
 
     @support.setter
@@ -426,11 +426,11 @@ class ArmPlant:
         return link
 
     def _set_gravity(self) -> None:
-        """Let the engine's gravity be what nobody carries."""
+        """Set the engine's gravity to the unsupported share."""
         self._model.opt.gravity = (1.0 - self._support) * self._gravity
 
     def _place_base(self) -> None:
-        """Put the base where it is told to be, after the engine's data were reset."""
+        """Set the commanded base pose, after a reset of the engine's data."""
 
     def _set_friction(self) -> None:
         """Let the gears' dry friction follow the torque that they transmit."""

@@ -34,7 +34,7 @@ class BaseState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BaseProfile:
-    """A turn by a constant and an oscillating angle, beside an oscillating shift.
+    """A rotation by a constant and an oscillating angle, with an oscillating translation.
 
     The turn is about one axis, so that angular velocity and acceleration are those of the
     angle; everything that oscillates grows smoothly from rest within `ramp`.
@@ -99,4 +99,4 @@ BASE_PROFILES: Mapping[str, BaseProfile] = {
     # 30 degrees at 0.5 Hz about the roll axis, with a sway.
     MOVING: BaseProfile(swing=radians(30.0), shift=np.array([0.1, 0.15, 0.1])),
 }
-"""What a drone does: nothing, lean by 20 degrees, or swing by 30 degrees while it sways."""
+'Motion profile of a drone: none, tilt by 20 degrees, or swing by 30 degrees while it sways.'

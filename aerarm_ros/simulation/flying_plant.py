@@ -276,7 +276,7 @@ class MovingBasePlant(FreeBasePlant):
 
 
 SPIN_UP = 0.3
-"""[s] in which the rotors take over from whoever holds the drone."""
+'[s] in which the rotors replace the support of the drone.'
 
 # A held drone is as heavy as that [kg], [kg m^2], and is put back in each sub-step.
 _HELD = 1e6

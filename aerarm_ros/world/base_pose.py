@@ -191,7 +191,7 @@ class BasePoseEstimator:
         return ''
 
     def accept_next(self) -> None:
-        """Believe the next odometry whatever it says: somebody gave a target in its numbers."""
+        """Accept the next odometry in any case: a user gave a target in its frame."""
         if self._problem:
             offset = self._offset
             self._forget()

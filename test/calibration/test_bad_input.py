@@ -64,7 +64,7 @@ def test_a_jump_of_the_only_marker_is_found_by_the_other_postures(good: Observat
     position = positions(good)[:, :1]
     position[3] += 0.12
     text = refused(changed(good, position, ('tip',)))
-    assert 'posture 4: marker tip is 2' in text and 'from where the other postures put it' in text
+    assert 'posture 4: marker tip jumps by 2' in text and 'relative to the other postures' in text
 
 
 def test_millimetres_are_suspected(good: Observations) -> None:
@@ -131,7 +131,7 @@ def test_a_missing_joint_position_is_named(good: Observations) -> None:
     [
         (('a', 'b'), '', 'none of the recorded joints (a, b) is in the URDF'),
         (('joint1', 'joint2', 'joint4'), 'link4', 'no positions of joint joint3'),
-        (ROBOT.joint_names, 'tool7', '--link tool7: there is no such link'),
+        (ROBOT.joint_names, 'tool7', '--link tool7: unknown link'),
         (ROBOT.joint_names, 'base_link', 'no recorded joint moves it'),
     ],
 )

@@ -53,7 +53,7 @@ class CommissionedArm:
     Parameters
     ----------
     seed
-        Of the arm's deviations from its drawing; None for an arm as drawn.
+        Of the arm's deviations from its nominal parameters; None for an arm as drawn.
     fault
         As `arm fault` takes it; '' for none.
     """

@@ -296,7 +296,7 @@ class Preemptions:
         self.follower.stop(self.now, 'canceled')
 
     def _blocked(self) -> None:
-        """An arm that is off its path, held where it is."""
+        """An arm that is off its path, holds the arm in place."""
         q = self.follower.reference.q + self._random.uniform(-0.3, 0.3, self._limits.n)
         self.follower.stop(self.now, 'off path', q)
 

@@ -94,7 +94,7 @@ WRONG = {
     ),
     'more torque than the motor has': (
         setting('joints', 0, 'effort_max', value=40.0),
-        'effort_max = 40.0 Nm is more than motor MN5006',
+        'effort_max = 40.0 Nm exceeds what motor MN5006',
     ),
     'sign': (setting('joints', 0, 'sign', value=0), 'sign = 0 must be one of 1, -1'),
     'channel': (setting('joints', 0, 'channel', value=2), 'channel = 2 must be one of 0, 1'),

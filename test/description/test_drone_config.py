@@ -80,11 +80,11 @@ def test_a_wrong_file_says_what_it_is_wrong_by() -> None:
 
 def test_a_heavier_arm_than_the_rotors_lift_is_refused() -> None:
     drone = load_drone_config()
-    with pytest.raises(ConfigError, match=r'hexarotor: its rotors lift .* \(3 \+ 9 kg\)'):
+    with pytest.raises(ConfigError, match=r'hexarotor: its level rotors lift .* \(3 \+ 9 kg\)'):
         drone.check_carries(9.0, [0.0, 0.0, 0.4])
     # Light enough, but too far out: one side would need more than it has.
     drone.check_carries(3.0, [0.0, 0.0, 0.5])
-    with pytest.raises(ConfigError, match='nearer to the middle'):
+    with pytest.raises(ConfigError, match='a central mount'):
         drone.check_carries(3.0, [0.9, 0.0, 0.2])
 
 

@@ -160,7 +160,7 @@ def stopping_controller(random: np.random.Generator) -> Motion:
 
 
 def holding(random: np.random.Generator) -> Motion:
-    """Nobody commands: the arm is held where it is."""
+    """Nobody commands: the bridge holds the arm in place."""
     return WideSwing(random, 0.0).start, None
 
 

@@ -157,7 +157,7 @@ def test_silence_of_the_controller_damps_the_arm(make_rig):
     height = rig.plant.position[1]
     rig.run(0.5)
     assert rig.bridge.mode == 'damping'
-    assert any('no good command for' in text for text in rig.bridge.faults)
+    assert any('no valid command for' in text for text in rig.bridge.faults)
     # The joints that carry no weight come to rest, the loaded one sinks slowly.
     assert np.abs(rig.plant.velocity[[0, 2]]).max() < 0.01
     assert -1.0 < rig.plant.velocity[1] < 0.0
@@ -178,13 +178,13 @@ def test_after_damping_a_good_command_is_followed_again_from_where_the_arm_is(ri
 def test_enabling_a_damped_arm_holds_it_where_it_is(make_rig):
     rig = make_rig(position=[0.0, 0.8, 0.0, 0.0]).bring_up()
     rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
-    assert 'a command is followed' in rig.bridge.enable().message
+    assert 'tracking a command' in rig.bridge.enable().message
     assert rig.bridge.mode == 'running'
     rig.run(0.3)
     assert rig.bridge.mode == 'damping'
     answer = rig.bridge.enable()
     assert answer.accepted
-    assert 'held where it is' in answer.message
+    assert 'holds the arm in place' in answer.message
     rig.run(0.3)
     assert rig.bridge.mode == 'ready'
     held = rig.plant.position
@@ -197,7 +197,7 @@ def test_an_arm_that_is_to_be_held_at_the_end_of_commands_is_never_damped(make_r
     rig = make_rig(position=[0.0, 0.8, 0.0, 0.0]).bring_up()
     answer = np.array([0.5, 0.0, 0.5, 0.5])
     rig.run(0.3, lambda now: (None, answer, None))
-    assert rig.bridge.hold().message == 'the arm is held where it is once no more commands come'
+    assert rig.bridge.hold().message == 'the bridge holds the arm in place once commands end'
     rig.run(0.01, lambda now: (None, answer, None))  # what is under way is still of the same
     modes = set()
     for _ in range(500):
@@ -218,7 +218,7 @@ def test_to_hold_an_arm_says_nothing_of_whoever_commands_it_next(make_rig):
     assert rig.bridge.mode == 'running'
     rig.run(0.2)
     assert rig.bridge.mode == 'damping'
-    assert rig.bridge.hold().message == 'the arm is held where it is'
+    assert rig.bridge.hold().message == 'the bridge holds the arm in place'
     rig.run(0.2)
     assert rig.bridge.mode == 'ready'
     rig.bridge.e_stop('test')
@@ -341,5 +341,5 @@ def test_a_drive_that_could_not_damp_the_arm_is_refused(make_rig, config, change
 def test_what_no_frame_could_say_is_refused_at_once(config, robot):
     # A saturation in steps of 40 A is 0 for these motors, which some boards take for none.
     profile = load_profile().with_lsb('current_saturation', 40.0)
-    with pytest.raises(ValueError, match='board0 cannot be told its limits: current_saturation'):
+    with pytest.raises(ValueError, match='board0 cannot receive its limits: current_saturation'):
         BridgeCycle(config, make_emulated_transport(config, robot), profile=profile)

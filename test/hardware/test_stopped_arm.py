@@ -113,7 +113,7 @@ def by_hand(rig, step: str) -> None:
     """Do what a person is told to do."""
     if step == 'support the arm':
         rig.boards.carry()
-    elif step == 'mend the cause':
+    elif step == 'repair the cause':
         for board in rig.boards.boards:
             dead = board.faults.dead
             board.faults = BoardFaults()

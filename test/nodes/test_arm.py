@@ -85,10 +85,10 @@ def test_an_injected_fault_and_the_way_back(start_bridge: StartBridge) -> None:
     # The boards switch off in their own time.
     assert ask('clear_fault', '--wait', 'unhomed')[0] == 0
     status, text = ask('put_back')
-    assert (status, 'back where it started' in text) == (0, True)
+    assert (status, 'reset to its initial configuration' in text) == (0, True)
     home = ('enable', '--home', '--timeout', '100', '--wait', 'ready')
     status, text = ask(*home)
-    assert (status, 'this is taken for the home configuration' in text) == (0, True), text
+    assert (status, 'homing assumes the home configuration' in text) == (0, True), text
     status, text = ask(*home)
     assert (status, 'already enabled' in text) == (0, True), text
     assert ask('disable')[0] == 0
@@ -109,17 +109,17 @@ def test_goes_to_a_posture_and_says_when_it_does_not(bridge: NodeProcess, tmp_pa
         assert (status, "run 'arm enable' first" in text) == (1, True), text
         assert ask(*ENABLE, 'running')[0] == 0
         status, text = ask('go', *posture, '--timeout', '100')
-        assert (status, words(text)) == (0, 'the arm is there\n')
+        assert (status, words(text)) == (0, 'the arm has reached its goal\n')
         status, text = ask('go', '0.3', '1.4')
-        assert (status, 'give 4 angles [rad], of joint1, joint2' in text) == (1, True)
+        assert (status, 'give 4 joint positions [rad], for joint1, joint2' in text) == (1, True)
         status, text = ask('go', '0', '1.4', '9', '0')
         assert (status, 'rejected: set point: joint3 at 9 rad is outside' in text) == (1, True)
         assert node.stop() == 0
         status, text = ask('go', *posture, '--timeout', '3')
-        assert (status, 'no controller takes a set_point' in text) == (1, True), text
+        assert (status, 'no controller subscribes to set_point' in text) == (1, True), text
     with NodeProcess('kinematic_control', log=tmp_path / 'cartesian.log'):
         status, text = ask('tool', '0.2', '0.1', '0.85', '--timeout', '100')
-        assert (status, text.splitlines()[-1]) == (0, 'the tool is there'), text
+        assert (status, text.splitlines()[-1]) == (0, 'the tool has reached its goal'), text
         status, text = ask('tool', '0', '0', '9')
         assert (status, 'rejected: tool target' in text) == (1, True), text
     assert ask('go', '0', 'nan')[0] == 2
@@ -138,7 +138,7 @@ def test_sets_live_parameters(ros_domain: dict[str, str], tmp_path: Path) -> Non
             ('hand_guide', 'true', "has no parameter 'hand_guide': did you mean 'hand_guiding'?"),
             ('kp', '[-1]', 'refuses: parameter kp must be'),
             ('kp', '{', "'{' is no value of a parameter"),
-            ('urdf', 'x', 'reads urdf once: give it when the node starts, -p urdf:=x'),
+            ('urdf', 'x', 'is read-only: set it when the node starts, -p urdf:=x'),
         ):
             status, text = ask('set', node, name, value)
             assert (status, problem in text) == (1, True), text
@@ -151,7 +151,7 @@ def test_without_a_bridge_it_says_what_to_check(ros_domain: dict[str, str], tmp_
     assert status == 1
     domain = f'this ROS domain (ROS_DOMAIN_ID={ros_domain["ROS_DOMAIN_ID"]})'
     assert f'arm: waiting for a bridge in {domain}\n' in text
-    assert f'is a bridge running in {domain}' in text
+    assert f'check that a bridge runs in {domain}' in text
     status, text = ask('e_stop', '--timeout', '0.1')
     assert (status, 'waiting' in text) == (1, False)
 

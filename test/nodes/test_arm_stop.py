@@ -66,7 +66,7 @@ def test_it_finds_bridges_of_any_name_and_namespace(bridges: Bridges) -> None:
     left = bridges.start('left', '__ns:=/left', '__node:=other')
     for process in (renamed, left):
         until_said(process, ': idle')
-    hint = 'Found: /left/other and /my_arm; --bridge NAME asks one of them'
+    hint = 'Found: /left/other and /my_arm; --bridge NAME selects one'
     until(lambda: hint in run('arm', 'enable', '--timeout', '6').stderr)
     # A computer that is held up may find the second only the next time.
     told = {f'{name}: the arm is damped' for name in ('/left/other', '/my_arm')}

@@ -33,7 +33,7 @@ def test_a_joint_is_commissioned_and_its_wrong_sign_is_found(
     start_bridge(commissioning_record=record)
     client = BridgeClient(ros_node)
     client.wait_for(lambda: bool(client.modes) and client.modes[-1] in OFF)
-    client.wait_for(lambda: 'the arm was never commissioned' in client.messages['arm'])
+    client.wait_for(lambda: 'the arm is not commissioned' in client.messages['arm'])
     begun = time.monotonic()
     run = commission('--yes', '--joint', 'joint4', '--record', record)
     client.wait_for(lambda: run.poll() is not None or time.monotonic() > begun + 200.0)

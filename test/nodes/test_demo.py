@@ -72,7 +72,7 @@ def test_results_are_whole(demo: tuple[str, Path]) -> None:
 def test_says_what_was_missed_and_lost_and_where_the_report_is(demo: tuple[str, Path]) -> None:
     text, out = demo
     assert re.search(
-        r'^Bridge +\d+ cycles, the world ran at [\d.]+ % of real time', text, re.MULTILINE
+        r'^Bridge +\d+ cycles, the simulation ran at [\d.]+ % of real time', text, re.MULTILINE
     )
     assert len(re.findall(r'^Recorder .* \d+ messages, \d+ lost', text, re.MULTILINE)) == 2
     assert text.count(str(out / 'result' / 'report.html')) == 1

@@ -190,10 +190,10 @@ def test_sigint_stops_smoothly_and_exits(tmp_path: Path, environment) -> None:
     ('fault', 'message'),
     [
         ('--stuck-after', 'off its reference'),
-        ('--silent-after', 'is the computer overloaded? state_timeout lengthens the wait'),
+        ('--silent-after', 'that the computer is not overloaded; state_timeout lengthens the wait'),
         (
             '--fault-after',
-            "arm_mode became 'fault' in the excitation: see the console of the bridge, or view",
+            "arm_mode became 'fault' in the excitation: check the console of the bridge, or view",
         ),
     ],
 )

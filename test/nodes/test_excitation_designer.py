@@ -63,7 +63,7 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
         (['--amplitude', '100'], 'with the amplitude of 100 rad is feasible, nor with less'),
         (['--starts', '0'], 'at least one start'),
         (['--time-limit', 'nan'], 'time limit must be positive'),
-        (['--time-limit', '1e-6'], 'nothing was written'),
+        (['--time-limit', '1e-6'], 'no files were written'),
         (['--acceleration-limit', '3'], '--acceleration-limit: for an arm without a drive train'),
     ],
 )
@@ -97,13 +97,13 @@ def test_files_that_exist_are_replaced_on_request_only(
     out, page = tmp_path / 'best.yaml', tmp_path / 'best.html'
     arguments = [*SMALL, '--out', str(out), '--preview', str(page), '--validation']
     assert main(arguments) == 2
-    assert f'/{name} exists: name another with {option}, or give --overwrite' in (
+    assert f'/{name} exists: name another with {option}, or pass --overwrite' in (
         capsys.readouterr().err
     )
     assert [path.read_text() for path in tmp_path.iterdir()] == ['mine']
     # The trial of the folder is the same with it; the search itself is left out.
     assert main([*arguments, '--overwrite', '--time-limit', '1e-6']) == 2
-    assert 'nothing was written' in capsys.readouterr().err
+    assert 'no files were written' in capsys.readouterr().err
 
 
 def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatch) -> None:
@@ -115,7 +115,7 @@ def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatc
     monkeypatch.setattr(design_run, 'design_all', stopped)
     assert main([*SMALL, '--out', str(tmp_path / 'best.yaml')]) == 0
     printed = capsys.readouterr().out
-    assert 'start 0 stopped after its 37 s share of --time-limit: give more time' in printed
+    assert 'start 0 stopped after its 37 s share of --time-limit: pass a larger limit' in printed
     assert 'better than a random trajectory: give more time with --time-limit' in printed
     assert 'breaks' not in printed
 
@@ -181,7 +181,7 @@ def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
         process.kill()
     assert process.returncode == 130
     assert error == (
-        'excitation_designer: stopped before there was a feasible trajectory: nothing was written\n'
+        'excitation_designer: stopped before the first feasible trajectory: no files were written\n'
     )
     assert not out.exists()
 
@@ -204,5 +204,5 @@ def test_a_stop_keeps_the_best_so_far(tmp_path: Path) -> None:
     finally:
         process.kill()
     assert process.returncode == 0
-    assert 'stopped; the best so far is kept' in printed
+    assert 'stopped; the best trajectory so far is kept' in printed
     assert TrajectoryFile.load(out).joint_names == ('joint1', 'joint2', 'joint3', 'joint4')

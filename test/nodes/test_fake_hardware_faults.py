@@ -137,7 +137,7 @@ def test_a_fallen_arm_is_put_back_when_it_is_enabled(client: BridgeClient) -> No
     client.wait_for(lambda: abs(client.states[-1].velocity[1]) < 1e-3)  # on its stop
     answer = client.call('enable')
     assert answer.success
-    assert 'put back to where it started' in answer.message
+    assert 'reset to its initial configuration' in answer.message
     client.wait_for_mode('ready')
     assert client.states[-1].position == pytest.approx(start, abs=0.1)
     assert client.call('disable').success

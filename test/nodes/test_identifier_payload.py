@@ -113,7 +113,7 @@ def test_the_model_is_not_replaced_by_the_payload(run: Path, bags: Path) -> None
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (['--model', '{run}/estimate.yaml'], 'give the bags with the payload as --payload'),
+        (['--model', '{run}/estimate.yaml'], 'pass the bags with the payload as --payload'),
         (
             ['--model', '{run}/estimate.yaml', '--payload', '{bags}/with', '--bag', '{bags}/with'],
             'and no --bag',

@@ -162,5 +162,5 @@ def test_interrupted_runs_leave_nothing(bags: Path, tmp_path: Path, number: sign
     process.send_signal(number)
     _, errors = process.communicate(timeout=60.0)
     assert process.returncode == 130
-    assert errors.strip() == 'identifier: interrupted, nothing was written'
+    assert errors.strip() == 'identifier: interrupted, no files were written'
     assert not list(tmp_path.iterdir())

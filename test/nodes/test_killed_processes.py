@@ -75,7 +75,7 @@ def test_when_the_controller_is_killed_the_arm_is_damped(
             controller.kill()
     client.wait_for_mode('damping')
     client.wait_for(lambda: max(np.abs(client.states[-1].velocity)) < 0.05)
-    client.wait_for(lambda: 'is the controller running?' in client.messages['arm'])
+    client.wait_for(lambda: 'check that the controller runs' in client.messages['arm'])
     assert client.call('enable').success
     client.wait_for_mode('ready')
 
@@ -107,7 +107,7 @@ def test_a_device_that_comes_back_is_off_until_enabled_and_sigquit_switches_off(
     client.wait_for_mode('idle')
     boards.vanish('/dev/spidev0.1')
     client.wait_for_mode('disconnected')
-    client.wait_for(lambda: 'opened again once it does' in client.messages['arm'])
+    client.wait_for(lambda: 'tries to open it again' in client.messages['arm'])
     assert '/dev/spidev0.1 reports' in client.call('enable').message
     boards.come_back('/dev/spidev0.1')
     client.wait_for_mode('idle')

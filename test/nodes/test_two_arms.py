@@ -129,11 +129,11 @@ def test_two_arms_are_one_tree_and_each_moves_alone(nodes: NamespacedNodes, tmp_
 
     right.bridge.wait_for(lambda: 'tf_prefix' in right.bridge.messages['gravity_compensation'])
     told = nodes.log('right', 'gravity_compensation')
-    assert re.search(r"joints \['left_joint1', .*missing.*one config, urdf and tf_prefix", told)
+    assert re.search(r"joints \['left_joint1', .*missing.*same config, urdf and tf_prefix", told)
 
     # Files name joints and links as the arm's own files do, so that either arm can use them.
     assert drawing.wait(120.0) == 1
-    assert 'there is no arm_mode' in nodes.log('nowhere', 'excitation')
+    assert 'no arm_mode received' in nodes.log('nowhere', 'excitation')
     assert TrajectoryFile.load(saved).joint_names == JOINTS
 
 

@@ -166,7 +166,7 @@ def test_says_what_is_missing_without_a_bridge(browser: HeadlessBrowser) -> None
     until(lambda: 'no joint_states in this ROS domain' in browser.text())
     browser.press('EMERGENCY STOP')
     until(lambda: 'NOT STOPPED' in browser.text())
-    assert 'no bridge offers e_stop: is one running in' in browser.text()
+    assert 'no bridge offers e_stop: check that one runs in' in browser.text()
 
 
 @needs_browser

@@ -112,17 +112,17 @@ def commission(viewer: Viewer, record: Path) -> None:
         viewer.listen(lambda: text in viewer.text(), PATIENCE)
 
     viewer.set('joint to commission', 'joint4')
-    viewer.set('an emulated hand does it', True)
+    viewer.set('let an emulated hand turn the joints', True)
     viewer.set('Begin commissioning', True)
     wait(f'passed: joint4; record: {record}')
     assert load_record(record).joints['joint4'].passed
     viewer.set('joint to commission', 'joint3')
-    viewer.set('an emulated hand does it', False)
+    viewer.set('let an emulated hand turn the joints', False)
     viewer.set('Begin commissioning', True)
     wait('Put joint3 at its home configuration')
-    viewer.set('Leave this step out', True)
+    viewer.set('Skip this step', True)
     wait('The motor of joint3 aligns now')
-    viewer.set('Leave this step out', True)
+    viewer.set('Skip this step', True)
     wait(f'joint3 did not pass, see {record}')
     assert load_record(record).joints['joint3'].findings == ('joint3: left out by the user',) * 2
 

@@ -45,7 +45,7 @@ class CarryingRun:
     ) -> Self:
         """Play a motion of excitation; `load` is mass [kg] and centre [m].
 
-        The arm deviates from its drawing by `seed`, unless that is negative.
+        The arm deviates from its nominal parameters by `seed`, unless that is negative.
         """
         config, robot = load_arm_config(), load_robot()
         setup = ExcitationSetup.of_arm(robot, config, load_excitation_config())

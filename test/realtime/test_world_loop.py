@@ -51,7 +51,7 @@ def test_a_world_that_never_went_on_says_so() -> None:
     loop = WorldLoop(2e-3, lambda: False)
     loop.stop()
     loop.run(lambda now_ns, index: None)
-    assert loop.account() == 'no cycle ran'
+    assert loop.account() == 'no cycle has run'
 
 
 def test_a_world_that_need_not_wait_runs_ahead() -> None:

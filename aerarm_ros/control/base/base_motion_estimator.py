@@ -31,7 +31,7 @@ class AccelerationEstimate:
         self._rest = np.zeros(n)
 
     def reset(self) -> None:
-        """Forget the past; the next velocity starts anew."""
+        """Forget the past; the next velocity initialises the filter."""
         self._smooth = None
 
     def update(self, dq: Array, dt: float) -> Array:
@@ -221,7 +221,7 @@ class BaseMotionEstimator:
         return f'IMU silent for {age:.2f} s: configured gravity'
 
     def problem(self, now: float) -> str:
-        """Return what is wrong at `now` [s], '' if nothing."""
+        """Return the problem at `now` [s], '' if there is none."""
         source = self.status(now)
         return '' if self.mode == NONE or source == 'IMU' else source
 

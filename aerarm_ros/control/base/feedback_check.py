@@ -41,9 +41,9 @@ def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
     gain = largest_feedback_gain(whole)
     if gain > LARGEST_GAIN:
         raise ValueError(
-            f"base_motion 'full' on {drone.name} ({drone.mass:g} kg) would excite itself: what the "
-            f"arm's torque does to the drone comes back by the IMU {gain:.2g} times as large, and "
-            f"{LARGEST_GAIN:g} is safe: use 'free', or 'attitude'"
+            f"base_motion 'full' on {drone.name} ({drone.mass:g} kg) is unstable: the IMU feeds "
+            f"the arm's torque back with a gain of {gain:.2g}, and the limit is {LARGEST_GAIN:g}: "
+            "use 'free', or 'attitude'"
         )
 
 

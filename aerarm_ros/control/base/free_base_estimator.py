@@ -259,8 +259,8 @@ class ImuWatch:
         size = float(np.linalg.norm(self._turn_error))
         if size > _TURN_ERROR:
             raise RejectedInputError(
-                f'IMU: its angular velocity is {size:.1f} rad/s off that with which its attitude '
-                'turns: check the driver, and that both are in the same axes'
+                f'IMU: angular velocity and attitude differ by {size:.1f} rad/s: check the '
+                'driver, and that both have the same axes'
             )
 
 
@@ -389,7 +389,7 @@ class FreeBaseEstimator:
         return f'rotor commands + IMU below {self.correction.cutoff:g} Hz'
 
     def problem(self, now: float) -> str:
-        """Return what is wrong at `now` [s], '' if nothing."""
+        """Return the problem at `now` [s], '' if there is none."""
         wrong = self._imu_problem(now) or self._rotor_problem(now)
         return self.status(now) if wrong else ''
 

@@ -74,7 +74,7 @@ class CartesianImpedance:
         self._floor = positive('regularisation', regularisation) ** 2 * np.eye(3)
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture: there is nothing to remember."""
+        """Start at the present configuration; the law has no memory."""
 
     def update(
         self,

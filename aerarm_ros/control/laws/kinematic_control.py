@@ -229,7 +229,7 @@ class CartesianMotionControl:
         self._gain = non_negative('gain', gain, 3)
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture: there is nothing to remember."""
+        """Start at the present configuration; the law has no memory."""
 
     def update(
         self,

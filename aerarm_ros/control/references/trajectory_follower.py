@@ -24,13 +24,13 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 
 class MotionEnd(Enum):
-    """What ended it."""
+    """Reason for the end of a motion."""
 
     REACHED = 'it has reached its goal'
     OFF_PATH = 'the arm was too far from its path'
     OFF_GOAL = 'the arm was too far from its goal when its time was over'
     REPLACED = 'another motion has taken its place'
-    STOPPED = 'it was stopped, or control began anew'
+    STOPPED = 'it was stopped, or the controller was reset'
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ _JOINED = 3.0
 
 
 class TrajectoryFollower:
-    """What the joints should do now, always continuous up to the acceleration.
+    """Follows trajectories and streamed points; references are continuous up to the acceleration.
 
     A new motion replaces the running one at any time, on a way that keeps to the limits (see
     `find_transition`). A stop follows the path of the motion under way, see `stop_along`; on a
@@ -162,7 +162,7 @@ class TrajectoryFollower:
     def take_over(self, q: npt.ArrayLike) -> None:
         """Hold the present posture `q` (n,) [rad] from now on."""
         if self.status != 'holding':
-            self.outcome, self.end = 'stopped: control began anew', MotionEnd.STOPPED
+            self.outcome, self.end = 'stopped: the controller was reset', MotionEnd.STOPPED
         self.reference = JointReference.at_rest(q)
         self._begin(Posture(self.reference), 0.0, 0.0, 'holding')
 

@@ -115,7 +115,7 @@ _RESULTS = {
 
 
 class TrajectoryGoals:
-    """Starts and cancels goals, and says how each one ended.
+    """Starts and cancels goals, and reports their results.
 
     A new goal takes the place of the one under way, and so does any other motion of the follower,
     as one that came on a topic. A goal that cannot start leaves that one alone.
@@ -144,7 +144,7 @@ class TrajectoryGoals:
         start: float | None = None,
         tolerances: FollowerTolerances | None = None,
     ) -> list[tuple[Hashable, GoalResult]]:
-        """Begin a goal; return the one whose place it has taken, with its result.
+        """Begin a goal; return the replaced goal with its result.
 
         Parameters
         ----------

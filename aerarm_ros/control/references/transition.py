@@ -186,7 +186,7 @@ _WAY_SHARE = 0.5
 
 
 class FollowedMotion(Protocol):
-    """What a follower executes."""
+    """Motion that a follower executes."""
 
     @property
     def duration(self) -> float:
@@ -294,7 +294,7 @@ def _stop_first(
 
 
 def rest_to_rest_path(start: Array, end: Array, limits: JointLimits) -> PolynomialPath:
-    """Return the quintic between two postures (n,) [rad] that uses half of what limits allow."""
+    """Return the quintic between two postures (n,) [rad] that uses half of the limits."""
     velocity, acceleration = (
         _WAY_SHARE * limits.velocity_max,
         _WAY_SHARE * limits.acceleration_max,

@@ -28,7 +28,7 @@ _DRIFT = 0.01  # ... and of the time between them
 
 
 class RestartWatch:
-    """Looks for what only a restart does to a board's answers.
+    """Detects a restart of a board from its frames.
 
     A restart may pass unseen between two answers, or while the board is not heard: the counts of
     its encoders begin anew all the same. Then its clock is not where it should be, an index pulse
@@ -152,7 +152,7 @@ class BoardLink:
         try:
             self._codec.encode(self._switched_off())
         except FrameError as error:
-            raise ValueError(f'{name} cannot be told its limits: {error}') from None
+            raise ValueError(f'{name} cannot receive its limits: {error}') from None
 
     @property
     def is_connected(self) -> bool:
@@ -177,7 +177,7 @@ class BoardLink:
 
     @property
     def is_damped_unheard(self) -> bool:
-        """Whether the board is told to drive its motors and gives no answer."""
+        """Whether the board receives damping commands and sends no valid frames."""
         return self._command.enable_system and self.monitor.is_silent
 
     def drive_only(self, channel: int | None) -> None:
@@ -188,7 +188,7 @@ class BoardLink:
         self.is_aligned = self.monitor.is_aligned(self.state)
 
     def exchange(self, references: MotorReferences, enable: bool, running: bool) -> None:
-        """Send the references of the board's motors and take what it reports.
+        """Send the references of the board's motors and store its measurements.
 
         With `enable` False the board is told to switch off. References that no frame can
         hold are a fault; the board's motors then get no current in this cycle.
@@ -399,7 +399,7 @@ class ArmMeasurements:
         self._believed = unknown()
 
     def believed(self, tells: Mask) -> tuple[Array, Array]:
-        """Return positions [rad] and velocities [rad/s] for what needs the whole arm, (n,) each.
+        """Return estimated positions [rad] and velocities [rad/s] of all joints, (n,) each.
 
         A joint whose encoder does not tell its position, of (n,) `tells`, stands where it was last
         believed to be: its numbers would make nonsense of what the other joints carry.
@@ -417,7 +417,7 @@ class ArmMeasurements:
         gains: Gains,
         lag: float | None = None,
     ) -> None:
-        """Take the boards' last states.
+        """Read the boards' last states.
 
         A board holds its references for a cycle while the motor turns on, so its current
         falls by Kp times the angle and Kd times the change of velocity (4.4), and the frame

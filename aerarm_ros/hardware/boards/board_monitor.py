@@ -76,7 +76,7 @@ class CommandEcho:
 
     @property
     def fault(self) -> str:
-        """What a cut wire is called, without the board's name."""
+        """Name of the fault of a cut wire, without the board's name."""
         return (
             f'{self.lost_in_row} commands in a row did not reach it over MOSI while its answers '
             f'reach the host: {_CHECK}'
@@ -84,7 +84,7 @@ class CommandEcho:
 
     @property
     def warning(self) -> str:
-        """What to say of the wire while too many commands are lost, '' else."""
+        """Warning about the wire while too many commands are lost, else ''."""
         if self.is_cut:
             return f'{self._name}: {self.fault}'
         if self.rate <= self._settings.lost_commands_warning:
@@ -193,8 +193,8 @@ class BoardMonitor:
         self._slow_in_row += 1
         if self._slow_in_row >= self._settings.slow_exchanges_max:
             self.fail(
-                f'exchanges take {1e3 * duration:.2f} ms, allowed are '
-                f'{1e3 * self._settings.exchange_time_max:.2f}: check clock_hz, and '
+                f'exchanges take {1000.0 * duration:.2f} ms, more than the allowed '
+                f'{1000.0 * self._settings.exchange_time_max:.2f}: check clock_hz, and '
                 'polling_limit_us of the SPI driver'
             )
 
@@ -312,7 +312,7 @@ class BoardMonitor:
         elif self.is_aligned(state):
             self.mode = BoardMode.RUNNING if running else BoardMode.READY
         elif self.mode in (BoardMode.READY, BoardMode.RUNNING):
-            self.fail('its motors are no longer driven: did it restart? check its supply')
+            self.fail('its motors are no longer driven: check its supply, it may have restarted')
         else:
             self.mode = BoardMode.ALIGNING
             self._enabled_since = now if self._enabled_since is None else self._enabled_since

@@ -27,7 +27,7 @@ _LONGEST_REQUEST = 1024  # characters; a node with other work reads it
 
 @dataclass(frozen=True)
 class ProbeRequest:
-    """What the bridge shall do now.
+    """Request of a commissioning step to the bridge.
 
     Attributes
     ----------
@@ -267,7 +267,7 @@ class CommissioningProbe:
 
     @property
     def refusal(self) -> str:
-        """Why nothing else may switch motors on, or ''."""
+        """Reason why no other request may switch motors on, or ''."""
         name = self._config.joint_names[self._joint]
         return f'{name} is being commissioned: end that first' if self.is_driving else ''
 

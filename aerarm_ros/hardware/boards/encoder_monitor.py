@@ -1,4 +1,4 @@
-"""Tells when an encoder cannot be believed."""
+"""Detect implausible encoder readings."""
 
 from collections.abc import Sequence
 from math import copysign, inf, nan
@@ -87,7 +87,7 @@ class ExpectedMotion:
         self._is_followed = True
 
     def restart(self) -> None:
-        """Forget what it did: it rests, and what its current is now is its load."""
+        """Reset the estimate: the motor rests, and its present current is its load."""
         self._load = self._current = self._modelled = nan
         self._rest()
 
@@ -318,7 +318,7 @@ class EncoderMonitor:
         inertias: Sequence[float] | None = None,
         loads: Sequence[float] | None = None,
     ) -> str:
-        """Return what is wrong with an encoder, or ''.
+        """Return the fault of an encoder, or ''.
 
         Parameters
         ----------
@@ -436,7 +436,7 @@ class _Encoder:
 
     @property
     def tells_position(self) -> bool:
-        """Whether it is believed where the joint is."""
+        """Whether the joint position is known."""
         return not self.jumps and self.stood_at != self.stood_at
 
     @property
@@ -446,7 +446,7 @@ class _Encoder:
 
     @property
     def damping_speed(self) -> float:
-        """Speed up to which damping may believe the encoder [rad/s]."""
+        """Speed up to which damping may use the encoder [rad/s]."""
         if self.is_confirmed:
             return 0.0
         if self.anchor == self.anchor:

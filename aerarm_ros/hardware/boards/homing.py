@@ -129,16 +129,16 @@ class EncoderZeros:
         be = 'is' if len(away) == 1 else 'are'
         return (
             f'{", ".join(away)} {be} not at the home configuration, {self._posture()}: homing '
-            'would take another index pulse for the right one; bring the arm there first'
+            'would use a wrong index pulse; move the arm there first'
         )
 
     def expected(self, motor_position: Array) -> Array:
-        """Return where homing takes the motors to be (n,) [rad]: absolute ones where they say."""
+        """Return the expected motor angles (n,) [rad]; absolute encoders report theirs."""
         return np.where(self.absolute, motor_position, self.rest)
 
     def vouched(self) -> str:
-        """Return what homing takes the present posture for, in words."""
-        return f'this is taken for the home configuration, {self._posture()}'
+        """Return the assumed home configuration, in words."""
+        return f'homing assumes the home configuration, {self._posture()}'
 
     def _posture(self) -> str:
         return _in_words(self.names, self._rest_position)
@@ -331,7 +331,7 @@ class Homing:
         self._fail(
             [joint],
             f'homing met the index pulse of {self._names[joint]} {residual:+.2f} motor turns '
-            f'({angle:.3f} rad at the joint) from its expected angle, allowed are '
+            f'({angle:.3f} rad at the joint) from its expected angle, more than the allowed '
             f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and home again; if it '
             'was there, the encoder, motor or configuration has changed, commission the joint',
         )
@@ -359,9 +359,9 @@ class Homing:
         if moved[joint] > _SAME_PULSE:
             self._fail(
                 [],
-                f'homing was held up while {self._names[joint]} moved by {moved[joint]:.2f} motor '
-                f'turns, allowed are {_SAME_PULSE:.2f}: check what else the host does, and the '
-                'encoder, then home again',
+                f'homing was delayed while {self._names[joint]} moved by {moved[joint]:.2f} motor '
+                f'turns, more than the allowed {_SAME_PULSE:.2f}: check other processes on this '
+                'computer, and the encoder, then home again',
             )
 
     def _search_again(self, blurred: Mask, position: Array) -> None:
@@ -372,8 +372,8 @@ class Homing:
         if self._repeats > _REPEATS_MAX * len(self._names):
             self._fail(
                 [],
-                f'homing was held up at {self._repeats} index pulses, so their place is not known: '
-                'check what else the host does',
+                f'homing was delayed at {self._repeats} index pulses, so their position is '
+                'unknown: check other processes on this computer',
             )
 
     def _fail(self, joints: list[int], reason: str) -> None:
@@ -400,7 +400,7 @@ def roomy_side(config: ArmConfig) -> Array:
 
 
 def motion_in_words(config: ArmConfig) -> str:
-    """Return what homing does to the joints, with the largest travel [rad]."""
+    """Return a description of the homing motion, with the largest travel [rad]."""
     travel = _TURN * config.column('gear.ratio')
     one_sided = roomy_side(config) != 0.0
     side = 'up to two turns to one side' if one_sided.any() else 'to either side'

@@ -98,10 +98,7 @@ class HostClock:
 
 @dataclass(frozen=True)
 class KeptZeros:
-    """What a bridge knew of its encoders: of which arm, by which clock, board by board.
-
-    With it goes how warm the motors were.
-    """
+    """Stored state of a bridge: arm, clock, boards with their encoders, temperatures of motors."""
 
     arm: str
     host: HostClock
@@ -178,7 +175,7 @@ def sealed(kept: str) -> str:
 
 
 def arm_identity(config: ArmConfig) -> str:
-    """Return what tells an arm from others as far as its encoders' zeros go."""
+    """Return a fingerprint of the arm's encoder configuration."""
     boards = [(board.name, board.device, board.encoders) for board in config.boards]
     joints = [
         (joint.name, joint.board, joint.channel, joint.sign, joint.offset, joint.gear.ratio)
@@ -461,7 +458,7 @@ class ZeroFile:
             self._thread.start()
 
     def close(self) -> None:
-        """Write what is left to write; the next update begins again."""
+        """Write pending data and close; the next update opens the file again."""
         if self._thread is not None:
             self._ends = True
             self._news.set()

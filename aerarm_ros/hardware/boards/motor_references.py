@@ -132,7 +132,7 @@ class MotorReference:
         self.zero = zero
 
     def release(self) -> None:
-        """Ask for nothing: no current, no gains."""
+        """Set zero current and zero gains."""
         self.position = self.velocity = self.current = 0.0
         self.kp = self.kd = self.integral_gain = self.believed = self.noise = 0.0
         self.current_max = inf
@@ -141,7 +141,7 @@ class MotorReference:
         self._integrates = False
 
     def damp(self, speed_max: float = inf) -> None:
-        """Ask for no current but what brakes the joint to rest, from a motor speed [rad/s]."""
+        """Set references that brake the joint to rest, from a motor speed [rad/s]."""
         self.release()
         self.kd = self._board_kd
         if speed_max < inf:
@@ -396,8 +396,8 @@ class MotorReferences:
         ):
             if given < least:
                 raise ValueError(
-                    f'kd of {name} is {given:.4g} A s/rad: an arm that is stopped would fall, '
-                    f'give {least:.4g} at least'
+                    f'kd of {name} is {given:.4g} A s/rad, too little to slow a falling arm: set '
+                    f'at least {least:.4g}'
                 )
         return gains
 
@@ -408,7 +408,7 @@ class MotorReferences:
             motor.set_zero(angle)
 
     def switch_off(self) -> None:
-        """Ask for nothing: no current, no gains. A board that is off forgets its integral."""
+        """Set zero current and zero gains. A board that is off resets its integral."""
         for motor in self.motors:
             motor.release()
             motor.integral = 0.0

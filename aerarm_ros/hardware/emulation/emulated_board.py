@@ -131,7 +131,7 @@ _SLOW_STEPS = 8  # sub-steps between two looks at heat and supply
 
 
 class EmulatedBoard:
-    """Behaves on the wire as the profile's firmware does, as far as the master can tell.
+    """Emulates the firmware of a frame profile, as seen on the wire.
 
     Motors are advanced by `step`, which the transport calls in step with the plant; frames
     pass through `exchange` at any time between. An error switches the motors off. With

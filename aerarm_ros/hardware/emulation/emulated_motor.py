@@ -320,7 +320,7 @@ class EmulatedMotor:
 
     @property
     def measured_current(self) -> float:
-        """Quadrature current [A] in the frame the firmware believes in; 0 while it aligns."""
+        """Quadrature current [A] in the frame that the firmware estimates; 0 during alignment."""
         return self.torque_current if self.ready else 0.0
 
     @property
@@ -331,7 +331,7 @@ class EmulatedMotor:
 
     @property
     def power(self) -> float:
-        """Electrical power that it takes [W], negative while it brakes."""
+        """Electrical power consumption [W], negative while braking."""
         return 1.5 * self.quadrature_voltage * self.measured_current
 
     def enable(self, enabled: bool) -> None:

@@ -41,7 +41,7 @@ class AnswerWatch:
 
     @property
     def expects(self) -> bool:
-        """Whether somebody answers states."""
+        """Whether a node responds to states."""
         return self._expects
 
     def note(self, stamp_ns: int, newest_ns: int) -> None:
@@ -59,12 +59,12 @@ class AnswerWatch:
         return self._expects and newest_ns - self._answered_ns > self._lag * self._period_ns
 
     def give_up(self) -> None:
-        """Expect nothing until the next answer, and from then on a little less."""
+        """Stop waiting until the next response, and wait a shorter time from then on."""
         self._expects = False
         self._lag = min(4 * self._lag + 1, _LAG_MAX)
 
     def forget(self) -> None:
-        """Begin anew: nobody commands the arm."""
+        """Reset: no node commands the arm."""
         self._expects = False
         self._lag = self._first_lag
 
@@ -199,7 +199,7 @@ class EmulatedTransport:
             self._effort_per_current.append(torque_constant * joint.gear.efficiency * ratio)
 
     def _rewire(self) -> None:
-        """Take over the boards' wiring; encoders go on from the counts that they have."""
+        """Adopt the boards' wiring; encoders continue from their counts."""
         self._connect()
         for (_, _, motor, ratio, offset), q in zip(
             self._drives, self.plant.position.tolist(), strict=True

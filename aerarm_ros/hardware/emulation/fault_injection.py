@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # who only lists the faults loads no boards and no physics en
 
 
 class Fault(NamedTuple):
-    """What can go wrong with an emulated board.
+    """Fault of an emulated board.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ def check(
 ) -> None:
     """Raise FaultInjectionError unless there can be such a fault, there and so strong."""
     if fault not in FAULTS:
-        raise FaultInjectionError(f'no fault {fault!r}: choose one of {", ".join(FAULTS)}')
+        raise FaultInjectionError(f'unknown fault {fault!r}: choose one of {", ".join(FAULTS)}')
     if not 0 <= board < boards or motor not in (0, 1):
         raise FaultInjectionError(
             f'no board {board} with motor {motor}: the arm has boards 0 to {boards - 1} with '
@@ -81,7 +81,7 @@ def check(
         return
     _, _, default, least, most = FAULTS[fault]
     if default is None:
-        raise FaultInjectionError(f'{fault} takes no VALUE, here {value:g}')
+        raise FaultInjectionError(f'{fault} has no VALUE, got {value:g}')
     if not least <= value <= most:
         raise FaultInjectionError(f'{fault}: {value:g} is not from {least:g} to {most:g}')
 
@@ -201,14 +201,16 @@ FAULTS: dict[str, Fault] = {
     'warm_motor': Fault('temperature of a whole motor [degC]', _warm_motor, 90.0, -40.0, 250.0),
     'supply_voltage': Fault("voltage of the board's supply [V]", _supply_voltage, 16.0, 1.0, 100.0),
     'no_sink': Fault(
-        "the supply takes no current back, beside it the board's capacitance [F]",
+        "the supply accepts no braking current; VALUE is the board's capacitance [F]",
         _no_sink,
         *(2e-3, 1e-5, 1.0),
     ),
     'driver_error': Fault('the gate driver reports a fault', _driver_error),
-    'board_timeout': Fault('the board no longer receives', _board_timeout),
-    'mute_board': Fault('the board receives and is no longer heard', _mute_board),
-    'short_answers': Fault("bytes of the board's answers that arrive", _short_answers, 20, 0, 34),
+    'board_timeout': Fault('the board receives no frames', _board_timeout),
+    'mute_board': Fault('the board receives frames and sends none', _mute_board),
+    'short_answers': Fault(
+        'number of received bytes per frame of the board', _short_answers, 20, 0, 34
+    ),
     'slow_bus': Fault('duration of an exchange [s]', _slow_bus, 2e-3, 0.0, 1.0),
     'swapped_channels': Fault(
         "the board's two motors, with their encoders, are swapped; again: swapped back",
@@ -216,7 +218,7 @@ FAULTS: dict[str, Fault] = {
     ),
     'wrong_sign': Fault('a motor turns its joint the other way; again: turned back', _wrong_sign),
     'wrong_ratio': Fault(
-        'motor turns per joint turn of the gear that was built in', _wrong_ratio, 27.0, 1.0, 1e4
+        'motor turns per joint turn of the installed gear', _wrong_ratio, 27.0, 1.0, 1e4
     ),
     'weak_driver': Fault(
         'share of the requested current that a motor gets', _weak_driver, 0.5, 0.0, 1.0

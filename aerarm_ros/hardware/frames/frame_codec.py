@@ -106,7 +106,7 @@ _CRC = Struct('>I')
 
 
 class FrameError(ValueError):
-    """A record that must not be sent; the text says which value to check."""
+    """Record with a value that a frame cannot carry; the message names it."""
 
 
 class FrameCodec:
@@ -223,8 +223,8 @@ def _limited(count: int, value: float, entry: FrameField) -> int:
     lowest, highest = entry.count_range
     if entry.nonzero and count <= 0:
         raise FrameError(
-            f'{entry.label} is {value:g}, which the frame can only say as 0 and the board takes '
-            f'for no limit: ask for {entry.si_per_count:g} or more'
+            f'{entry.label} is {value:g}, which the frame rounds to 0 and the board reads as no '
+            f'limit: set {entry.si_per_count:g} or more'
         )
     if entry.overflow == 'refuse':
         raise FrameError(

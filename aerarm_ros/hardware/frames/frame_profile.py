@@ -41,7 +41,7 @@ OVERFLOW_POLICIES = ('saturate', 'refuse')
 
 
 class ProfileError(ValueError):
-    """A frame profile that cannot be used; the text says which entry to check."""
+    """Unusable frame profile; the message names the entry to check."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class FrameLayout:
                 owners[bit] = entry
 
     def has(self, name: str) -> bool:
-        """Tell whether a quantity travels in this frame."""
+        """Return whether the frame carries a quantity."""
         return any(entry.name == name for entry in self.fields)
 
     def largest(self, name: str) -> float:

@@ -1,4 +1,4 @@
-"""Decides which joint commands are let in."""
+"""Accept or reject joint commands."""
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -50,7 +50,7 @@ Values = Sequence[float] | NDArray[np.float64] | None
 
 
 class OfferedCommand(NamedTuple):
-    """What somebody wants the joints to do, and who.
+    """Received command with its publisher.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ _STOP = 'stop all but one'
 
 
 class CommandPublishers:
-    """Says of each message which publisher it is from, and whether that one may command.
+    """Maps each message to its publisher, and decides whether that publisher may command.
 
     The middleware's message info holds the publisher's global identifier (GID), and the list of
     the topic's endpoints names the node of each GID. `look` takes that list now and then. Until the
@@ -118,7 +118,7 @@ class CommandPublishers:
         return gid is None or gid in self._nodes
 
     def judge(self, gid: bytes | None, matched: int) -> tuple[Source, bool]:
-        """Tell who sent a message.
+        """Return the publisher of a message.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class CommandPublishers:
 
     @property
     def warning(self) -> str:
-        """What is wrong with the publishers present, '' if nothing is."""
+        """Warning about the present publishers, '' if all are allowed."""
         others = [name for name in self.names if not self.is_allowed(name)]
         if others:
             return (
@@ -160,12 +160,12 @@ class CommandPublishers:
         present = f'joint_command has {len(self.names)} publishers ({", ".join(self.names)})'
         if self._is_anonymous:
             return f'{present}, and this ROS does not name the sender of a command: {_STOP}'
-        return f'{present}, the first to command is followed: {_STOP}'
+        return f'{present}, the bridge follows the first sender: {_STOP}'
 
 
 # Why a command is not let in, and what to check.
 REJECTIONS: dict[str, str] = {
-    'unreadable': 'it is not a JointState: check what publishes it, and with which ROS',
+    'unreadable': 'it is not a JointState: check its publisher, and the ROS version',
     'not_ready': 'the arm is not ready: enable it (home it if arm_mode is unhomed), or clear its '
     'fault',
     'not_allowed': 'its publisher is not on the list of allowed ones: check allowed_publishers',
@@ -176,9 +176,11 @@ REJECTIONS: dict[str, str] = {
     'infinite': 'it holds an infinite value: check the controller',
     'nan': 'it leaves a joint without any reference (NaN everywhere): check the controller',
     'unsupported': 'the frame profile has no feed-forward current, so no effort can be commanded',
-    'stale': 'it answers a state that is too old: check the load of the controller and the clocks',
-    'future': 'its stamp lies in the future: check the clocks; an emulated arm has a time of its '
-    'own, on /clock',
+    'stale': 'it responds to an old state: check the load of the controller and the clocks',
+    'future': (
+        'its stamp lies in the future: check the clocks; an emulated arm has its own time, on '
+        '/clock'
+    ),
 }
 
 _CLOCK_TOLERANCE = 0.005  # [s]
@@ -273,7 +275,7 @@ class CommandIntake:
         return True
 
     def reject(self, reason: str, now: float) -> None:
-        """Count a command received at `now` [s] that is not let in; a key of `REJECTIONS`."""
+        """Count a command rejected at `now` [s]; a key of `REJECTIONS`."""
         self.rejections[reason] += 1
         self.last_rejection = reason
         self.last_rejection_time = now

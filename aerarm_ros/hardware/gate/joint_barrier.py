@@ -90,7 +90,7 @@ class JointLoads:
         return least
 
     def at(self, q: Array, dq: Array, effort: Array) -> tuple[list[float], list[float]]:
-        """Return loads [Nm] and inertias [kg m^2], a joint each.
+        """Return loads [Nm] and inertias [kg m^2], one per joint.
 
         The load is what the arm's weight, its speed and the acceleration of the other joints
         take of the torque.
@@ -281,7 +281,7 @@ class JointBarrier:
         self.restart()
 
     def restart(self) -> None:
-        """Forget what the joint did: its speed is taken as measured."""
+        """Reset the motion estimate; the measured speed is used."""
         self._is_known = False  # how fast it was, and what pulled at it
         self._fastest = self._unhindered
         self._disturbance = self._turned = 0.0

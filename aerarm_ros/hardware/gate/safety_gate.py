@@ -16,11 +16,11 @@ from aerarm_ros.motion.signals import Array
 
 # What a limit did to a command, for the list of faults.
 LIMITED: dict[str, str] = {
-    'position': 'a position reference beyond its limit was held at the limit',
-    'velocity': 'a reference faster than the velocity limit was slowed to it',
-    'soft_zone': "motion towards a position limit was slowed near it, or for another joint's sake",
+    'position': 'a position reference beyond its limit was clipped to the limit',
+    'velocity': 'a reference faster than the velocity limit was slowed to the limit',
+    'soft_zone': 'motion towards a position limit was slowed near it, or because of another joint',
     'braking': 'a joint was braked before a limit of position or speed',
-    'effort': 'an effort above its limit was cut to the limit',
+    'effort': 'an effort above its limit was clipped to the limit',
     'effort_rate': 'an effort that changed too fast was slowed',
 }
 
@@ -32,7 +32,7 @@ _CREEP_SHARE = 0.005
 
 
 class JointLimiter:
-    """Limits what one joint is asked to do, and tells what goes too far to be limited.
+    """Limits the references of one joint, and stops the arm if they exceed a tolerance.
 
     References towards a position limit are slowed to what the joint can still be braked from,
     with a little to spare. What a joint then does is the `barrier`'s.
@@ -308,7 +308,7 @@ class SafetyGate:
             self._slow(overwhelmed, float(interval.max()))
 
     def _slow(self, overwhelmed: int, interval: float) -> None:
-        """Slow whatever moves beside joints that their drives do not brake, for a time [s].
+        """Slow all joints while drives fail to brake a joint, for a time [s].
 
         Joint 1 at full speed throws a loaded arm outward with more torque than joint 2 has.
         """

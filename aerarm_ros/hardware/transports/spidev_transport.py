@@ -20,7 +20,7 @@ _WAIT_MIN, _WAIT_MAX = 0.2, 5.0  # [s] between two attempts to open it; doubled 
 
 
 class TransportError(OSError):
-    """A bus that cannot be opened; the text says what to check."""
+    """Bus that cannot be opened; the message states what to check."""
 
 
 class SpidevDevice:
@@ -59,15 +59,14 @@ class SpidevDevice:
         self._next_attempt = 0.0
 
     def open(self) -> None:
-        """Open the file; raises TransportError that says what to check."""
+        """Open the file; raises TransportError with what to check."""
         board = self._board
         try:
             self._file = self._opened()
         except OSError as error:
             raise TransportError(
-                f'cannot open {board.device} for {board.name}: {error.strerror or error}: is '
-                'SPI switched on (dtparam=spi=on), is the device right, is the user in group '
-                'spi?'
+                f'cannot open {board.device} for {board.name}: {error.strerror or error}: switch '
+                'SPI on (dtparam=spi=on), check the device name, and add the user to group spi'
             ) from None
         self._is_wanted = True
 
@@ -92,7 +91,7 @@ class SpidevDevice:
         return answer
 
     def set_mode(self, mode: int) -> None:
-        """Change the SPI mode until it is opened anew; raises OSError if that cannot be."""
+        """Change the SPI mode until the device is opened again; raises OSError."""
         if self._file is None:
             raise OSError(errno.EBADF, self._account())
         self._file.mode = mode
@@ -140,9 +139,9 @@ class SpidevDevice:
             self._file = None
 
     def _account(self) -> str:
-        text = f'{self._board.device} reports: {self._reason}: does the device still exist?'
+        text = f'{self._board.device} reports: {self._reason}: check that the device still exists'
         if self._file is None and self._is_wanted:
-            text += f' It is opened again once it does, tried every {self._wait:g} s'
+            text += f' The bridge tries to open it again every {self._wait:g} s'
         return text
 
 
@@ -164,7 +163,7 @@ class SpidevTransport:
         self._devices = [SpidevDevice(board) for board in config.boards]
 
     def open(self) -> None:
-        """Open the devices; raises TransportError that says what to check."""
+        """Open the devices; raises TransportError with what to check."""
         if importlib.util.find_spec('spidev') is None:
             raise TransportError(
                 'the module spidev is missing: pip install "spidev>=3.5,<4" (needs a C compiler), '

@@ -11,7 +11,7 @@ class Transport(Protocol):
     """
 
     def open(self) -> None:
-        """Make the bus ready; raises TransportError that says what to check."""
+        """Open the bus; raises TransportError with what to check."""
         ...
 
     def close(self) -> None:
@@ -19,11 +19,11 @@ class Transport(Protocol):
         ...
 
     def advance(self, now: float) -> None:
-        """Hear of the cycle's time [s, monotonic]: emulated boards catch up with it."""
+        """Advance the boards to the cycle's time [s, monotonic]; only emulated boards use it."""
         ...
 
     def exchange(self, board: int, frame: bytes) -> bytes:
-        """Send a frame to a board and return what came back; b'' if nothing did."""
+        """Send a frame to a board and return the received one; b'' if none arrived."""
         ...
 
     def exchange_time(self, board: int) -> float:

@@ -15,7 +15,7 @@ FILTERS = ('auto', 'harmonics', 'butterworth')
 
 @dataclass(frozen=True)
 class ConditioningOptions:
-    """What the user may fix; None is found from the data.
+    """Settings of the user; None is chosen from the data.
 
     Attributes
     ----------

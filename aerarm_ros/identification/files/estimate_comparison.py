@@ -104,8 +104,8 @@ def compare_estimates(old: Path, new: Path) -> EstimateComparison:
         inertia, unmatched = _inertia(first, second)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise IdentificationError(
-            f'{old}, {new}: cannot be compared ({error}): give estimate.yaml as the identifier has '
-            'written it (this version: identify again from the bags of an older result)'
+            f'{old}, {new}: cannot be compared ({error}): pass estimate.yaml files of the '
+            'identifier; identify again from the bags of an older version'
         ) from None
     return EstimateComparison(friction, inertia, unmatched)
 

@@ -346,7 +346,7 @@ def joint_terms(parameters: Mapping[str, Any], n: int) -> list[dict[JointTerm, f
 
 
 def read_gravity(path: Path, robot: Robot) -> Array:
-    """Return (3,) gravity in the base frame as the identifier found it [m/s^2].
+    """Return the identified gravity (3,) in the base frame [m/s^2].
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class ExportError:
-    """Torque errors of what a usual reader makes of one file.
+    """Torque errors of one written file, as a typical reader uses it.
 
     Attributes
     ----------

@@ -75,7 +75,7 @@ def equivalent_friction(
 
 
 def unwritten(estimate: Estimate) -> tuple[str, ...]:
-    """Return what to know of the estimate's terms that these formats have no place for.
+    """Return notes on the terms of the estimate that these formats cannot contain.
 
     Not of offsets, which a controller's integral makes up for.
     """
@@ -220,7 +220,7 @@ class LoadFriction:
 
 @dataclass(frozen=True)
 class IdentifiedUrdf:
-    """A URDF text, and what the user should know of it."""
+    """URDF text, with notes for the user."""
 
     text: str
     warnings: tuple[str, ...]
@@ -370,9 +370,9 @@ def _scaled(
             for key, value in element.items():
                 element.set(key, repr(share * float(value)))
     return [
-        f'identified.urdf: the links behind locked joints ({", ".join(held)}) were written with '
-        f'{100.0 * share:.3g} % of their mass: as heavy as in the URDF, they would leave of '
-        f'{carrier} no possible body; check their inertia in the URDF'
+        f'identified.urdf: the links behind locked joints ({", ".join(held)}) have '
+        f'{100.0 * share:.3g} % of their mass in the URDF: with their full mass {carrier} would '
+        'not be physically consistent; check their inertia in the URDF'
     ]
 
 

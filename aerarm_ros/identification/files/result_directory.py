@@ -15,7 +15,7 @@ MARKER = 'summary.json'
 
 
 class ResultDirectory:
-    """Context that collects files beside the target folder and moves them into place at its end.
+    """Context that collects files in a temporary folder and moves them to the target at its end.
 
     Entering it makes sure at once, before anything is computed, that the place can be
     written. Leaving it by an exception, an interrupt included, removes what was collected.

@@ -64,7 +64,7 @@ def find_effort_delay(
     cad: ArmParameters,
     in_time: Sequence[SampleColumns] | None = None,
 ) -> EffortDelay:
-    """Look for delays of the efforts, one a joint, and test them on held-out parts.
+    """Find delays of the efforts, one per joint, and test them on held-out parts.
 
     A torque that is late by d is that of the model less d times its rate: linear in d, for small
     ones. The rate is that of the predicted torque, for the measured one's is noisy and would make
@@ -244,7 +244,7 @@ class FilterTrial:
 
 @dataclass(frozen=True, eq=False)
 class FilterChoice:
-    """What was tried, and the samples of the best.
+    """Filters tried, and the samples of the best.
 
     Attributes
     ----------
@@ -416,7 +416,7 @@ class _Trials:
 
     @property
     def tried(self) -> list[FilterTrial]:
-        """What was tried, and what it left."""
+        """Filters tried, with their residuals."""
         any_of_them = next(iter(self._outcomes.values()))
         torque = block_sums(any_of_them.blocks, any_of_them.torques, self._common()).sum()
         return [

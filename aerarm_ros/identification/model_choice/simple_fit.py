@@ -60,7 +60,7 @@ _CORRELATION = 20.0
 
 @dataclass(frozen=True, eq=False)
 class SharedColumns:
-    """Columns of one bag that every joint feels, besides those of the links.
+    """Columns of one bag that affect every joint, in addition to those of the links.
 
     Attributes
     ----------

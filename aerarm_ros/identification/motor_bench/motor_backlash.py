@@ -83,7 +83,7 @@ def fit_backlash(
 
 
 def is_told(found: tuple[float, float]) -> bool:
-    """Return whether a play and its standard deviation [rad] are told from none."""
+    """Return whether a backlash is significant relative to its standard deviation [rad]."""
     return found[0] > _CLEAR * found[1]
 
 

@@ -174,13 +174,13 @@ def fit_torque_constant(
     std = float(np.sqrt(direction @ spread @ direction))
     if size < _SIGNIFICANT * std or size == 0.0:
         raise IdentificationError(
-            f'{name}: the mass turns it with {size:.3g} Nm at most, measured to {std:.2g} Nm: '
-            'choose a posture in which the mass has a lever about this joint, or a larger mass'
+            f'{name}: the mass causes {size:.3g} Nm at most, measured to {std:.2g} Nm: choose a '
+            'posture in which the mass has a lever about this joint, or a larger mass'
         )
     if not size / _PLAUSIBLE < measured < size * _PLAUSIBLE:
         raise IdentificationError(
-            f'{name}: the mass should add {size:.3g} Nm and adds {measured:.3g} Nm: check '
-            'mass, position of the mass, and that the result without it is of the same posture'
+            f'{name}: the mass adds {measured:.3g} Nm instead of {size:.3g} Nm: check mass, '
+            'position of the mass, and that the result without it is of the same posture'
         )
     ratio = size / measured
     return ratio, ratio * std / measured
@@ -312,16 +312,16 @@ class MotorBench:
         )
         if result.inertia is not None and not result.rotor_inertia_known:
             self.warnings.append(
-                f'{drive.name}: its rotor is not told apart from what it carries '
-                f'({result.carried_inertia[0]:.3g} of {result.inertia[0]:.3g} kg m^2): measure '
-                'it in a posture with less inertia about its axis, or as a bare motor'
+                f'{drive.name}: rotor and load inertia are not separable '
+                f'({result.carried_inertia[0]:.3g} of {result.inertia[0]:.3g} kg m^2): measure in '
+                'a posture with less inertia about its axis, or as a bare motor'
             )
         return result
 
     def _backlash(
         self, joint: int, swings: Sequence[MotorRun], friction: MotorFriction
     ) -> tuple[float, float] | None:
-        """Return what swings tell of the gear's play; that of others makes it uncertain."""
+        """Estimate the gear's backlash from swings; backlash of other gears adds uncertainty."""
         if not swings or self._robot is None:
             return None
         drive, posture = self._config.joints[joint], self._posture
@@ -350,8 +350,8 @@ class MotorBench:
             )
         if not is_told(found):
             self.warnings.append(
-                f'{drive.name}: backlash {1e3 * found[0]:.1f} ± {1e3 * found[1]:.1f} mrad is not '
-                'told from none: if that is too coarse, choose a posture in which its links are '
+                f'{drive.name}: backlash {1000.0 * found[0]:.1f} ± {1000.0 * found[1]:.1f} mrad '
+                'is not significant: for a finer result choose a posture in which its links are '
                 'heavy about its axis and gravity does not press them to one side'
             )
         elif is_largest((play, std)):
@@ -406,7 +406,7 @@ class MotorBench:
         return np.array(values)
 
     def _carried_inertia(self, joint: int) -> tuple[float, float]:
-        """Return inertia about the joint besides the drive's, and its standard deviation."""
+        """Return the load inertia about the joint, and its standard deviation."""
         known, robot = self._known, self._robot
         if robot is None:
             return (known.mass * known.lever**2 if known else 0.0), 0.0

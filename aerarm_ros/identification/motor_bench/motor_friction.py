@@ -87,7 +87,7 @@ _LEAST_BLOCKS = 4
 
 @dataclass(frozen=True, eq=False)
 class MotorFriction:
-    """Friction of one drive, at the joint, with what gravity does to a mounted one.
+    """Friction of one drive at the joint, with gravity terms of a mounted drive.
 
     `tau = viscous dq + (coulomb + load |g(q)|) sgn(dq) + g(q)`, `g(q) = a sin q + b cos q`.
     This is exact for a joint that turns alone about a fixed axis, whatever hangs on it.
@@ -238,7 +238,7 @@ def _check_steps(name: str, blocks: Sequence[MotorBlocks], dq: Array) -> None:
 
 @dataclass(frozen=True, eq=False)
 class MotorSupply:
-    """What the boards tell of one motor besides its motion.
+    """Electrical measurements of one motor.
 
     Attributes
     ----------
@@ -288,7 +288,7 @@ class MotorResistance:
 
 
 def find_resistance(supply: MotorSupply, board_uncertainty: float) -> MotorResistance | None:
-    """Return a motor's resistance, None if nothing tells it.
+    """Return a motor's resistance, None if it is unknown.
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ def _pair(value: tuple[float, float]) -> list[float]:
 
 
 def load_earlier(path: Path) -> Earlier:
-    """Read what a run without the known mass found, from its motor_bench.yaml.
+    """Read the results of a run without the known mass from its motor_bench.yaml.
 
     Raises
     ------
@@ -202,8 +202,9 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
     warnings : sequence of str
     """
     how = (
-        'The drives were in the arm: gravity, g(q) = a sin q + b cos q for a joint that turns '
-        'alone, and the gear friction it causes are fitted along and taken off the points.'
+        'The drives were mounted in the arm. The fit includes gravity, g(q) = a sin q + b cos q '
+        'for a single joint, and the gear friction that gravity causes; the plots show the points '
+        'without both.'
         if mounted
         else 'The motors were bare: no gravity.'
     )
@@ -212,10 +213,10 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
         bullets(warnings, 'warnings') if warnings else '',
         section('Parameters', table(_HEADINGS, map(_page_row, results))),
         paragraph(
-            'b_eq and J_m at the motor, f at the joint. J_m in brackets is not told apart from '
-            'what the joint carries; K_i in brackets is the stated one. R of a phase: by the '
-            'voltages that the boards report; in brackets as the boards state it. Backlash at the '
-            'joint, from swings; in brackets if it is not told from none.',
+            'b_eq and J_m at the motor, f at the joint. J_m in brackets: not separable from the '
+            'load. K_i in brackets: as configured. R per phase, from the voltages of the boards; '
+            'in brackets as configured. Backlash at the joint, from swings; in brackets: not '
+            'significant.',
             'note',
         ),
         section('Motor torque over motor speed', paragraph(how, 'note'), _figure(results)),

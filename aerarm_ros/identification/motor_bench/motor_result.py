@@ -88,6 +88,6 @@ class MotorResult:
 
     @property
     def rotor_inertia_known(self) -> bool:
-        """Whether the rotor's inertia is told apart from that of what the joint carries."""
+        """Whether rotor and load inertia are separable."""
         found = self.rotor_inertia
         return found is not None and 0.0 < found[1] < _KNOWN * found[0]

@@ -53,7 +53,7 @@ class BagFacts:
         return ', '.join(parts) + columns
 
     def warnings(self, name: str, states: int) -> list[str]:
-        """Return what the user should know of how the bag was recorded.
+        """Return warnings about the recording of the bag.
 
         Parameters
         ----------
@@ -67,9 +67,9 @@ class BagFacts:
         if share <= _MISSED_MAX:
             return []
         return [
-            f'{name}: {100.0 * share:.2g} % of the cycles were missed: torque and velocity then '
-            'belong to longer steps; give the bridge real-time priority '
-            '(as in config/parameters_spi.yaml), or close what loads the computer'
+            f'{name}: {100.0 * share:.2g} % of the cycles were missed, so torque and velocity '
+            'belong to longer steps: give the bridge real-time priority (as in '
+            'config/parameters_spi.yaml), or end other processes'
         ]
 
 
@@ -350,7 +350,7 @@ def recording_from_states(
     mapping: JointMapping,
     commanded: tuple[slice, str] | None = None,
 ) -> Recording:
-    """Pick an arm's joints out of recorded joint states and check what they hold.
+    """Extract an arm's joints from recorded joint states and check the values.
 
     Parameters
     ----------
@@ -446,7 +446,7 @@ def _columns(
         raise IdentificationError(
             f'{bag}: joints {", ".join(missing)} of the URDF are not in the bag, which has '
             f"{', '.join(names)}: rename the bag's joints (--tf-prefix, --rename BAG=URDF), lock "
-            'joints of the URDF (--lock JOINT), or give the URDF of the recorded arm'
+            'joints of the URDF (--lock JOINT), or pass the URDF of the recorded arm'
         )
     twice = [name for name in dict.fromkeys(renamed) if renamed.count(name) > 1]
     if twice:
@@ -459,8 +459,8 @@ def _columns(
     if extra:
         raise IdentificationError(
             f'{bag}: joints {", ".join(extra)} of the bag are missing from the URDF, which has '
-            f'{", ".join(joint_names)}: give the URDF of the recorded arm, or leave these joints '
-            'out (--ignore JOINT)'
+            f'{", ".join(joint_names)}: pass the URDF of the recorded arm, or ignore these joints '
+            '(--ignore JOINT)'
         )
     absent = [name for name in mapping.ignored if name not in renamed]
     if absent:

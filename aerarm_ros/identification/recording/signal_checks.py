@@ -138,8 +138,8 @@ def check_stamp_unit(bag: str, stamp: Array) -> None:
     if step >= _LONGEST_STEP:
         unit = next(name for largest, name in _OTHER_UNITS if step < largest)
         raise IdentificationError(
-            f'{bag}: joint states are {step:.3g} s apart: stamps are in {unit}, it seems, and must '
-            'be in s; the column of a table may state its unit, as time [ms]'
+            f'{bag}: joint states are {step:.3g} s apart: stamps look like {unit} and must be in '
+            's; a table column may state its unit, as time [ms]'
         )
 
 
@@ -253,10 +253,9 @@ def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Arra
     if ranges.max() > _LARGEST_TURN:
         joint, turns = joints[int(np.argmax(ranges))], ranges.max() / (2.0 * np.pi)
         raise IdentificationError(
-            f'{bag}: {joint} moves by {ranges.max():.0f} rad, {turns:.0f} turns: '
-            'positions are in degrees, it seems, not in rad; say so of a table (--degrees, '
-            'degrees= of read_bag, or a column q1 [deg]), else check the node that publishes the '
-            'topic'
+            f'{bag}: {joint} moves by {ranges.max():.0f} rad, {turns:.0f} turns: positions look '
+            'like degrees; for a table pass --degrees (degrees= of read_bag, or a column q1 '
+            '[deg]), else check the node that publishes the topic'
         )
     ratio = None if dq is None else _speed_ratio(time, q, dq)
     if ratio is None or 1.0 / _FACTOR < ratio < _FACTOR:
@@ -264,11 +263,11 @@ def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Arra
     text = f'{bag}: velocities are {ratio:.3g} times the rate at which positions change'
     unit = next((u for u, of, near in _VELOCITY_UNITS if abs(ratio / of - 1.0) < near), None)
     if unit is not None:
-        text += f': they are in {unit}, it seems, and positions in rad'
+        text += f': they look like {unit}, and positions are in rad'
     elif ratio > 1.0:
-        text += f': stamps run {ratio:.3g} times too slow, it seems'
+        text += f': stamps run {ratio:.3g} times too slow'
     else:
-        text += f': stamps run {1.0 / ratio:.3g} times too fast, it seems'
+        text += f': stamps run {1.0 / ratio:.3g} times too fast'
     raise IdentificationError(
         f'{text}; check the column of the table, or the node that publishes the topic'
     )

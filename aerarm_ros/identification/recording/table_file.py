@@ -191,7 +191,7 @@ _SHOWN = 40  # columns of a table that an error lists
 
 @dataclass(frozen=True)
 class TableOptions:
-    """What a table doesn't say of itself.
+    """Properties of a table that its columns do not state.
 
     Attributes
     ----------
@@ -215,7 +215,7 @@ class TableOptions:
 
 @dataclass(frozen=True, eq=False)
 class TableStates:
-    """Joint states as a bag has them; what the table lacks is NaN.
+    """Joint states of a table; missing quantities are NaN.
 
     Attributes
     ----------

@@ -115,7 +115,7 @@ _DRIFT = (
 
 
 def find_drifts(rows: Sequence[Row]) -> list[Drift]:
-    """Return what changes with time, clearest first."""
+    """Return trends over time, most significant first."""
     found = []
     for arm in dict.fromkeys(str(row['arm']) for row in rows):
         own = [row for row in rows if row['arm'] == arm and row['date']]
@@ -130,7 +130,7 @@ def find_drifts(rows: Sequence[Row]) -> list[Drift]:
 
 
 def find_odd_arms(rows: Sequence[Row]) -> list[OddArm]:
-    """Return in what arms differ from the others, clearest first."""
+    """Return deviations of single arms from the others, most significant first."""
     arms = list(dict.fromkeys(str(row['arm']) for row in rows))
     found = []
     for name in _parameters(rows) if len(arms) >= _LEAST_ARMS else ():

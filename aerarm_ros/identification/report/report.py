@@ -244,7 +244,7 @@ def _short(expression: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ReportExtras:
-    """What the report shows besides the result.
+    """Additional contents of the report.
 
     Attributes
     ----------
@@ -378,15 +378,15 @@ _SOLVERS = {
     'says nothing',
 }
 _ENERGY = (
-    'Where the energy of each bag went: heat of the windings, 3/2 R i² with the configured '
-    'resistances; friction, lifting and motion by the identified model; work that it does not '
-    'explain; braking energy that the power stage burns; what the boards take. They add up to what '
-    'the supply gave. From filtered torque, so that ripple above the cut-off is left out.'
+    'Energy balance of each bag. Winding heat, 3/2 R i², uses the configured resistances; '
+    'friction, lifting and motion use the identified model; the rest is unexplained work, braking '
+    "energy, and the boards' consumption. The sum is the supplied energy. Torque is filtered, so "
+    'ripple above the cut-off is missing.'
 )
 _EXPORTS = (
-    'What a usual reader of each file gets, predicting the same bags, filtered. Formats differ in '
-    'what they have a place for: no format but estimate.yaml knows offsets and friction of other '
-    'forms than (2.6), URDF knows no rotors, URDF and SDF no gravity.'
+    'Torque error of each written file on the same bags, filtered. The formats differ: only '
+    'estimate.yaml contains offsets and friction other than (2.6); URDF has no rotors; URDF and '
+    'SDF have no gravity.'
 )
 _TRUTH = (
     'Torque that links and rotors need along each motion, against that of the true parameters '
@@ -395,9 +395,9 @@ _TRUTH = (
     'column compares without this scaling.'
 )
 _ROLLOUTS = (
-    'The arm simulated by the measured torque alone, from the measured state at the beginning of '
-    'each window: root mean square of the position error along the windows, and the same of all '
-    'joints as a share of how far they move within them. A dash: the simulated arm runs away.'
+    'Simulation of the arm by the measured torque, from the measured state at the start of each '
+    'window. Columns: RMS position error over the windows, and the RMS over all joints relative '
+    'to their motion. A dash: the simulation diverges.'
 )
 _BOXES = (
     'Homogeneous boxes with the mass and inertia of each link, as in thesis figure 5.2c, in the '
@@ -405,11 +405,10 @@ _BOXES = (
     'hide it.'
 )
 _PARAMETERS = (
-    "About the frame of each link's joint, in the order of thesis (3.3), (3.5). From data: 0 % "
-    'means that only the prior about CAD determines the value, 100 % that only the measured '
-    'torque does. In a sum: the torque depends on it together with others only, so that the prior '
-    'shares it out, however much the data say of the sum. Unidentifiable parameters of ols are '
-    'those of CAD.'
+    "Parameters in the frame of each link's joint, in the order of thesis (3.3), (3.5). From "
+    'data: 0 % means that only the prior about CAD determines the value, 100 % that only the '
+    'measured torque does. In a sum: the torque depends on it together with other parameters '
+    'only, and the prior divides the sum. Unidentifiable parameters of ols are those of CAD.'
 )
 _BASE = (
     'Combinations that the torque depends on, each named after its first parameter. Standard '
@@ -417,9 +416,9 @@ _BASE = (
     'many times less that is than what CAD leaves open; below about 3 the motion says little.'
 )
 _INTERVALS = (
-    'In the figure all are on one scale: how far from CAD, in standard deviations of what CAD '
-    'leaves open; bars are 95 % by the data alone. A bar from edge to edge: the motion says '
-    'nothing of it.'
+    'The figure shows the distance from CAD in standard deviations of the prior; bars are 95 % '
+    'intervals from the data alone. A bar from edge to edge: the motion does not excite the '
+    'parameter.'
 )
 _FRICTION = (
     'Points are measured torque less that of links and rotors, filtered as the torque is, which '
@@ -431,17 +430,17 @@ _TRUE_PARAMETERS = (
     'identified, so that even an estimate without any error differs by it.'
 )
 _TRUE_BASE = (
-    'True: of the simulated arm itself. As measured: what least squares with the same weights '
-    'would find along this motion in the true torque without noise, times what each torque '
-    "constant is off. What one joint alone feels is scaled by this joint's factor; what several "
-    'feel has no factor of its own. Standard deviations are those of noise: far beyond 3, the '
-    'model lacks something, for example friction where a joint turns round, or a delay between '
-    'angle and torque. A dash: the truth has no such parameter.'
+    'True: parameter of the simulated arm. As measured: least squares with the same weights on '
+    'the true torque without noise, times the error of each torque constant. A parameter of a '
+    "single joint scales with this joint's factor; a parameter of several joints has no single "
+    'factor. Standard deviations are those of noise. A deviation far beyond 3 means that the '
+    'model lacks a term, for example friction at reversal, or a delay between angle and torque. A '
+    'dash: the true arm has no such parameter.'
 )
 _EXCITATION = (
-    'How far each bag leaves the range of the identification motion, and how uncertain the '
-    "predicted torque is because the parameters are: above the noise, the bag's motion asks for "
-    'what the identification motion has not shown.'
+    'Range of each bag relative to the identification motion, and uncertainty of the predicted '
+    'torque caused by the parameters. Above the noise, the bag needs parameters that the '
+    'identification motion has not excited.'
 )
 
 

@@ -209,7 +209,7 @@ def torque_figure(
 def residual_figure(
     result: IdentificationResult, bag: SampleColumns, predicted: Array
 ) -> StackedFigure:
-    """Return what the model leaves of the torque over time."""
+    """Return the torque residual over time."""
     figure = StackedFigure(result.robot.joint_names, 'Nm', most=points(result))
     samples, kept = bag.samples, bag.samples.kept
     for joint in range(result.robot.n):
@@ -221,7 +221,7 @@ def residual_figure(
 def spectrum_figure(
     result: IdentificationResult, bag: SampleColumns, predicted: Array
 ) -> StackedFigure:
-    """Return the spectra of measured torque and of what the model leaves of it."""
+    """Return the spectra of measured torque and of its residual."""
     figure = StackedFigure(
         result.robot.joint_names, 'Nm/√Hz', 'frequency [Hz]', True, points(result)
     )
@@ -256,7 +256,7 @@ def velocity_figure(
 
 
 def friction_figure(result: IdentificationResult) -> StackedFigure:
-    """Return each joint's friction against velocity: the model's, and what was measured of it.
+    """Return each joint's friction against velocity, by the model and measured.
 
     Measured is the torque of the identification bags less that of links and rotors.
     """

@@ -142,7 +142,7 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
 
 
 def conditioning_tables(result: IdentificationResult) -> Html:
-    """Return what was found out about the motion and how it was filtered."""
+    """Return tables about the motion and the filters."""
     conditioner = result.conditioner
     facts: list[list[object]] = [
         ['samples', str(result.samples)],
@@ -213,7 +213,7 @@ def _delays(result: IdentificationResult) -> str:
 
 
 def payload_table(payload: Payload) -> Html:
-    """Return what the last link carries, with standard deviations."""
+    """Return the payload of the last link, with standard deviations."""
     centre = zip('xyz', payload.centre, payload.centre_std, strict=True)
     rows: list[list[object]] = [
         [f'centre of mass {axis}', Html('m'), float(value), float(std)]
@@ -239,7 +239,7 @@ def energy_table(balances: Mapping[str, EnergyBalance], joint_names: Sequence[st
 
 
 def excitation_table(result: IdentificationResult) -> Html:
-    """Return what each bag asks of the model, joint by joint."""
+    """Return the demand of each bag on the model, joint by joint."""
     headings = ['bag', 'joint', 'beyond the identified range: q [%]', 'dq [%]', 'ddq [%]']
     headings += ['uncertainty of predicted torque [Nm]', 'noise [Nm]']
     rows: list[list[object]] = []
@@ -256,11 +256,11 @@ def _terms_text(terms: Sequence[JointTerm], names: Sequence[str]) -> str:
 
 
 def friction_tables(result: IdentificationResult) -> Html:
-    """Return the friction model of each joint and what it was compared with."""
+    """Return the friction model of each joint and the rejected alternatives."""
     names = result.robot.joint_names
     model = result.fit.model
     chosen = table(
-        ['joint', 'terms besides the links'],
+        ['joint', 'terms other than links'],
         [[name, _terms_text(t, names)] for name, t in zip(names, model.terms, strict=True)],
     )
     if not result.comparisons:

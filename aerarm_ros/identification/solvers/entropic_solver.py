@@ -57,7 +57,7 @@ def solve_entropic(
         if np.linalg.eigvalsh(constant)[0] < _FLAT:
             raise IdentificationError(
                 f'the entropic prior needs solid links, but the inertia of link {link + 1} in the '
-                'URDF is that of no solid body: correct it, or leave the solver out'
+                'URDF is not that of a solid body: correct it, or omit the solver'
             )
         part = slice(10 * link, 10 * link + 10)
         linear[part] = np.einsum('ijk,kj->i', columns, np.linalg.inv(constant)) / spread**2

@@ -18,7 +18,7 @@ LARGEST_LOAD_FRICTION = 1.0
 
 @dataclass(frozen=True, eq=False)
 class PhysicalLimits:
-    """What a real arm obeys.
+    """Constraints of physical consistency.
 
     Attributes
     ----------

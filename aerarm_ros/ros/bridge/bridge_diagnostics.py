@@ -92,9 +92,9 @@ class BridgeTiming:
 def _behind_text(behind: float) -> str:
     where = 'behind' if behind > 0.0 else 'ahead of'
     return (
-        f'the stamps are {1e3 * abs(behind):.0f} ms {where} the system clock, which was set: give '
-        'no start times and no stamps by the system clock until they agree '
-        "(after 'arm disable' at once if it is more than 500 ms, else by 0.5 ms per second)"
+        f'the stamps are {1000.0 * abs(behind):.0f} ms {where} the system clock, which was set: '
+        'until both agree, use no start times and no stamps of the system clock (more than 500 ms '
+        "end at once after 'arm disable', else 0.5 ms per second)"
     )
 
 
@@ -118,18 +118,18 @@ _END = object()
 # Part, level, text and values.
 Status = tuple[str, bytes, str, Mapping[str, object]]
 MOTORS = 'motors'
-"""Part of the bridge that tells of its motors."""
+'Diagnostics of the motors.'
 POWER_FROM = 'power from'
 """Key of its source there, see `MotorPower`."""
 _POWER_SOURCES = {
-    'voltage': 'power from the voltages that the boards report',
-    'model': 'power computed from current, resistance and speed: the frames carry none',
+    'voltage': 'power computed from the voltages that the boards report',
+    'model': 'power computed from current, resistance and speed: the frames carry no voltage',
 }
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What there is to report while the bridge is active."""
+    """Sources of the diagnostics while the bridge is active."""
 
     joint_names: Sequence[str]
     cycle: BridgeCycle
@@ -143,7 +143,7 @@ class Watched:
 
 
 class BridgeDiagnostics:
-    """Publishes three statuses: what the arm does, its motors, how the loop keeps its time.
+    """Publishes three statuses: state of the arm, its motors, timing of the loop.
 
     A message takes most of a millisecond to make. While a cycle runs it is therefore made in
     pieces, one in each cycle's slack: made by another thread it would hold the interpreter
@@ -299,11 +299,11 @@ _PATIENCE = 1.0
 _TO_AND_FRO = ('running', 'damping')
 # Modes that say nothing without their reason. Why commands are rejected has a log of its own.
 _WITH_REASON = ('disconnected', 'unhomed', 'damping', 'fault')
-_SINKS = 'The arm sinks until a good command comes'
+_SINKS = 'The arm sinks until a valid command arrives'
 
 
 class ModeLog:
-    """Logs every new mode, a fault with its reason and the way out, an arm that sinks as a warning.
+    """Logs every new mode, a fault with its reason and recovery hint, a sinking arm as a warning.
 
     The cycle only notes it: a line of log costs up to a millisecond, which the executor's
     thread has. That the boards do not answer is said if it lasts: every start begins so.
@@ -325,7 +325,7 @@ class ModeLog:
         )
 
     def note(self, mode: str, reasons: Sequence[str] = (), way_out: str = '') -> None:
-        """Note a new mode, why the arm is in it, the way out; called from the cycle's thread."""
+        """Note a new mode, its reason and the recovery hint; called from the cycle's thread."""
         self._noted.append((mode, reasons, way_out))
         self._news.trigger()
 

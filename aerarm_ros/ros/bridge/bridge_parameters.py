@@ -23,42 +23,51 @@ AUTO = 'auto'
 
 # Name: (unit, description) of the settings that the bridge cycle takes as they are.
 _SETTINGS = {
-    'command_timeout': ('s', 'age of the last accepted command at which the arm is damped'),
-    'stamp_age_max': ('s', 'largest age of the state that a command answers'),
+    'command_timeout': ('s', 'age of the last accepted command at which the bridge damps the arm'),
+    'stamp_age_max': ('s', 'largest age of the state that a command responds to'),
     'board_timeout': (
         's',
         'time without a valid frame after which a board switches its motors off',
     ),
-    'bad_frames_max': ('', 'consecutive bad frames of a board that are a fault'),
+    'bad_frames_max': ('', 'consecutive bad frames of a board that cause a fault'),
     'lost_commands_max': (
         '',
-        'consecutive commands that do not reach a board, while its answers arrive, that are a '
-        'fault',
+        'consecutive lost commands to a board that still sends frames, before the bridge reports '
+        'a fault',
     ),
     'lost_commands_warning': (
         '',
-        'share of such commands, over the last second, that is a warning',
+        'share of lost commands over the last second that causes a warning',
     ),
-    'state_age_max': ('s', "time for which a board's data may stay the same, frame after frame"),
-    'exchange_time_max': ('s', 'duration of an exchange that counts as slow'),
-    'slow_exchanges_max': ('', 'consecutive slow exchanges that are a fault'),
-    'connect_frames': ('', 'consecutive good frames after which a board counts as connected'),
-    'alignment_timeout': ('s', 'longest time a board may take to align its motors'),
+    'state_age_max': ('s', "longest time without any change in a board's data"),
+    'exchange_time_max': ('s', 'duration above which an exchange counts as slow'),
+    'slow_exchanges_max': ('', 'consecutive slow exchanges that cause a fault'),
+    'connect_frames': ('', 'consecutive good frames before a board counts as connected'),
+    'alignment_timeout': ('s', "time limit for the alignment of a board's motors"),
     'soft_zone': (
         'rad',
-        'distance from a position limit over which motion towards it is slowed, if not before',
+        'distance from a position limit below which the bridge slows motion towards it',
     ),
-    'position_tolerance': ('rad', 'distance beyond a position limit at which the arm is stopped'),
-    'velocity_factor': ('', 'multiple of the velocity limits at which the arm is stopped'),
-    'effort_factor': ('', 'multiple of the effort limits at which the arm is stopped'),
-    'position_error_max': ('rad', 'distance of a reference from the arm at which it is stopped'),
-    'velocity_lag': ('s', "time constant of the boards' low-pass of the motors' speeds"),
+    'position_tolerance': (
+        'rad',
+        'distance beyond a position limit at which the bridge stops the arm',
+    ),
+    'velocity_factor': ('', 'multiple of the velocity limits at which the bridge stops the arm'),
+    'effort_factor': ('', 'multiple of the effort limits at which the bridge stops the arm'),
+    'position_error_max': (
+        'rad',
+        'distance of a reference from the arm at which the bridge stops the arm',
+    ),
+    'velocity_lag': ('s', "time constant of the boards' velocity low-pass"),
     'current_lag': ('s', "time constant of the boards' current loop, for the mean torque"),
-    'stall_time': ('s', 'standstill under a torque that must move the joint that is a fault'),
-    'ambient_temperature': ('degC', 'temperature of the air about the motors'),
+    'stall_time': (
+        's',
+        'standstill under a torque that must move the joint, before the bridge reports a fault',
+    ),
+    'ambient_temperature': ('degC', 'ambient temperature of the motors'),
     'start_temperature': (
         'degC',
-        'assumed temperature of the motors when the bridge starts; that of the air for cold motors',
+        'initial motor temperature of the thermal model; the ambient temperature for cold motors',
     ),
 }
 
@@ -69,7 +78,7 @@ BRIDGE_PARAMETERS = (
         'period', _DEFAULTS.period, 'time between two cycles', 's', *BridgeSettings.BOUNDS['period']
     ),
     COMMISSIONING_PARAMETER,
-    Parameter('autostart', True, 'configure and activate by itself, without a lifecycle manager'),
+    Parameter('autostart', True, 'configure and activate on start, without a lifecycle manager'),
     *REAL_TIME_PARAMETERS,
     Parameter(
         'cpus',
@@ -79,44 +88,46 @@ BRIDGE_PARAMETERS = (
         minimum=0,
         maximum=1023,
     ),
-    Parameter('freeze_gc', True, "switch Python's cyclic garbage collector off while active"),
+    Parameter('freeze_gc', True, "switch off Python's cyclic garbage collector while active"),
     Parameter(
         'allowed_publishers',
         [],
         'names of the nodes that may publish joint_command; any if empty',
     ),
-    Parameter('profile', '', "frames of the boards, name or file; the configuration's if empty"),
+    Parameter(
+        'profile', '', 'frame profile of the boards, name or file; as in the configuration if empty'
+    ),
     Parameter(
         'profile_scales',
         [],
-        'scales that differ from the profile, as QUANTITY=VALUE_OF_ONE_COUNT, such as '
+        'scales that differ from the profile, as QUANTITY=VALUE_OF_ONE_COUNT, for example '
         'bus_voltage=0.001',
     ),
     Parameter(
         'state_file',
         AUTO,
-        "file that keeps the encoders' zeros while the bridge restarts and the boards stay on; "
-        'auto: with real boards aerarm_ros/NODE.json in $XDG_STATE_HOME (~/.local/state), none '
-        'with emulated ones; none if empty',
+        'file that stores the encoder zeros while the bridge restarts and the boards stay on; '
+        'none if empty. auto: aerarm_ros/NODE.json in $XDG_STATE_HOME (~/.local/state) with real '
+        'boards, none with emulated boards',
     ),
     *(
         Parameter(
             name,
             [],
-            f"{what} of the boards' law (4.4), motor side: one, or one a joint; the "
-            "configuration's if empty",
+            f"{what} of the boards' law (4.4), motor side: one value or one per joint; as in the "
+            'configuration if empty',
             unit,
             minimum=0.0,
             maximum=maximum,
             live=True,
             element=float,
-            group="The boards' gains",
+            group='Gains of the boards',
         )
         # What a profile's fields hold is less, and is checked when they are set.
         for name, what, unit, maximum in (
             ('board_kp', 'stiffness', 'A/rad', 100.0),
-            ('board_kd', 'damping, at least what slows a falling arm,', 'A s/rad', 10.0),
-            ('board_ki', 'integral gain, where the profile carries it,', 'A/(rad s)', 1000.0),
+            ('board_kd', 'damping, sufficient to slow a falling arm,', 'A s/rad', 10.0),
+            ('board_ki', 'integral gain, if the profile carries it,', 'A/(rad s)', 1000.0),
         )
     ),
     *(
@@ -126,7 +137,7 @@ BRIDGE_PARAMETERS = (
             description,
             unit,
             *BridgeSettings.BOUNDS[name],
-            group='When the bridge slows, damps or stops',
+            group='Limits for slowing, damping and stopping',
         )
         for name, (unit, description) in _SETTINGS.items()
     ),
@@ -151,7 +162,7 @@ def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | Non
         folder = os.environ.get('XDG_STATE_HOME') or Path.home() / '.local' / 'state'
     except RuntimeError:
         raise ValueError(
-            "there is no home directory for the encoders' zeros: give state_file, or XDG_STATE_HOME"
+            'there is no home directory for the encoder zeros: set state_file, or XDG_STATE_HOME'
         ) from None
     return Path(folder) / 'aerarm_ros' / f'{node.strip("/").replace("/", ".")}.json'
 

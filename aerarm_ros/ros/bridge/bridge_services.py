@@ -173,7 +173,7 @@ class BridgeServices:
                 answer = Answer(False, str(error))
             except TimeoutError:
                 answer = Answer(
-                    False, 'the cycle did not answer: see the console of the bridge, or view'
+                    False, 'the cycle did not respond: check the console of the bridge, or view'
                 )
             response.success, response.message = answer.accepted, answer.message
             # rclpy ties a severity to the line that logs.

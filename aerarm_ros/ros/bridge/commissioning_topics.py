@@ -34,13 +34,13 @@ _MOTORS_OFF = (*OFF_MODES, 'commissioning')
 COMMISSIONING_PARAMETER = Parameter(
     'commissioning_record',
     AUTO,
-    "record of 'arm commission'; auto: CONFIG.commissioning.yaml beside the configuration; none, "
-    'and no warning without one, if empty',
+    "record of 'arm commission'; auto: CONFIG.commissioning.yaml next to the configuration; "
+    'empty: no record and no warning',
 )
 
 
 class RecordWatch:
-    """What the record of an arm says, and what is wrong with it.
+    """Contents of the record of an arm, and its problems.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class RecordWatch:
     def _read(self, path: Path) -> str:
         self._record = CommissioningRecord(self._config.name)
         if not path.exists():
-            return f"the arm was never commissioned, {path} is missing: run 'arm commission'"
+            return f"the arm is not commissioned, {path} is missing: run 'arm commission'"
         try:
             record = load_record(path).with_prefix(self._prefix)
         except ConfigError as error:

@@ -58,7 +58,7 @@ if TYPE_CHECKING:  # nothing to run
 
 
 class RobotDescription:
-    """Publishes a URDF once; whoever subscribes later still gets it.
+    """Publishes a URDF once, latched for later subscribers.
 
     Parameters
     ----------
@@ -96,7 +96,8 @@ def answer_invalid_transitions(node: LifecycleNode) -> None:
             labels = [label for _, label, *_ in machine.available_transitions]
             wanted = request.transition.label or f'number {request.transition.id}'
             node.get_logger().warning(
-                f'no transition {wanted} from {state}: possible are {", ".join(labels)}'
+                f'transition {wanted} is impossible in state {state}: possible are '
+                f'{", ".join(labels)}'
             )
             response.success = False
             return response
@@ -151,8 +152,8 @@ class World:
         """Return the way to the boards; raises ValueError or OSError with what to check."""
         if config.emulated_only:
             raise ValueError(
-                f'the configuration of {config.name} is for emulated boards: find out the values '
-                'that it marks as guesses, then take its line emulated_only away'
+                f'the configuration of {config.name} is for emulated boards only: measure the '
+                'values that it marks as guesses, then remove its line emulated_only'
             )
         return SpidevTransport(config)
 
@@ -165,7 +166,7 @@ class World:
         return self.clock.now_ns()
 
     def newest_command(self) -> Command | None:
-        """Return what came on joint_command since the last call; ValueError if unreadable."""
+        """Return the newest joint_command since the last call; ValueError if unreadable."""
         return self.bridge.streams.newest_command()
 
     def end_cycle(self, now: float, stamp_ns: int) -> None:
@@ -334,7 +335,7 @@ class HardwareBridge(LifecycleNode):
         return SUCCESS
 
     def _try_wires(self, profile: FrameProfile) -> None:
-        """Say how well each board is heard; it may still be without supply."""
+        """Log the link quality of each board; it may still be without supply."""
         if not isinstance(self._transport, SpidevTransport):
             return
         for answer in self_test(self._transport, self.config, profile):
@@ -383,7 +384,7 @@ class HardwareBridge(LifecycleNode):
             BridgeServices(self, self.requests.ask, actions)
             prepare_thread(self.values, self.get_logger())
             self._run_while_active()
-        account = self._timing.account() if self._timing else 'no cycle ran'
+        account = self._timing.account() if self._timing else 'no cycle has run'
         print_account(self.get_name(), account)
 
     def close(self) -> None:
@@ -496,7 +497,7 @@ _LONGEST_PER_JOINT = 128
 
 
 class BridgeStreams:
-    """Publishes states and takes commands without building message objects.
+    """Publishes states and receives commands without building message objects.
 
     Parameters
     ----------
@@ -555,7 +556,7 @@ class BridgeStreams:
         if sample is not None:
             return self._names, sample, publisher
         if len(payload) > _LONGEST + _LONGEST_PER_JOINT * len(self._names):
-            raise ValueError(f'{len(payload)} bytes are no joint command of this arm')
+            raise ValueError(f'joint_command has {len(payload)} bytes, which do not fit this arm')
         return (*decode_as_sent(payload), publisher)
 
     def destroy(self) -> None:

@@ -30,7 +30,7 @@ def controller_parameters(*parameters: Parameter) -> ParameterTable:
 
 
 class Attendant(Protocol):
-    """Something that follows what a controller's loop does."""
+    """Observer of a controller's loop."""
 
     def update(self) -> None:
         """Act after a command is sent, in the loop's thread."""
@@ -88,7 +88,7 @@ class ControllerNode(StateNode):
         self.attend(PlanTopic(self.node, names, lambda: self.stamp_ns, after_state))
 
     def take_payload(self) -> None:
-        """Listen to what the arm is found to carry, if any of it shall be handed over."""
+        """Subscribe to the payload estimate, if payload compensation is enabled."""
         if self.values.hand_over == 0.0:
             return
         self._payload = PayloadIntake(
@@ -106,7 +106,10 @@ class ControllerNode(StateNode):
         if self._mode in COMMANDABLE:
             return ''
         mode = self._mode or 'unknown'
-        return f"{what}: the arm is '{mode}': run {to_switch_on(mode)}, or clear its fault, first"
+        return (
+            f"{what} rejected: the arm is '{mode}': run {to_switch_on(mode)}, or clear its fault, "
+            'first'
+        )
 
     def take_references(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
         """Listen to a topic that moves the arm; rejected while the arm can't be commanded."""
@@ -176,14 +179,14 @@ class ControllerNode(StateNode):
         super().close()
 
     def warning(self) -> str:
-        """Return what diagnostics should warn of."""
+        """Return the warning for diagnostics."""
         if self._mode not in COMMANDABLE:
             return f"the arm is '{self._mode}': run {to_switch_on(self._mode)}, or clear its fault"
         problem = '' if self._payload is None else self._payload.problem
         return ('' if self.loop.base is None else super().warning()) or problem
 
     def describe(self) -> dict[str, object]:
-        """Tell about the loop."""
+        """Report the state of the loop."""
         loop = self.loop
         values = {
             **super().describe(),
@@ -194,7 +197,7 @@ class ControllerNode(StateNode):
         if self._payload is not None:
             values |= self._payload.describe()
         if loop.base is None:
-            values['base motion'] = 'not used: the boards follow velocities whatever the base does'
+            values['base motion'] = 'not used: in velocity mode the boards need no base motion'
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
         return values
@@ -208,7 +211,7 @@ class ControllerNode(StateNode):
             f'{name} {angle:.2f}'
             for name, angle in zip(self.arm.config.joint_names, state.q.tolist(), strict=True)
         )
-        self.node.get_logger().info(f'in charge, from {where} rad', throttle_duration_sec=1.0)
+        self.node.get_logger().info(f'active, from {where} rad', throttle_duration_sec=1.0)
 
     def _on_mode(self, message: String, _: float) -> None:
         self._mode = message.data

@@ -85,34 +85,39 @@ def body_of_message(message: InertiaStamped) -> Array:
 
 
 ARM_PARAMETERS = grouped(
-    'How the base moves',
+    'Base motion',
     *ARM_FILES,
     DRONE_FILE,
     Parameter(
         'base_motion',
         NONE,
-        'how the base moves: not at all, or as the imu topic says it, by its attitude or in full; '
-        "or it is 'free', and answers rotor_command and arm as the drone_file says",
+        'motion of the base: none, from the imu topic (attitude or full), or free; a free base '
+        'responds to rotor_command and the arm as in drone_file',
         choices=(*MODES, FREE),
     ),
-    Parameter('imu_frame', '', "link of the URDF that is the IMU; the drone file's, or base_link, "
-              'if empty'),
-    Parameter('imu_hold_time', 0.1, 'age up to which the last IMU sample, or command of the '
-              'rotors, is held', 's', 0.001, 10.0),
-    Parameter('imu_fade_time', 0.5, 'time in which gravity falls back', 's', 0.01, 60.0),
-    Parameter('imu_cutoff', 60.0, "low-pass of the base's angular acceleration", 'Hz', 0.1, 500.0),
-    Parameter('imu_latency', 0.0, 'age of an IMU sample when it arrives', 's', 0.0, 0.1),
-    Parameter('rotor_latency', 0.0, 'time from the arrival of rotor_command here until the rotors '
-              'have it', 's', 0.0, 0.1),
-    Parameter('correction_cutoff', 0.3, "what of a free base's acceleration is measured, above it "
-              'is predicted', 'Hz', 0.01, 0.5),
-    Parameter('accelerometer_bias', 0.2, 'of the IMU, at most: a lasting deviation from weight '
-              'below it is ignored on a free base', 'm/s^2', 0.0, 5.0),
+    Parameter('imu_frame', '',
+        'link of the URDF that is the IMU; if empty, as in the drone file, or base_link'),
+    Parameter('imu_hold_time', 0.1,
+        'largest age of the last IMU sample or rotor command in use', 's', 0.001, 10.0),
+    Parameter('imu_fade_time', 0.5, 'time for the fallback to nominal gravity', 's', 0.01, 60.0),
+    Parameter('imu_cutoff', 60.0,
+        "cutoff frequency of the low-pass for the base's angular acceleration", 'Hz', 0.1, 500.0),
+    Parameter('imu_latency', 0.0, 'age of an IMU sample on arrival', 's', 0.0, 0.1),
+    Parameter('rotor_latency', 0.0,
+        'delay from the arrival of rotor_command to its effect on the rotors', 's', 0.0, 0.1),
+    Parameter('correction_cutoff', 0.3,
+        "frequency below which a free base's acceleration is measured; above it is predicted",
+        'Hz', 0.01, 0.5),
+    Parameter('accelerometer_bias', 0.2,
+        'largest bias of the IMU: a free base ignores lasting deviations from weight below it',
+        'm/s^2', 0.0, 5.0),
 )  # fmt: skip
 
 LOOP_PARAMETERS = grouped(
     'Real time',
-    Parameter('state_timeout', 0.1, 'silence of joint_states that is reported', 's', 0.005, 10.0),
+    Parameter(
+        'state_timeout', 0.1, 'silence of joint_states that causes a warning', 's', 0.005, 10.0
+    ),
     *REAL_TIME_PARAMETERS,
 )
 
@@ -122,8 +127,8 @@ PAYLOAD = 'payload.inertial_parameters'
 PAYLOAD_PARAMETER = Parameter(
     PAYLOAD,
     [],
-    'inertial parameters (3.3) of what the last link carries, in the frame of its joint, as in '
-    'payload.yaml; nothing if empty',
+    'inertial parameters (3.3) of the payload at the last link, in the frame of its joint, as in '
+    'payload.yaml; no payload if empty',
     'kg, kg m, kg m^2',
     -100.0,
     100.0,
@@ -134,12 +139,16 @@ PAYLOAD_PARAMETER = Parameter(
 FRICTION_PARAMETERS = grouped(
     'The model',
     PAYLOAD_PARAMETER,
-    Parameter('friction_fraction', 1.0, "share of the URDF's joint friction compensated", '', 0, 1),
-    Parameter('friction_width', 0.02, 'velocity of 3/4 of the friction', 'rad/s', 1e-4, 1.0),
-    Parameter('rotor_inertia', [], 'rotor inertia at the joints, J_m / k_g^2; from the '
-              'configuration if empty', 'kg m^2', 0.0, 10.0, element=float),
-    Parameter('load_friction', [], "share of the torque passed on that joints' gears lose, one or "
-              'one a joint; from the URDF, where `identifier` writes it, if empty', '', 0.0, 1.0,
+    Parameter('friction_fraction', 1.0,
+        "share of the URDF's joint friction that is compensated", '', 0, 1),
+    Parameter('friction_width', 0.02, 'velocity at 3/4 of the friction', 'rad/s', 1e-4, 1.0),
+    Parameter('rotor_inertia', [],
+        'rotor inertia at the joints, J_m / k_g^2; as in the configuration if empty',
+        'kg m^2', 0.0, 10.0, element=float),
+    Parameter('load_friction', [], (
+        'share of the transmitted torque that the gears lose, one value or one per joint; as in '
+        'the URDF of identifier if empty'
+    ), '', 0.0, 1.0,
               element=float),
 )  # fmt: skip
 
@@ -155,9 +164,11 @@ def observer_parameters(compensation: float) -> tuple[Parameter, ...]:
     """Return the parameters of the disturbance observer, with a default of `compensation`."""
     return grouped(
         'Disturbances',
-        Parameter('observer_gain', 30.0, 'disturbance observer; 0 for none', '1/s', 0.0, 1000.0),
-        Parameter('compensation', compensation, 'largest compensated disturbance over effort_max; '
-                  '0 only observes', '', 0.0, 1.0),
+        Parameter('observer_gain', 30.0,
+            'cutoff frequency of the disturbance observer; 0 for none', '1/s', 0.0, 1000.0),
+        Parameter('compensation', compensation,
+            'largest compensated disturbance relative to effort_max; 0 only observes',
+            '', 0.0, 1.0),
     )  # fmt: skip
 
 
@@ -166,38 +177,59 @@ def observer_parameters(compensation: float) -> tuple[Parameter, ...]:
 REACHING_COMPENSATION = 0.2
 
 FOLLOWER_PARAMETERS = grouped(
-    'How trajectories are followed',
-    Parameter('interpolation', 'quintic', 'between points', choices=('cubic', 'quintic')),
-    Parameter('start_tolerance', 0.1, 'distance of a start from the reference', 'rad', 0.0, 3.0),
+    'Trajectory tracking',
+    Parameter(
+        'interpolation', 'quintic', 'interpolation between points', choices=('cubic', 'quintic')
+    ),
+    Parameter(
+        'start_tolerance',
+        0.1,
+        'largest distance of a start point from the reference',
+        'rad',
+        0.0,
+        3.0,
+    ),
     Parameter(
         'path_tolerance',
         0.3,
-        'error at which a motion is aborted; 0 for no check',
+        'error at which the controller aborts a motion; 0 for no check',
         'rad',
         0.0,
         10.0,
     ),
     Parameter(
-        'goal_tolerance', 0.01, 'error at which a goal is reached; 0 for no check', 'rad', 0.0, 1.0
+        'goal_tolerance',
+        0.01,
+        'error below which a goal counts as reached; 0 for no check',
+        'rad',
+        0.0,
+        1.0,
     ),
     Parameter(
-        'goal_time', 1.0, 'time to reach the goal after the end; 0 for any time', 's', 0.0, 60.0
+        'goal_time',
+        1.0,
+        'time limit to reach the goal after the end of the trajectory; 0 for none',
+        's',
+        0.0,
+        60.0,
     ),
     Parameter(
         'allow_partial_joints_goal',
         True,
-        'trajectories may name some of the joints: the others stay where they are',
+        'accept trajectories with some of the joints; the other joints hold their positions',
     ),
     Parameter(
         'rotor_share',
         0.7,
-        "share of each rotor's range that a motion may use: what would need more is slowed along "
-        'its path, under the drone of drone_file; 0 lets every motion be as it is',
+        "share of each rotor's range that a motion may use, with the drone of drone_file; the "
+        'controller slows faster motions along their path. 0 for no check',
         '',
         0.0,
         1.0,
     ),
-    Parameter('stream_timeout', 0.1, 'silence after which a stream brakes', 's', 0.005, 10.0),
+    Parameter(
+        'stream_timeout', 0.1, 'silence after which a streamed reference brakes', 's', 0.005, 10.0
+    ),
 )
 
 CarryingModel = Dynamics | MovingBaseDynamics | WholeBodyDynamics
@@ -238,7 +270,7 @@ class ControlledArm:
         self._models.append(model)
 
     def carry(self, payload: Sequence[float]) -> None:
-        """Tell every model what the arm carries from now on; raises ValueError."""
+        """Set the payload of every model from now on; raises ValueError."""
         for model in self._models:
             model.carry(_payload(payload))
 
@@ -297,7 +329,7 @@ class ControlledArm:
         return largest_feedback_gain(self._whole(values, self.drone, payload))
 
     def whole_body(self, values: SimpleNamespace, drone: DroneConfig) -> WholeBodyDynamics:
-        """Return the model of arm and drone as one body; it is told what the arm carries."""
+        """Return the whole-body model of arm and drone; it follows the payload."""
         whole = self._whole(values, drone)
         self.load(whole, values)
         return whole
@@ -306,8 +338,8 @@ class ControlledArm:
         drone = self.drone
         if drone is None:
             raise ValueError(
-                "base_motion 'free' needs the drone's mass and rotors: give drone_file, as "
-                'config/drone.yaml'
+                "base_motion 'free' needs the drone's mass and rotors: set drone_file, for "
+                'example config/drone.yaml'
             )
         return FreeBaseEstimator(
             self.robot.gravity_in_base,

@@ -15,24 +15,29 @@ from aerarm_ros.online.payload_estimator import EstimatorSettings, OnlineEstimat
 from aerarm_ros.ros.parameters.parameter_table import Parameter
 
 ESTIMATOR_PARAMETERS = (
-    Parameter('payload_mass', 0.5, 'what may be picked up, as a standard deviation', 'kg', 1e-3,
+    Parameter('payload_mass', 0.5, 'standard deviation of the payload mass', 'kg', 1e-3,
               50.0),
-    Parameter('payload_size', 0.15, "distance of its parts from the last joint, as one", 'm', 0.01,
+    Parameter('payload_size', 0.15,
+        'standard deviation of the distance of the payload from the last joint', 'm', 0.01,
               2.0),
-    Parameter('tare_mass', 0.01, "by what the arm's model may be wrong at its last link, as a "
-              'standard deviation', 'kg', 1e-4, 10.0),
-    Parameter('friction_spread', 0.3, 'by what friction may be another than the model says, as a '
-              'relative standard deviation', '', 0.01, 2.0),
-    Parameter('torque_noise', 0.02, 'RMS torque that the model leaves unexplained, until it is '
-              'measured', 'Nm', 1e-4, 10.0),
-    Parameter('model_error', 0.01, 'standard deviation of gravity and inertia from what the model '
-              'says, relative; what it explains is no payload', '', 1e-4, 0.5),
-    Parameter('correlation_time', 0.1, 'for how long an error of the model stays what it is', 's',
+    Parameter('tare_mass', 0.01,
+        'standard deviation of the model error at the last link', 'kg', 1e-4, 10.0),
+    Parameter('friction_spread', 0.3,
+        'relative standard deviation of the friction model', '', 0.01, 2.0),
+    Parameter('torque_noise', 0.02,
+        'initial RMS torque residual, until it is measured', 'Nm', 1e-4, 10.0),
+    Parameter('model_error', 0.01, (
+        'relative standard deviation of gravity and inertia in the model; the estimator attributes '
+        'no payload to errors below it'
+    ), '', 1e-4, 0.5),
+    Parameter('correlation_time', 0.1, 'correlation time of the model error', 's',
               0.02, 10.0),
-    Parameter('bandwidth', 30.0, 'of the low-passes on the equation of motion', '1/s', 5.0, 100.0),
-    Parameter('memory', 30.0, 'in which the payload is forgotten where motion tells nothing of it',
+    Parameter('bandwidth', 30.0,
+        'cutoff frequency of the low-passes on the equation of motion', '1/s', 5.0, 100.0),
+    Parameter('memory', 30.0, 'forgetting time of the payload without informative motion',
               's', 1.0, 3600.0),
-    Parameter('friction_memory', 120.0, 'the same of friction', 's', 1.0, 36000.0),
+    Parameter('friction_memory', 120.0,
+        'forgetting time of the friction without informative motion', 's', 1.0, 36000.0),
 )  # fmt: skip
 
 
@@ -44,9 +49,9 @@ def estimator_settings(values: Any) -> EstimatorSettings:
 
 
 FRICTION_LOG_PARAMETERS = (
-    Parameter('friction_file', '', 'small text file that keeps friction from day to day; none if '
-              'empty'),
-    Parameter('friction_interval', 600.0, 'of learning between two of its records', 's', 1.0,
+    Parameter('friction_file', '', 'text file with the history of friction; none if empty'),
+    Parameter('friction_interval', 600.0,
+        'observation time between two records of friction', 's', 1.0,
               86400.0),
 )  # fmt: skip
 
@@ -55,7 +60,7 @@ _LEAST = 30.0  # [s] of learning that are worth a record at the end
 
 
 class FrictionLog:
-    """Makes a record of the estimates now and then, and writes it where nobody waits for it.
+    """Records the friction estimates periodically, and writes them in a background thread.
 
     Parameters
     ----------
@@ -106,7 +111,7 @@ class FrictionLog:
             self._record(estimate)
 
     def write(self) -> None:
-        """Write what there is to write; from any thread."""
+        """Write pending records; from any thread."""
         with self._lock:
             pending, self._pending = self._pending, []
             for record in pending:
@@ -120,13 +125,13 @@ class FrictionLog:
                 self.problem = f'friction_file cannot be written: {error}'
 
     def finish(self) -> None:
-        """Write the last of what was learnt."""
+        """Write the last record."""
         if self._last is not None and self._learnt >= min(self._interval, _LEAST):
             self._record(self._last)
         self.write()
 
     def describe(self) -> dict[str, object]:
-        """Tell what has changed since the first record."""
+        """Report changes since the first record."""
         with self._lock:
             records, changes = self._trend.records, self._trend.changes()
         told = [
@@ -137,7 +142,7 @@ class FrictionLog:
         ]
         return {
             'friction records': len(records),
-            'friction that has changed since the first': '; '.join(told) or 'none',
+            'friction changed since the first record': '; '.join(told) or 'none',
         }
 
     def _record(self, estimate: OnlineEstimate) -> None:

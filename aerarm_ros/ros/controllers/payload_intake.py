@@ -1,4 +1,4 @@
-"""What a payload estimator finds, taken over into a controller's model."""
+"""Payload compensation: move a controller's model to the payload estimate."""
 
 from __future__ import annotations
 
@@ -22,16 +22,19 @@ _JUDGED = 0.02
 _LONGEST = 0.1  # [s] between two states that are neighbours
 
 HAND_OVER_PARAMETERS = grouped(
-    'What is picked up',
-    Parameter('hand_over', 0.0, 'share of what payload_estimator finds that the model carries; 0: '
-              'it is not listened to', '', 0.0, 1.0),
-    Parameter('hand_over_mass_rate', 0.2, 'how quickly it comes and goes', 'kg/s', 1e-3, 10.0),
-    Parameter('hand_over_centre_rate', 0.1, 'how quickly its centre moves', 'm/s', 1e-3, 10.0),
+    'Payload compensation',
+    Parameter('hand_over', 0.0,
+        'share of the payload estimate that the model carries; 0 ignores payload_estimator',
+        '', 0.0, 1.0),
+    Parameter('hand_over_mass_rate', 0.2,
+        'rate at which the payload fades in and out', 'kg/s', 1e-3, 10.0),
+    Parameter('hand_over_centre_rate', 0.1,
+        "rate at which the payload's centre moves", 'm/s', 1e-3, 10.0),
 )  # fmt: skip
 
 
 class PayloadIntake:
-    """Leads the model's payload to what `payload` says, between two commands.
+    """Moves the model's payload to the topic `payload`, between two commands.
 
     It is an `Attendant` of a controller. What is handed over comes on top of
     `payload.inertial_parameters`. A silent estimator changes nothing: what was handed over stays,
@@ -77,8 +80,8 @@ class PayloadIntake:
         """Take an estimate; raises RejectedInputError if it can't be one."""
         if message.header.frame_id != self._link:
             raise RejectedInputError(
-                f"payload: in the frame '{message.header.frame_id}', not that of the last link, "
-                f"'{self._link}': is payload_estimator told of the same arm?"
+                f"payload rejected: its frame is '{message.header.frame_id}', not the last link "
+                f"'{self._link}': start payload_estimator with the same arm"
             )
         try:
             self._hand_over.offer(body_of_message(message))
@@ -111,21 +114,21 @@ class PayloadIntake:
         """Nothing to destroy."""
 
     def describe(self) -> dict[str, object]:
-        """Tell what is handed over."""
+        """Report the compensated payload."""
         carried = self._hand_over.carried
-        told: dict[str, object] = {'handed over [kg]': round(float(carried[0]), 4)}
+        told: dict[str, object] = {'compensated payload [kg]': round(float(carried[0]), 4)}
         if self._undone:
-            told['hand-overs undone'] = self._undone
+            told['payload compensations withdrawn'] = self._undone
         return told
 
     @property
     def problem(self) -> str:
-        """What is wrong with what was handed over, '' if nothing."""
+        """Problem of the payload compensation, '' if there is none."""
         if not self._hand_over.is_undone:
             return ''
         return (
-            'the payload that was handed over explained the torques worse than none, and was taken '
-            'back: check payload_estimator, and whether the arm touches something'
+            'the compensated payload increased the torque residual, so the controller withdrew '
+            'it: check payload_estimator, and whether the arm touches something'
         )
 
     def _judge(self, now: float, state: ArmState) -> None:

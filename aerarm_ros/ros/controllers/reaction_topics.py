@@ -46,15 +46,20 @@ from aerarm_ros.ros.states.state_stream import base_header, decoded_odometry
 
 MOUNT, CENTRE = 'mount', 'centre'
 LOAD_PARAMETERS = grouped(
-    'What the drone may feed forward',
-    Parameter('load_rate', 250.0, 'how often it is published', 'Hz', 1.0, 500.0),
-    Parameter('lead', 0.0, 'how far ahead of the newest state it is, by planned_motion where that '
-              "comes: the rotors' lag and the delay of the link", 's', 0.0, 0.09, live=True),
-    Parameter('measured_motion', True, 'whether the measured motion of the joints is told where '
-              'planned_motion does not come; false under world_control, whose reaction to the '
-              'drone, fed forward, would close a loop through it'),
-    Parameter('acceleration_at', MOUNT, "whose acceleration: that of the arm's base_link, or of "
-              "the drone's centre of mass, in body axes", choices=(MOUNT, CENTRE)),
+    'Feed-forward for the drone',
+    Parameter('load_rate', 250.0, 'publishing rate', 'Hz', 1.0, 500.0),
+    Parameter('lead', 0.0, (
+        'preview time relative to the newest state, by planned_motion if available: lag of the '
+        'rotors plus delay of the link'
+    ), 's', 0.0, 0.09, live=True),
+    Parameter('measured_motion', True, (
+        'use measured joint motion if planned_motion is missing; set it to false under '
+        'world_control, whose reaction to the drone would close a loop'
+    )),
+    Parameter('acceleration_at', MOUNT, (
+        'reference point of the acceleration: base_link of the arm, or centre of mass of the '
+        'drone, in body axes'
+    ), choices=(MOUNT, CENTRE)),
 )  # fmt: skip
 
 _FADE = 0.2  # [s] in which the motion of an arm that fell silent becomes none
@@ -94,7 +99,7 @@ class LoadTopics:
         self._base, self._body = arm.robot.base_link, arm.robot.full_name(BODY_LINK)
         self._at_centre = values.acceleration_at == CENTRE
         if self._at_centre and self._drone is None:
-            raise ValueError("acceleration_at 'centre' needs the drone: give drone_file")
+            raise ValueError("acceleration_at 'centre' needs the drone: set drone_file")
         self._period = 1.0 / values.load_rate - 0.5e-3  # states come with jitter
         self._due = -np.inf
         self._sent: tuple[int, ArmLoad] | None = None
@@ -157,7 +162,7 @@ class LoadTopics:
         self.forecast.offer(begin, times, *columns)
 
     def _has_faded_after(self, stamp_ns: int) -> bool:
-        """Return whether a state tells of a time for which the motion was told as fading.
+        """Return whether a state lies in a time for which a fading motion was published.
 
         A bridge that was held up between measuring and publishing sends such a state afterwards.
         """
@@ -210,14 +215,22 @@ def _fill(message: Any, vector: NDArray[np.float64]) -> None:
 TOLD = 'told'
 BANDWIDTH = 'contact_bandwidth'
 CONTACT_PARAMETERS = grouped(
-    'What touches the drone',
-    Parameter(BANDWIDTH, 1.0, 'of contact_wrench, first order', 'Hz', 0.05, 20.0, live=True),
+    'Contact of the drone',
+    Parameter(
+        BANDWIDTH,
+        1.0,
+        'cutoff frequency of contact_wrench, first order',
+        'Hz',
+        0.05,
+        20.0,
+        live=True,
+    ),
 )
 _PERIOD_NS = 2_000_000  # between two looks at what came
 
 
 class ContactTopic:
-    """Hears odometry and rotor commands, and publishes the wrench of the contact.
+    """Subscribes to odometry and rotor commands, and publishes the contact wrench.
 
     Of a drone that is not known nothing is heard and nothing published.
 
@@ -295,16 +308,16 @@ class ContactTopic:
             self._estimator.observer.bandwidth = bandwidth
 
     def problem(self) -> str:
-        """Return what has gone missing since contact was told of last, '' if nothing has."""
+        """Return which input is missing since the last contact estimate, '' if none is."""
         if self._estimator is None or not self._count:
             return ''
         problem = self._estimator.problem()
         return problem and f'contact_wrench: {problem}'
 
     def describe(self) -> dict[str, object]:
-        """Tell whether contact is told of, and why not."""
+        """Report whether contact is published, and the reason otherwise."""
         if self._estimator is None:
-            text = "the drone's mass and rotors are not known: give drone_file"
+            text = "the drone's mass and rotors are unknown: set drone_file"
         else:
             text = self._estimator.problem() or TOLD
         return {'contact': text}
@@ -320,13 +333,13 @@ class ContactTopic:
     def _on_zero(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         estimator, problem = self._estimator, str(self.describe()['contact'])
         response.success = estimator is not None and problem == TOLD
-        response.message = f'contact_wrench is not told: {problem}'
+        response.message = f'contact_wrench is not published: {problem}'
         if estimator is not None and response.success:
             zero = estimator.zero
             self._act(lambda _: zero.begin())
             response.message = (
-                f'what contact_wrench tells is averaged for {DURATION:g} s and subtracted from '
-                'then on: hover, and let nothing touch the drone meanwhile'
+                f'the node averages contact_wrench for {DURATION:g} s and subtracts the bias from '
+                'then on: hover without contact meanwhile'
             )
         return response
 
@@ -342,7 +355,7 @@ _PERIOD = 0.1  # [s]
 
 
 class EnergyTopic:
-    """Adds up states, and publishes the total ten times a second of the arm's time.
+    """Sums up the energy, and publishes the total at 10 Hz of the arm's time.
 
     A row a cause: together what the supply gave, and last what it took back. A column a joint.
 
@@ -403,8 +416,8 @@ class EnergyTopic:
         }
         return {
             'energy metered for [s]': round(total.seconds, 2),
-            'energy supplied [J]': round(float(total.supplied.sum()), 2),
+            'supplied energy [J]': round(float(total.supplied.sum()), 2),
             **told,
-            'gaps left out': self._meter.gaps,
+            'skipped gaps': self._meter.gaps,
             **self._resistances,
         }

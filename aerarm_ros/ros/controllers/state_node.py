@@ -38,7 +38,7 @@ from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
 from aerarm_ros.ros.states.state_stream import StateStream, base_header
 
 HORIZON = 0.1
-"""How far ahead a plan goes [s]: a drone's rotors and link want some 30 ms."""
+"Preview time of a plan [s]: a drone's rotors and link need some 30 ms."
 _POINT_PERIOD = 0.02  # [s] quintics between points are near enough
 _PERIOD_NS = 10_000_000  # between two plans
 
@@ -47,7 +47,7 @@ _SECOND = 1_000_000_000
 
 
 class PlanTopic:
-    """Publishes the motion of the next 0.1 s, a hundred times a second of the arm's time.
+    """Publishes the motion of the next 0.1 s at 100 Hz of the arm's time.
 
     Its `update` is called in the loop's thread, once a command is sent, so that it delays none. It
     is an `Attendant` of a controller.
@@ -84,7 +84,7 @@ class PlanTopic:
         ]
 
     def update(self) -> None:
-        """Publish if it is due and somebody listens."""
+        """Publish if a message is due and has subscribers."""
         stamp_ns = self._stamp_ns()
         if stamp_ns is None or 0 <= stamp_ns - self._told_ns < _PERIOD_NS:
             return
@@ -101,7 +101,7 @@ class PlanTopic:
         self._publisher.publish(message)
 
     def give_up(self, reason: str) -> None:
-        """Say nothing: an arm that is not controlled has no plan."""
+        """Publish nothing: an uncontrolled arm has no plan."""
 
     def destroy(self) -> None:
         """Destroy the publisher."""
@@ -190,7 +190,7 @@ class StateNode:
     # What a derived node changes.
 
     def build(self) -> None:
-        """Make the pure objects; raises ValueError with what to check."""
+        """Build the ROS-free objects; raises ValueError with what to check."""
 
     def connect(self) -> None:
         """Make publishers and subscriptions."""
@@ -226,11 +226,11 @@ class StateNode:
         """Raise ValueError if a live parameter's new value can't be taken; in any thread."""
 
     def warning(self) -> str:
-        """Return what diagnostics should warn of, '' if nothing."""
+        """Return the warning for diagnostics, '' if there is none."""
         return self.base.problem(self.stamp_ns * 1e-9)
 
     def describe(self) -> dict[str, object]:
-        """Return what diagnostics should tell."""
+        """Return the values for diagnostics."""
         return {'base motion': self.base.status(self.stamp_ns * 1e-9)}
 
     # For derived nodes.

@@ -19,10 +19,12 @@ from aerarm_ros.ros.parameters.parameter_table import Parameter
 from aerarm_ros.ros.states.state_stream import base_header
 
 TARGET_PARAMETERS = (
-    Parameter('frame', 'tool0', 'link that is moved'),
+    Parameter('frame', 'tool0', 'link that the controller moves'),
     Parameter('target_frequency', 15.0, 'stiffness of the path to a target', 'rad/s', 0.1, 100.0),
-    Parameter('tool_velocity_max', 0.8, 'largest speed of the reference', 'm/s', 1e-3, 10.0),
-    Parameter('tool_acceleration_max', 4.0, 'and its acceleration', 'm/s^2', 1e-2, 100.0),
+    Parameter('tool_velocity_max', 0.8, 'largest velocity of the reference', 'm/s', 1e-3, 10.0),
+    Parameter(
+        'tool_acceleration_max', 4.0, 'largest acceleration of the reference', 'm/s^2', 1e-2, 100.0
+    ),
 )
 
 
@@ -76,7 +78,7 @@ class ToolTopics:
         frame = message.header.frame_id
         if frame not in ('', self._base):
             raise RejectedInputError(
-                f'tool target: it is given in {frame!r}, send it in {self._base!r}'
+                f'tool target rejected: its frame is {frame!r}; send it in {self._base!r}'
             )
         p = message.pose.position
         self._follower.set_target([p.x, p.y, p.z], now)

@@ -96,8 +96,8 @@ def read_trajectory(
     stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
     if stamp and not -_LATEST <= stamp - now <= _EARLIEST:
         raise RejectedInputError(
-            f'trajectory: it is stamped {stamp - now:+.1f} s from now (allowed: {-_LATEST:+g} to '
-            f'{_EARLIEST:+g}): use a zero stamp for now, and check the clocks'
+            f'trajectory rejected: its stamp is {stamp - now:+.1f} s from now (allowed: '
+            f'{-_LATEST:+g} to {_EARLIEST:+g}). Use a zero stamp for now, and check the clocks'
         )
     return trajectory, stamp or None
 
@@ -115,8 +115,8 @@ def _unnamed(limits: JointLimits, message: TrajectoryMessage) -> list[int]:
         for index, count in enumerate(counts):
             if any(counts) and count != len(names):
                 raise RejectedInputError(
-                    f'trajectory: point {index} has {count} {what}, but {len(names)} joints are '
-                    'named: give one for each, at every point or at none'
+                    f'trajectory rejected: point {index} has {count} {what} for {len(names)} '
+                    'joints. Give one per joint, at every point or at none'
                 )
     return [joint for joint, name in enumerate(limits.names) if name not in names]
 
@@ -130,10 +130,10 @@ def go_to_set_point(follower: TrajectoryFollower, message: JointState, now: floa
     limits: JointLimits = follower.limits
     order = limits.order(list(message.name))
     if len(message.position) != limits.n:
-        raise RejectedInputError(f'set point: it needs {limits.n} positions')
+        raise RejectedInputError(f'set point rejected: it needs {limits.n} positions')
     q = np.array(message.position)[order]
     if not np.all(np.isfinite(q)):
-        raise RejectedInputError('set point: positions must be finite numbers')
+        raise RejectedInputError('set point rejected: positions must be finite numbers')
     follower.go_to(q, now)
 
 
@@ -158,7 +158,8 @@ def serve_trajectories(
     """
     if find_spec('control_msgs') is None:
         controller.node.get_logger().info(
-            f'control_msgs is not installed: no action ~/{NAME}, trajectories come on the topic'
+            f'control_msgs is not installed: the action ~/{NAME} is not available, send '
+            'trajectories on the topic'
         )
         return
     action_type = import_module('control_msgs.action').FollowJointTrajectory
@@ -269,7 +270,10 @@ class TrajectoryAction:
             if not request.trajectory.points:
                 raise RejectedInputError(f'{NAME}: the trajectory has no points')
             if request.multi_dof_trajectory.points:
-                raise RejectedInputError(f'{NAME}: the arm has no joints of several degrees')
+                raise RejectedInputError(
+                    f'{NAME}: the trajectory is for joints with several degrees of freedom; this '
+                    'arm has none'
+                )
             now = self._controller.stamp_ns / _BILLION
             # As it stands now; what changes until the loop begins the goal aborts it.
             trajectory, start = self._read(request, now)

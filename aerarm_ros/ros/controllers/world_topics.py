@@ -76,7 +76,7 @@ class WorldTopics:
         self._request: DroneRequest | None = None
         if values.request_drone:
             if arm.drone is None:
-                raise ValueError('request_drone needs the drone: give drone_file')
+                raise ValueError('request_drone needs the drone: set drone_file')
             self._request = DroneRequest(
                 Kinematics(arm.robot, values.frame), arm.drone,
                 values.posture or arm.config.rest_position,
@@ -104,7 +104,8 @@ class WorldTopics:
         points = message.points
         if not 2 <= len(points) <= _POINTS_MAX or any(len(p.transforms) != 1 for p in points):
             raise RejectedInputError(
-                f'tool motion: 2 to {_POINTS_MAX} points, each with the pose of one body, the tool'
+                f'tool motion rejected: it needs 2 to {_POINTS_MAX} points, each with the pose of '
+                'one body, the tool'
             )
         if message.header.frame_id not in ('', self.frame):
             raise RejectedInputError(self._wrong_frame('tool motion', message.header.frame_id))
@@ -132,7 +133,7 @@ class WorldTopics:
         problem = self._reference.base.problem(now)
         if problem:
             raise RejectedInputError(
-                f'{what}: where the base is in the world is unknown: {problem}'
+                f'{what} rejected: the base pose in the world is unknown: {problem}'
             )
         pose = self._reference.base.pose(now)
         turned = None if rotation is None else pose.rotation @ rotation
@@ -140,7 +141,10 @@ class WorldTopics:
 
     def _wrong_frame(self, what: str, frame: str) -> str:
         known = f'{self.frame!r} or {self._base!r}' if self.frame else repr(self._base)
-        return f'{what}: nobody gives the base in frame {frame!r}: send it in {known}'
+        return (
+            f'{what} rejected: no node publishes the base pose in frame {frame!r}; send it in '
+            f'{known}'
+        )
 
     # What follows the loop.
 
@@ -203,12 +207,13 @@ def _rotation(what: str, turn: Array) -> Array | None:
     """Return the orientation of a quaternion (x, y, z, w), None of one that is zero."""
     length = float(np.linalg.norm(turn))
     if not np.isfinite(length):
-        raise RejectedInputError(f'{what}: its orientation is NaN or infinite')
+        raise RejectedInputError(f'{what} rejected: its orientation is NaN or infinite')
     if length < _ANY:
         return None
     if not 0.9 < length < 1.1:
         raise RejectedInputError(
-            f'{what}: its quaternion has length {length:.3g}, not 1; zeros for any orientation'
+            f'{what} rejected: its quaternion has length {length:.3g}, not 1; send zeros for any '
+            'orientation'
         )
     return rotation_matrix(turn / length)
 

@@ -29,21 +29,23 @@ _IMU_SEED, _ODOMETRY_SEED, _GUST_SEED, _EXTERNAL_SEED = range(4)
 CONTACT = 'contact_force', 'contact_link'
 
 DRONE_PARAMETERS = grouped(
-    'The emulated drone',
+    'Emulated drone',
     Parameter(
         'rotor_timeout',
         0.2,
-        'silence of rotor_command, in the time of the emulated world, after which the rotors stop',
+        'silence of rotor_command, in simulated time, after which the rotors stop',
         's',
         0.005,
         10.0,
     ),
-    Parameter('imu_rate', 250.0, 'IMU samples a second of the moving base or drone', 'Hz', 1, 1000),
-    Parameter('imu_delay', 0.0, 'age of an IMU sample when it is published', 's', 0.0, 0.5),
+    Parameter(
+        'imu_rate', 250.0, 'sampling rate of the IMU of the moving base or drone', 'Hz', 1, 1000
+    ),
+    Parameter('imu_delay', 0.0, 'age of an IMU sample when the node publishes it', 's', 0.0, 0.5),
     Parameter(
         'imu_noise',
         [0.0, 0.0],
-        "standard deviation of the IMU's specific force and angular velocity",
+        'noise of the IMU: standard deviation of specific force and angular velocity',
         'm/s^2, rad/s',
         0.0,
         10.0,
@@ -51,7 +53,8 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'imu_bias',
         [0.0, 0.0],
-        "standard deviation of the constant errors of the IMU's axes, which the seed draws",
+        "bias of the IMU's axes: standard deviation of specific force and angular velocity, drawn "
+        'with the seed',
         'm/s^2, rad/s',
         0.0,
         10.0,
@@ -64,12 +67,13 @@ DRONE_PARAMETERS = grouped(
         0.0,
         1.0,
     ),
-    Parameter('odometry_rate', 250.0, 'odometry messages a second', 'Hz', 1, 1000),
-    Parameter('odometry_delay', 0.0, 'age of an odometry when it is published', 's', 0.0, 0.5),
+    Parameter('odometry_rate', 250.0, 'publishing rate of odometry', 'Hz', 1, 1000),
+    Parameter('odometry_delay', 0.0, 'age of odometry when the node publishes it', 's', 0.0, 0.5),
     Parameter(
         'odometry_noise',
         [0.0, 0.0, 0.0, 0.0],
-        'standard deviation of position, velocity, attitude and angular velocity in odometry',
+        'noise of odometry: standard deviation of position, velocity, attitude and angular '
+        'velocity',
         'm, m/s, rad, rad/s',
         0.0,
         10.0,
@@ -77,28 +81,42 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'external_odometry_rate',
         0.0,
-        'messages a second on external_odometry, as of a camera or motion capture; 0 for none',
+        'publishing rate of external_odometry, for example of a camera or motion capture; 0 for '
+        'none',
         'Hz',
         0.0,
         1000.0,
     ),
-    Parameter('external_odometry_delay', 0.0, 'age of such a message', 's', 0.0, 0.5),
+    Parameter(
+        'external_odometry_delay',
+        0.0,
+        'age of external_odometry when the node publishes it',
+        's',
+        0.0,
+        0.5,
+    ),
     Parameter(
         'external_odometry_noise',
         [0.0, 0.0, 0.0, 0.0],
-        'its standard deviations of position, velocity, attitude and angular velocity',
+        'noise of external_odometry: standard deviation of position, velocity, attitude and '
+        'angular velocity',
         'm, m/s, rad, rad/s',
         0.0,
         10.0,
     ),
     Parameter(
-        'gust_force', 0.0, 'standard deviation of the wind on the drone, each axis', 'N', 0.0, 1e3
+        'gust_force',
+        0.0,
+        'standard deviation of the wind force on the drone, per axis',
+        'N',
+        0.0,
+        1e3,
     ),
-    Parameter('gust_time', 1.0, 'time in which the wind changes', 's', 0.01, 100.0),
+    Parameter('gust_time', 1.0, 'correlation time of the wind force', 's', 0.01, 100.0),
     Parameter(
         'gust_cutoff',
         0.0,
-        'the wind is noise below this frequency instead (second order); 0 for gust_time',
+        'bandwidth of a second-order wind spectrum, in place of gust_time; 0 for gust_time',
         'Hz',
         0.0,
         100.0,
@@ -117,7 +135,7 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'contact_link',
         '',
-        "link of the URDF that contact_force acts on, as tool0; the drone's body if empty",
+        "link of the URDF that contact_force acts on, for example tool0; the drone's body if empty",
         live=True,
     ),
 )

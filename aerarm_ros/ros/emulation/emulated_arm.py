@@ -63,11 +63,11 @@ _CYCLES_OF_A_WAIT = 10
 _STILL = 0.05  # [rad/s] joints slower than this
 _FAULT_TIME = 1.0  # [s] world time in which a fault shows
 _FALL_TIME = 2.0  # [s] by then an arm whose motors are off has begun to fall
-_NO_DRONE = 'contact_force acts on a drone that flies: give drone_file'
+_NO_DRONE = 'contact_force needs a flying drone: set drone_file'
 
 
 class EmulatedArm(World):
-    """A world of emulated boards on a physics engine, whose time may depend on who answers.
+    """Emulated boards on a physics engine, in simulated time.
 
     A real arm is carried by hand until its motors hold it. So is this one: enabling takes it
     up where it is, or back to where it started if it fell beyond its limits.
@@ -106,8 +106,8 @@ class EmulatedArm(World):
         values = self.bridge.values
         if len(values.initial_position) not in (0, config.n):
             raise ValueError(
-                f'initial_position has {len(values.initial_position)} angles: give one for each of '
-                f'{", ".join(config.joint_names)}'
+                f'initial_position has {len(values.initial_position)} values: give one for each '
+                f'of {", ".join(config.joint_names)}'
             )
         seed = None if values.seed < 0 else values.seed
         drawn = robot
@@ -175,8 +175,8 @@ class EmulatedArm(World):
             )
         if profile != STILL:
             raise ValueError(
-                f'base_motion_profile is {profile} and a drone_file is given: a drone flies by its '
-                'rotors, leave one of the two out'
+                f'base_motion_profile is {profile} and drone_file is set: a flying drone has no '
+                'motion profile, remove one of the two'
             )
         wind = drone_parameters.gust(values)
         plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
@@ -316,7 +316,7 @@ class EmulatedArm(World):
             what = ''
         else:
             boards.put_back()
-            what = 'the fallen arm was put back to where it started; '
+            what = 'the fallen arm was reset to its initial configuration; '
         cycle.update(self._now)  # see where it is now, and that it rests
         accepted, message = cycle.enable()
         return Answer(accepted, what + message)
@@ -389,4 +389,7 @@ class EmulatedArm(World):
         boards.put_back()
         if self._flying is not None:
             self._flying.restart()
-        return Answer(True, 'the arm is back where it started, carried until its motors hold it')
+        return Answer(
+            True,
+            'the arm is reset to its initial configuration, and supported until its motors hold it',
+        )

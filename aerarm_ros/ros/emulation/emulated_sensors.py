@@ -27,45 +27,52 @@ SENSOR_PARAMETERS = (
     Parameter(
         'geometry_seed',
         -1,
-        "seed of how the arm's geometry differs from its drawing: zeros by 10 mrad, lengths by "
-        '1 mm, mount and IMU; -1 for an arm as drawn',
+        'seed of the geometric errors of the arm: zeros by 10 mrad, lengths by 1 mm, mount and '
+        'IMU; -1 for a nominal arm',
         minimum=-1,
         maximum=10**9,
     ),
     Parameter(
         'hardware_config',
         '',
-        'configuration that the emulated hardware is made by, where config has other offsets, as '
+        'configuration of the emulated hardware, if config has other offsets, for example '
         'calibrated ones; config if empty',
     ),
     Parameter(
         'hardware_urdf',
         '',
-        'URDF that the emulated arm is made by, where urdf is a calibrated one; urdf if empty',
+        'URDF of the emulated arm, if urdf is a calibrated one; urdf if empty',
     ),
     Parameter(
         'mocap_rate',
         0.0,
-        'of an emulated motion capture of four markers on the last link, on mocap/marker1 ..., and '
-        'of the moving base or drone, on mocap/drone; 0 for none',
+        'rate of an emulated motion capture of four markers on the last link (mocap/marker1 ...) '
+        'and of the moving base or drone (mocap/drone); 0 for none',
         'Hz',
         0.0,
         1000.0,
     ),
-    Parameter('mocap_noise', 0.2e-3, 'of each axis of a marker', 'm', 0.0, 0.1),
     Parameter(
-        'mocap_clock', 0.0, 'by which stamps of the motion capture are late', 's', -10.0, 10.0
+        'mocap_noise', 0.2e-3, 'noise of a marker: standard deviation per axis', 'm', 0.0, 0.1
     ),
+    Parameter('mocap_clock', 0.0, 'delay of the stamps of the motion capture', 's', -10.0, 10.0),
     Parameter(
         'camera_rate',
         0.0,
-        'of an emulated camera that sees an optical marker on the last link, on camera/marker; 0 '
-        'for none',
+        'rate of an emulated camera that observes an optical marker on the last link '
+        '(camera/marker); 0 for none',
         'Hz',
         0.0,
         1000.0,
     ),
-    Parameter('camera_noise', 0.15, 'of each coordinate of a corner', 'px', 0.0, 10.0),
+    Parameter(
+        'camera_noise',
+        0.15,
+        'noise of the camera: standard deviation per coordinate of a corner',
+        'px',
+        0.0,
+        10.0,
+    ),
 )
 _DEPTH = 0.02  # [s] age of a frame when it is published
 

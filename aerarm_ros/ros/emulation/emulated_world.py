@@ -131,14 +131,14 @@ class WorldLoop(PeriodicLoop):
 
     def assess(self, interval: TimingSummary, execution: TimingSummary) -> tuple[int, str]:
         """Return a level of `timing_assessment` and one line: a slow world is no fault."""
-        return OK, f'the world runs at {100.0 * self.share_of_real_time:.1f} % of real time'
+        return OK, f'the simulation runs at {100.0 * self.share_of_real_time:.1f} % of real time'
 
     def account(self) -> str:
         """Return one line for the log's end."""
         if not self.cycles:
-            return 'no cycle ran'
+            return 'no cycle has run'
         share = self.share_of_real_time
-        text = f'{self.cycles} cycles, the world ran at {100.0 * share:.1f} % of real time'
+        text = f'{self.cycles} cycles, the simulation ran at {100.0 * share:.1f} % of real time'
         is_slow = share < _AS_GOOD_AS_REAL and self.slipped_ns >= _NOTICED_SLIP_NS
         if self._wait_first and is_slow:
             text += f', {self.slipped_ns * 1e-9:.2f} s behind it: too slow here for a real arm'
@@ -195,8 +195,7 @@ class RecordingWatch:
 
 _PERIOD_NS = 5_000_000
 _ADVICE = (
-    ', each with a time of its own: give each a ROS_DOMAIN_ID of its own, or remap /clock of all '
-    'but one'
+    ', each with its own time: give each a separate ROS_DOMAIN_ID, or remap /clock of all but one'
 )
 # rosgraph_msgs/Clock: the encapsulation of little-endian CDR, seconds, nanoseconds.
 _CDR = struct.Struct('<4BiI')
@@ -204,7 +203,7 @@ _ENCAPSULATION = (0, 1, 0, 0)
 
 
 class WorldClock:
-    """Publishes the time, as serialized bytes, 200 times a second of it.
+    """Publishes the simulated time, as serialized bytes, at 200 Hz.
 
     Parameters
     ----------
@@ -228,7 +227,7 @@ class WorldClock:
             self._publisher.publish(self._told)
 
     def tell_again(self) -> None:
-        """Publish the last time once more, for who has not heard it."""
+        """Republish the last time, for late subscribers."""
         if self._told:
             self._publisher.publish(self._told)
 
@@ -247,16 +246,16 @@ PACE_PARAMETERS = (
     Parameter(
         'pace',
         KEEP_UP,
-        'how the emulated world passes its time. keep_up: as fast as real time, slower where the '
-        'host is too slow. lockstep: it waits for the command that answers the last state, and '
-        'runs as fast as the host can while it is answered, aligns or homes. real_time: its time '
-        'goes on while the host sleeps',
+        'pace of the simulation. keep_up: real time, slower if the computer is too slow. '
+        'lockstep: waits for the command that responds to the last state, and runs as fast as '
+        'possible while commands arrive, or during alignment and homing. real_time: time passes '
+        'even while the computer is busy',
         choices=PACES,
     ),
     Parameter(
         'answer_timeout',
         5.0,
-        'longest time on the host that the world waits for who commands or records the arm',
+        'time limit on the wall clock for nodes that command or record the arm',
         's',
         0.01,
         600.0,
@@ -397,13 +396,13 @@ class EmulatedWorld:
         return self._in_lockstep and (is_answered or self._mode in _ALONE)
 
     def _stand(self) -> None:
-        """Wait until somebody does something, which takes no time in the world."""
+        """Wait for a message or request; no simulated time passes."""
         begun = time.monotonic_ns()
         if not self._wait(lambda: self._command is None, self._patience):
             if self._mode == 'ready' and self._streams.commands.publishers():
                 self._say(
-                    'joint_command has a publisher that answers no state: the emulated world '
-                    'stands still until it does (one told again wants an answer too)'
+                    'joint_command has a publisher that responds to no state: the simulation '
+                    'pauses until it responds, also to re-sent states'
                 )
             self._wait(lambda: self._command is None, None)
         if not self.loop.is_stopped:  # the wait before a cycle that comes
@@ -465,7 +464,7 @@ class EmulatedWorld:
         return self._stands or self._watch.awaits(self.now_ns())
 
     def _is_alone(self, has_told: bool) -> bool:
-        """Whether nobody commands the arm, after a wait with or without telling the state again."""
+        """Whether no node commands the arm, after a wait with or without re-sending the state."""
         commands = self._streams.commands
         if not self._watch.awaits(self.now_ns()):
             return False
@@ -500,20 +499,20 @@ class EmulatedWorld:
     def _give_up(self) -> None:
         if self._recording.is_behind(self.now_ns()):
             self._recording.give_up()
-            self._warn('the recorder did not go on', 'and the bag may lack messages')
+            self._warn('the recorder did not continue', 'and the bag may lack messages')
         elif self._drone is not None and self._drone.is_behind():
             self._drone.give_up()
-            self._warn('the last odometry was not answered', 'and the rotors will stop')
+            self._warn('no command responded to the last odometry', 'and the rotors will stop')
         else:
             self._watch.give_up()
             self._warn(
-                'the last state was not answered',
-                'and the arm is damped, or held if that was asked for',
+                'no command responded to the last state',
+                'and the arm is damped, or held on request',
             )
 
     def _warn(self, what: str, then: str) -> None:
         self._say(
-            f'{what} within {self._patience:g} s: the emulated world goes on without, {then} '
+            f'{what} within {self._patience:g} s: the simulation continues without it, {then} '
             '(answer_timeout lengthens the wait)'
         )
 

@@ -18,14 +18,15 @@ EMULATION_PARAMETERS = (
     Parameter(
         'seed',
         0,
-        "seed of the arm's deviations from the drawing and of noise; -1 for an arm as drawn",
+        "seed of noise and of the arm's deviations from its nominal parameters; -1 for a nominal "
+        'arm',
         minimum=-1,
         maximum=10**9,
     ),
     Parameter(
         'initial_position',
         [],
-        "joint angles at the start, in the joints' order; the home configuration if empty",
+        'initial joint positions, in joint order; the home configuration if empty',
         'rad',
         -6.3,
         6.3,
@@ -34,8 +35,8 @@ EMULATION_PARAMETERS = (
     Parameter(
         'payload',
         [],
-        "what the arm carries: mass, and x, y, z of its centre in the frame of the last link's "
-        'joint; nothing if empty',
+        "payload of the arm: mass, and x, y, z of its centre in the frame of the last link's "
+        'joint; none if empty',
         'kg, m',
         -10.0,
         10.0,
@@ -45,7 +46,7 @@ EMULATION_PARAMETERS = (
     Parameter(
         'backlash',
         [],
-        'how far the links may turn while their rotors rest, one or one a joint; none if empty',
+        'gear backlash at the joints, one value or one per joint; none if empty',
         'rad',
         1e-6,
         0.5,
@@ -54,7 +55,7 @@ EMULATION_PARAMETERS = (
     Parameter(
         'backlash_wear',
         0.0,
-        'growth of the backlash per energy that a gear passes on',
+        'growth of the backlash per transmitted energy',
         'rad/J',
         0.0,
         1.0,
@@ -62,29 +63,28 @@ EMULATION_PARAMETERS = (
     Parameter(
         'base_motion_profile',
         STILL,
-        "what the arm's base does once the motors are ready; unless it is still, its IMU is "
-        'published on imu',
+        "motion of the arm's base once the motors are ready; a moving base publishes imu",
         choices=tuple(BASE_PROFILES),
     ),
     Parameter(
         'encoders',
         '',
-        "kind of the boards' encoders: incremental ones count from where the arm stands at the "
-        "start, so it has to be homed, absolute ones need not; the configuration's if empty",
+        'type of the encoders: incremental ones need homing, absolute ones do not; as in the '
+        'configuration if empty',
         choices=('', *ENCODERS),
     ),
     Parameter('truth_file', '', "YAML file to write the arm's true parameters to"),
     Parameter(
         'fault',
         '',
-        f'fault to inject, at once when it is set: {FORM}, NAME one of {", ".join(FAULTS)}',
+        f'fault to inject at once: {FORM}, NAME one of {", ".join(FAULTS)}',
         live=True,
     ),
     Parameter(
         'hand',
         '',
-        'JOINT:ANGLE: with the motors off, a hand carries the arm and turns that joint to that '
-        'angle [rad], once when it is set',
+        'JOINT:ANGLE: with the motors off, turn that joint by hand to that angle [rad], once per '
+        'set',
         live=True,
     ),
 )
@@ -107,11 +107,11 @@ def plant_parameters(
         parameters = parameters.perturbed(seed)
     if len(backlash) not in (0, 1, config.n):
         raise ValueError(
-            f'backlash {list(backlash)}: give one, or one for each of {config.n} joints'
+            f'backlash {list(backlash)}: give one value, or one for each of {config.n} joints'
         )
     if backlash_wear and not len(backlash):
         raise ValueError(
-            f'backlash_wear {backlash_wear:g}: no gear has any play that could grow, give backlash'
+            f'backlash_wear {backlash_wear:g}: no gear has backlash that could grow, set backlash'
         )
     if len(backlash):
         play = np.broadcast_to(np.array(backlash, dtype=float), (config.n,))
@@ -120,6 +120,6 @@ def plant_parameters(
         return parameters
     if len(payload) != 4 or not payload[0] >= 0.0:
         raise ValueError(
-            f'payload {list(payload)}: give a mass not below 0 [kg] and x, y, z of its centre [m]'
+            f'payload {list(payload)}: give a mass of at least 0 [kg] and x, y, z of its centre [m]'
         )
     return parameters.carrying(payload[0], payload[1:], PAYLOAD_RADIUS)

@@ -148,12 +148,12 @@ class FlyingDrone(EmulatedDrone):
 
     @property
     def is_flying(self) -> bool:
-        """Whether nobody holds the drone."""
+        """Whether the drone is unsupported."""
         return not self._flight.is_held
 
     @property
     def expects(self) -> bool:
-        """Whether somebody answers the odometry."""
+        """Whether a node responds to the odometry."""
         return self._watch.expects
 
     def describe(self) -> Status:
@@ -161,10 +161,13 @@ class FlyingDrone(EmulatedDrone):
         rotors, is_commanded = self._flight.rotors, self._flight.rotors.is_commanded
         level, text = DiagnosticStatus.OK, 'flying'
         if not self.is_flying:
-            text = 'held until the motors hold the arm and the rotors lift it'
-            text = text if is_commanded else 'held: no rotor commands'
+            text = 'supported until the motors hold the arm and the rotors lift the drone'
+            text = text if is_commanded else 'supported: no rotor commands'
         elif not is_commanded:
-            level, text = DiagnosticStatus.WARN, 'no rotor commands: the rotors stand, it falls'
+            level, text = (
+                DiagnosticStatus.WARN,
+                ('no rotor commands: the rotors stand still, the drone falls'),
+            )
         if time.monotonic() - self._rejected_at < _REMEMBERED:
             level, text = DiagnosticStatus.WARN, f'rejected: {self._rejection}'
         values: dict[str, object] = {
@@ -187,7 +190,7 @@ class FlyingDrone(EmulatedDrone):
             self._tell(*odometry)
 
     def restart(self) -> None:
-        """Tell next where the drone is now, and no more where it was: somebody has put it there."""
+        """Publish the present pose next, without earlier ones: a user has moved the drone."""
         self._told_ns = 0
         self._imu.restart()
         self._odometry.restart()
@@ -220,7 +223,7 @@ class FlyingDrone(EmulatedDrone):
         self._flight.rotors.command(thrust)
 
     def tell_again(self) -> None:
-        """Publish the last odometry once more, for who has not heard it."""
+        """Republish the last odometry, for late subscribers."""
         if self._told_ns:
             self._odometry_publisher.publish(self._told)
 

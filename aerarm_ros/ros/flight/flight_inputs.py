@@ -39,13 +39,15 @@ def load_flown_drone(values: SimpleNamespace) -> tuple[ArmConfig, DroneConfig, M
     config, robot = load_arm(values)
     drone = load_drone(values, config, robot)
     if drone is None:
-        raise ValueError('parameter drone_file is empty: name the drone, as config/drone.yaml')
+        raise ValueError(
+            'parameter drone_file is empty: name the drone, for example config/drone.yaml'
+        )
     arm = MovingBaseDynamics(robot).composite_inertia(np.array(config.rest_position))
     return config, drone, MassProperties.of(drone, *arm)
 
 
 class ArmTopics:
-    """Hands what `base_reaction` tells of the arm to what feeds it forward.
+    """Passes the messages of `base_reaction` to the feed-forward.
 
     Parameters
     ----------

@@ -20,74 +20,93 @@ INTEGRAL, OBSERVER, INDI = 'integral', 'observer', 'indi'
 _GAINS = FlightGains()
 FLIGHT_PARAMETERS = (
     *grouped(
-        'How stiffly the drone is held',
+        'Position and attitude control',
         Parameter(
-            'position_frequency', _GAINS.position_frequency, 'of the position loop, horizontally',
+            'position_frequency', _GAINS.position_frequency,
+                'bandwidth of the position loop, horizontal',
             'rad/s', 0.1, 20,
         ),
         Parameter(
-            'height_frequency', _GAINS.height_frequency, 'of the position loop, along the vertical',
+            'height_frequency', _GAINS.height_frequency, 'bandwidth of the position loop, vertical',
             'rad/s', 0.1, 20,
         ),
         Parameter(
-            'attitude_frequency', _GAINS.attitude_frequency, 'of the attitude loop', 'rad/s', 1.0,
+            'attitude_frequency', _GAINS.attitude_frequency,
+                'bandwidth of the attitude loop', 'rad/s', 1.0,
             60,
         ),
-        Parameter('position_damping', _GAINS.position_damping, 'damping ratio', '', 0.1, 3.0),
-        Parameter('attitude_damping', _GAINS.attitude_damping, 'damping ratio', '', 0.1, 3.0),
+        Parameter('position_damping', _GAINS.position_damping,
+            'damping ratio of the position loop', '', 0.1, 3.0),
+        Parameter('attitude_damping', _GAINS.attitude_damping,
+            'damping ratio of the attitude loop', '', 0.1, 3.0),
         Parameter(
-            'position_integral', _GAINS.position_integral, 'share of the frequency', '', 0.0, 1.0
+            'position_integral', _GAINS.position_integral,
+                'integral gain of the position loop, as a share of its bandwidth', '', 0.0, 1.0
         ),
         Parameter(
-            'attitude_integral', _GAINS.attitude_integral, 'share of the frequency', '', 0.0, 1.0
+            'attitude_integral', _GAINS.attitude_integral,
+                'integral gain of the attitude loop, as a share of its bandwidth', '', 0.0, 1.0
         ),
         Parameter(
-            'speed_max', _GAINS.speed_max, 'with which a set point is approached', 'm/s', 0.01, 20
+            'speed_max', _GAINS.speed_max, 'velocity towards a set point', 'm/s', 0.01, 20
         ),
-        Parameter('tilt_max', _GAINS.tilt_max, 'largest tilt that is asked for', 'rad', 0.05, 1.2),
+        Parameter('tilt_max', _GAINS.tilt_max, 'largest commanded tilt', 'rad', 0.05, 1.2),
         Parameter(
-            'rejection', INTEGRAL, 'what finds out forces that nobody told of: the integrals; in '
-            "their place an observer of the drone's momentum, or the IMU's accelerations (INDI)",
+            'rejection', INTEGRAL, (
+                'estimator of unmodelled forces: integral action, a momentum observer of the '
+                'drone, or accelerations of the IMU (INDI)'
+            ),
             choices=(INTEGRAL, OBSERVER, INDI),
         ),
         Parameter(
-            'observer_frequency', 8.0, "of 'observer', or of the filter of 'indi'", 'rad/s', 0.1,
+            'observer_frequency', 8.0,
+                "bandwidth of 'observer', or of the filter of 'indi'", 'rad/s', 0.1,
             200.0,
         ),
     ),
     *grouped(
-        "PX4's loops in their place",
+        'Control loops of PX4',
         Parameter(
-            'loops', OWN, "whose loops fly: this node's, or PX4's, to which the arm is told as the "
-            "acceleration of a set point alone; or a Betaflight's that runs beside this node and "
-            'is led by its sticks', choices=(OWN, PX4, BETAFLIGHT),
+            'loops', OWN, (
+                'control loops that fly the drone: those of this node; of PX4, with the arm as '
+                'acceleration feed-forward; or of a local Betaflight process, which this node '
+                'commands by its sticks'
+            ), choices=(OWN, PX4, BETAFLIGHT),
         ),
         Parameter(
-            'mpc_xy_p', Px4Gains.mpc_xy_p, 'horizontal velocity per position error; '
-            "MPC_XY_VEL_P_ACC and _I_ACC in PX4's proportion to it", '1/s', 0.1, 5.0,
+            'mpc_xy_p', Px4Gains.mpc_xy_p, (
+                'horizontal velocity gain per position error; MPC_XY_VEL_P_ACC and _I_ACC follow '
+                "in PX4's proportion"
+            ), '1/s', 0.1, 5.0,
         ),
         Parameter('mc_att_p', Px4Gains.mc_att_p, 'MC_ROLL_P and MC_PITCH_P', '1/s', 0.5, 30.0),
         Parameter(
             'mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K and MC_PITCHRATE_K', '', 0.1, 30.0
         ),
         Parameter(
-            'hold_heading', True, "whether PX4's set points have a heading; if not, yaw is NaN and "
-            'the heading is left to itself',
+            'hold_heading', True,
+                "send a heading in PX4's set points; if false, yaw is NaN",
         ),
     ),
     *grouped(
-        'What is fed forward of the arm',
-        Parameter('feed_posture', True, 'its mass, centre and inertia: arm_inertia', live=True),
-        Parameter('feed_motion', True, "its joints' motion: base_wrench_motion", live=True),
+        'Arm feed-forward',
+        Parameter('feed_posture', True,
+            'compensate mass, centre of mass and inertia of the arm: arm_inertia', live=True),
+        Parameter('feed_motion', True,
+            'compensate the motion of the joints: base_wrench_motion', live=True),
         Parameter(
-            'feed_lead', 0.028, 'from a sample of the sensors until its answer acts: where the arm '
-            "is told of ahead of time (base_reaction's lead), that much of it is used", 's', 0.0,
+            'feed_lead', 0.028, (
+                "delay from a sensor sample to the rotors' response; base_reaction must forecast "
+                'at least this far (preview time `lead`)'
+            ), 's', 0.0,
             0.08, live=True,
         ),
         Parameter(
-            'arm_wait', 0.0, 'for which an answer waits for what is told of the arm, if it comes '
-            'late, and once in vain no more until it comes in time: for worlds in lockstep on a '
-            'busy host, 0 where a drone falls meanwhile', 's', 0.0, 10.0,
+            'arm_wait', 0.0, (
+                'longest wait for a late forecast of the arm; after a timeout the node waits again '
+                'only once a forecast is on time. For lockstep on a busy computer; 0 if the drone '
+                'falls meanwhile'
+            ), 's', 0.0, 10.0,
         ),
     ),
 )  # fmt: skip
@@ -106,7 +125,9 @@ def flight_control(
     """
     if values.loops == PX4:
         if drone.is_fully_actuated:
-            raise ValueError("loops 'px4': PX4's loops lean a drone, and this one pushes sideways")
+            raise ValueError(
+                "loops 'px4': PX4's loops tilt a drone, and this drone pushes sideways"
+            )
         px4 = Px4Gains.scaled(values.mpc_xy_p, values.mc_att_p, values.mc_rate_k)
         return Px4Flight(drone, body, px4, holds_heading=values.hold_heading)
     gains = {name: getattr(values, name) for name in vars(_GAINS)}

@@ -37,24 +37,23 @@ _CLOCK_TOLERANCE = 0.2
 def set_point_parameters(
     set_points: str, output: str, attitude: str, *others: Parameter
 ) -> ParameterTable:
-    """Return the parameters of such a node: defaults of its topics, and what it has besides."""
+    """Return the parameters of a set point node: default topics, and additional parameters."""
     return ParameterTable(
         *ARM_FILES,
         DRONE_FILE,
-        Parameter('set_point_topic', set_points, 'where the set points come from'),
-        Parameter('output_topic', output, 'where they go to, with the acceleration'),
-        Parameter('attitude_topic', attitude, "the drone's attitude"),
+        Parameter('set_point_topic', set_points, 'input topic of set points'),
+        Parameter('output_topic', output, 'output topic of set points with the added acceleration'),
+        Parameter('attitude_topic', attitude, "topic of the drone's attitude"),
         *others,
-        Parameter('rate', 100.0, 'how often the newest set point is sent', 'Hz', 10.0, 500.0),
-        Parameter('set_point_timeout', 0.5, 'age after which a set point is not sent any more, so '
-                  'that the autopilot notices that nobody leads it', 's', 0.05, 10.0),
-        Parameter('feed_lead', 0.03, "from a set point until it acts: where the arm is told of "
-                  "ahead of time (base_reaction's lead), that much of it is used", 's', 0.0, 0.06,
-                  live=True),
+        Parameter('rate', 100.0, 'rate of re-sending the newest set point', 'Hz', 10.0, 500.0),
+        Parameter('set_point_timeout', 0.5, 'age after which the node stops re-sending a set '
+                  'point, so that the autopilot detects the loss', 's', 0.05, 10.0),
+        Parameter('feed_lead', 0.03, 'delay from a set point to its effect; base_reaction must '
+                  'forecast at least this far (preview time `lead`)', 's', 0.0, 0.06, live=True),
         *grouped(
-            "The autopilot's loops, for the tilt ahead",
+            "The autopilot's loops, for the preview of the tilt",
             Parameter('attitude_gain', Px4Gains.mc_att_p, 'angular velocity per attitude error '
-                      "(MC_ROLL_P, default as PX4's); 0 switches the tilt ahead off", '1/s', 0.0,
+                      "(MC_ROLL_P, default as PX4's); 0 for no preview of the tilt", '1/s', 0.0,
                       50.0),
             Parameter('rate_gain', Px4Gains.mc_rate_k * Px4Gains.mc_rate_p, 'normalised torque per '
                       'error of the angular velocity (MC_ROLLRATE_K times MC_ROLLRATE_P); the unit '
@@ -219,9 +218,9 @@ class SetPointNode:
         ahead, self._ahead = self._ahead, None
         problem = ''
         if now - self._set_point_time > values.set_point_timeout:
-            problem = f'no set points on {values.set_point_topic}: nothing is sent'
+            problem = f'no set points on {values.set_point_topic}: the node sends none'
         elif now - self._attitude_time > _ATTITUDE_AGE:
-            problem = f'no attitude on {values.attitude_topic}: nothing is added'
+            problem = f'no attitude on {values.attitude_topic}: the node adds no acceleration'
         elif ahead is not None and (late := _time_problem(ahead, values.feed_lead)):
             problem = late
         elif now - self._rejected_at < _REMEMBERED:
@@ -237,14 +236,14 @@ def _time_problem(ahead: float, lead: float) -> str:
     """Return why what is told so far ahead [s] does not serve what needs it `lead` [s] ahead."""
     if -_CLOCK_TOLERANCE <= ahead < lead - HOLD:
         return (
-            f'what is told of the arm ends {lead - ahead:.2f} s before it is needed, so nothing is '
-            'added: give base_reaction a lead of more than feed_lead, and run fake_hardware with '
+            f"the arm's forecast is {lead - ahead:.2f} s too short, so the node adds no "
+            'acceleration: set lead of base_reaction above feed_lead, and run fake_hardware with '
             '-p pace:=real_time'
         )
     if abs(ahead) <= _CLOCK_TOLERANCE:
         return ''
     return (
         f"the arm's time is {abs(ahead):.1f} s {'ahead of' if ahead > 0.0 else 'behind'} this "
-        "computer's, so what its motion takes is not added in time: run fake_hardware with "
-        "-p pace:=real_time; of a real arm, check that the computers' clocks agree (chrony, PTP)"
+        "computer's clock, so the node adds no acceleration. For fake_hardware set -p "
+        'pace:=real_time; for a real arm synchronize the clocks (chrony, PTP)'
     )

@@ -198,12 +198,12 @@ def plan_excitation(
     arm = load_arm_config(None if config is None else Path(config)) if known else None
     if lock and (arm is not None or isinstance(urdf, Robot)):
         raise ExcitationError(
-            f'lock = {", ".join(lock)}: goes with the path of a URDF, without config; else '
-            'load_robot(urdf, locked=...) makes the robot to give'
+            f'lock = {", ".join(lock)}: use it with the path of a URDF, without config; else pass '
+            'load_robot(urdf, locked=...)'
         )
     if arm is not None and np.isfinite(acceleration_limit).any():
         raise ExcitationError(
-            'acceleration_limit is for an arm without motors and gears: else they limit it'
+            'acceleration_limit is for an arm without motors and gears: remove it'
         )
     robot = urdf if isinstance(urdf, Robot) else _robot(urdf, arm, lock)
     folders = tuple(Path(folder) for folder in package_directories)

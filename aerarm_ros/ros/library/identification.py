@@ -230,10 +230,10 @@ class IdentifiedArm:
 
 
 Motion = TableStates
-"""What was recorded of n joints: names, stamp (M,), position, velocity and effort (M, n)."""
+'Recording of n joints: names, stamp (M,), position, velocity and effort (M, n).'
 
 NUMBERED = tuple(f'joint{i}' for i in range(1, 33))
-"""What joints without names are called, from base to tool."""
+'Default names of joints without names, from base to tool.'
 
 
 def read_bag(
@@ -301,7 +301,9 @@ def from_arrays(
     """
     stamp = _numbers('time', time)
     if stamp.ndim != 1:
-        raise IdentificationError(f'time has the shape {stamp.shape}: give (M,), one a sample')
+        raise IdentificationError(
+            f'time has the shape {stamp.shape}: give (M,), one value per sample'
+        )
     position = _numbers('q', q)
     if position.ndim != 2 or len(position) != len(stamp):
         raise IdentificationError(
@@ -428,8 +430,8 @@ def _listed(word: str, bags: Bag | Iterable[Bag]) -> list[Bag]:
     for bag in listed:
         if not isinstance(bag, str | os.PathLike | Motion):
             raise IdentificationError(
-                f'{word}: {type(bag).__name__} is neither a path nor a motion: '
-                'from_arrays(time, q, tau) makes one of arrays'
+                f'{word}: {type(bag).__name__} is neither a path nor a motion: make one of arrays '
+                'by from_arrays(time, q, tau)'
             )
     return listed
 
@@ -447,8 +449,8 @@ def _robot(
     if isinstance(urdf, Robot):
         if lock:
             raise IdentificationError(
-                f'lock = {", ".join(lock)}: goes with the path of a URDF; else '
-                'load_robot(urdf, locked=...) makes the robot to give'
+                f'lock = {", ".join(lock)}: use it with the path of a URDF; else pass '
+                'load_robot(urdf, locked=...)'
             )
         return urdf if gravity is None else urdf.with_gravity(gravity)
     path = None if urdf is None else Path(urdf)

@@ -159,7 +159,7 @@ class PagePrograms:
     def record(self, name: str) -> str:
         """Record a bag of that name, and return where; raises PageProgramError, RuntimeError."""
         if not _NAME.fullmatch(name):
-            raise PageProgramError('a bag is named by letters, digits, _ - and .')
+            raise PageProgramError('invalid bag name: use letters, digits, _ - and .')
         bag = self._folder / name
         if bag.exists():
             raise PageProgramError(f'{bag} exists: give another name')
@@ -169,14 +169,14 @@ class PagePrograms:
     def play(self, name: str) -> None:
         """Play one of `trajectories`; raises PageProgramError, RuntimeError."""
         if name not in self.trajectories():
-            raise PageProgramError(f'there is no trajectory {name!r} in {self._folder}')
+            raise PageProgramError(f'no trajectory {name!r} in {self._folder}')
         chosen = {'seed': 1} if name == RANDOM else {'trajectory': self._folder / name}
         self.player.start('excitation', {**self._arm, **chosen})
 
     def control(self, name: str, speed_share: float) -> None:
         """Start a controller; raises PageProgramError, RuntimeError."""
         if name not in CONTROLLERS:
-            raise PageProgramError(f'there is no controller {name!r}')
+            raise PageProgramError(f'unknown controller {name!r}')
         speed = {'tool_velocity_max': speed_share * _TOOL_SPEED} if name in _CARTESIAN else {}
         self.controller.start(name, {**self._arm, **self._drone, **speed})
 

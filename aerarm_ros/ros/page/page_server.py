@@ -97,14 +97,14 @@ class PageGuard:
             Whether it asks for a websocket; browsers then tell the origin, always.
         """
         if len(hosts) != 1 or not self._is_own(hosts[0]):
-            return f'{_shown(hosts)} is no name of this computer: use the address it prints'
+            return f'{_shown(hosts)} is no name of this computer: use the printed URL'
         if len(origins) > 1 or (socket_wanted and not origins):
             return f'the origin is {_shown(origins)}, not the page'
         if origins and origins[0].lower() != f'http://{hosts[0]}'.lower():
             return f'the origin is {_shown(origins)}, another site'
         given, _ = _split(path)
         if self._token and not hmac.compare_digest(given.encode(errors='replace'), self._token):
-            return 'the address lacks the token: use the one that was printed at the start'
+            return 'the address lacks the token: use the URL printed at the start'
         return ''
 
     def inner_path(self, path: str) -> str:
@@ -170,7 +170,7 @@ Text = Annotated[str, msgspec.Meta(max_length=200)]
 class CameraMoved(
     msgspec.Struct, tag_field='type', tag='ViewerCameraMessage', forbid_unknown_fields=True
 ):
-    """Where somebody looks at the arm from; it is of no consequence for others."""
+    """Camera pose of one browser."""
 
     wxyz: tuple[float, float, float, float]
     position: Vector
@@ -325,11 +325,11 @@ class _Gate:
         gate = self
 
         class PageConnection(ServerConnection):
-            """A connection that hears the page's own messages only."""
+            """A connection that accepts only the page's own messages."""
 
             async def recv(self, decode: bool | None = None) -> Any:
                 while not is_allowed(message := await super().recv(decode)):
-                    gate.refused('a message that the page does not send')
+                    gate.refused('a message type that the page does not send')
                 return message
 
         def process(connection: ServerConnection, request: Request) -> Response | None:
@@ -348,7 +348,7 @@ class _Gate:
         now = time.monotonic()
         if now >= self._silent_until:
             self._silent_until = now + _REPORT_PERIOD
-            self._report(f'refused: {what}')
+            self._report(f'rejected: {what}')
 
     def _process(
         self,

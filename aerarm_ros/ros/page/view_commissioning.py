@@ -82,7 +82,7 @@ class PageCommissioning:
         """
         with self._lock:
             if self.runs:
-                raise RuntimeError('commissioning is under way')
+                raise RuntimeError('commissioning is in progress')
             self._stop.clear()
             self.outcome, self._client = (False, ''), None
             arguments = (joints, resume, emulated)
@@ -124,7 +124,7 @@ class PageCommissioning:
             client.poll()
             self._pause()
             if time.monotonic() > deadline:
-                raise ValueError(f'no bridge answers: is one active in {this_domain()}?')
+                raise ValueError(f'no bridge responds: check that one is active in {this_domain()}')
 
     def _lead(self, client: CommissioningClient, emulated: str) -> None:
         if emulated and not (client.report and client.report.emulated):
@@ -134,7 +134,7 @@ class PageCommissioning:
             with self._lock:
                 client.poll()
                 if client.problem:
-                    raise ValueError(f'{client.problem}: see its console')
+                    raise ValueError(f'{client.problem}: check its console')
                 if person is not None:
                     person.poll()
             self._pause()
@@ -184,12 +184,14 @@ class ViewCommissioning:
         gui = server.gui
         with gui.add_folder('Commission a new arm', expand_by_default=False):
             self._joint = gui.add_dropdown('joint to commission', (ALL, *names))
-            self._resume = gui.add_checkbox('only what has not passed', False)
-            self._hand = gui.add_checkbox('an emulated hand does it', False, visible=False)
+            self._resume = gui.add_checkbox('only joints that have not passed', False)
+            self._hand = gui.add_checkbox(
+                'let an emulated hand turn the joints', False, visible=False
+            )
             self._begin = gui.add_button('Begin commissioning')
             self._words = gui.add_html('')
             self._yes = gui.add_button('Done, go on', color='green', visible=False)
-            self._no = gui.add_button('Leave this step out', visible=False)
+            self._no = gui.add_button('Skip this step', visible=False)
         self._begin.on_click(lambda _: self._toggle())
         self._yes.on_click(lambda _: self._answer(True))
         self._no.on_click(lambda _: self._answer(False))

@@ -73,7 +73,7 @@ class PageMotion:
             Whether somebody listens, and what to tell.
         """
         if not self._is_heard(topics.JOINT_TRAJECTORY.name):
-            return False, 'no controller follows joints: start computed_torque'
+            return False, 'no active joint controller: start computed_torque'
         share *= _OF_LIMITS
         duration = rest_to_rest_duration(
             np.asarray(goal) - start,
@@ -84,7 +84,7 @@ class PageMotion:
         point = JointTrajectoryPoint(positions=[float(angle) for angle in goal])
         point.time_from_start = Duration(seconds=duration).to_msg()
         self._trajectories.publish(JointTrajectory(joint_names=self._names, points=[point]))
-        return True, f'on the way, {duration:.1f} s'
+        return True, f'moving, {duration:.1f} s'
 
     def aim(self, place: Sequence[float]) -> tuple[bool, str]:
         """Send the tool to a place (3,) [m] in the base; returns as `go`.
@@ -92,7 +92,7 @@ class PageMotion:
         Under world_control the tool is held where that place is in the world.
         """
         if not self._is_heard(topics.TOOL_TRAJECTORY.name):
-            return False, 'no controller follows the tool: start kinematic_control or world_control'
+            return False, 'no active tool controller: start kinematic_control or world_control'
         message = PoseStamped()
         message.header.frame_id = self._base
         message.pose.orientation.w = 0.0  # any orientation
@@ -157,7 +157,7 @@ class PageRequests:
         if action.startswith(_FAULT):
             return self._mend(action.removeprefix(_FAULT))
         service = self._stops.get(action) or self._services.get(action)
-        return (False, f'there is no {action}') if service is None else service.call()
+        return (False, f'unknown action {action}') if service is None else service.call()
 
     def _mend(self, fault: str) -> tuple[bool, str]:
         """Set the parameter `fault` of the emulated bridge."""
@@ -166,7 +166,7 @@ class PageRequests:
                 client = self._client(bridge)
                 if client.wait_for_services(_TIMEOUT):
                     return self._set(client, fault)
-        return False, 'no emulated bridge takes a fault'
+        return False, 'no emulated bridge accepts a fault'
 
     def _client(self, bridge: str) -> AsyncParameterClient:
         if bridge not in self._parameters:
@@ -224,15 +224,15 @@ class ViewControls:
             self._controller = gui.add_dropdown('controller', CONTROLLERS)
             self._control_button = gui.add_button('Start controller')
             self._control_words = gui.add_html('')
-        with gui.add_folder('Move by hand', expand_by_default=False):
+        with gui.add_folder('Move by sliders', expand_by_default=False):
             self._share = gui.add_slider('speed limit', 0.05, 1.0, 0.05, 0.25)
             self._sliders = [
                 gui.add_slider(name, float(low), float(high), _STEP, float(np.clip(0.0, low, high)))
                 for name, (low, high) in zip(names, limits, strict=True)
             ]
             gui.add_button('Go there').on_click(lambda _: self._go())
-            gui.add_button('Take the present posture').on_click(lambda _: self._take_posture())
-            self._has_target = gui.add_checkbox('target for the tool, to drag', False)
+            gui.add_button('Copy current configuration').on_click(lambda _: self._take_posture())
+            self._has_target = gui.add_checkbox('drag a target for the tool', False)
         with gui.add_folder('Record a bag', expand_by_default=False):
             self._bag = gui.add_text('name', 'my_bag')
             self._record_button = gui.add_button('Start recording')
@@ -269,7 +269,7 @@ class ViewControls:
                 self._control_button,
                 self._control_words,
                 'Start controller',
-                'Stop controller: the arm is held',
+                'Stop controller: the bridge holds the arm',
             ),
             (
                 self._programs.recorder,
@@ -328,9 +328,9 @@ class ViewControls:
         goal = [slider.value for slider in self._sliders]
         low, high = self._limits.T
         if not (np.all(np.isfinite(goal)) and np.all(goal >= low) and np.all(goal <= high)):
-            self._panel.tell(False, 'not sent:', 'the posture is beyond the limits')
+            self._panel.tell(False, 'not sent:', 'the configuration is outside the limits')
         elif self._posture is None:
-            self._panel.tell(False, 'not sent:', 'no joint_states came yet')
+            self._panel.tell(False, 'not sent:', 'no joint_states received yet')
         else:
             done, text = self._motion.go(self._posture, goal, self._speed_share())
             self._panel.tell(done, 'Move' if done else 'not sent:', text)

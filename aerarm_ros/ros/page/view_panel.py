@@ -1,4 +1,4 @@
-"""What stands beside the arm in the browser: mode, emergency stop, what can be asked of it."""
+"""Side panel of the page: mode, emergency stop, requests to the bridge."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _BUTTONS = {
         'Disable: the arm sinks',
         ('aligning', 'ready', 'homing', 'commissioning', 'running', 'damping', 'fault'),
     ),
-    'put_back': ('Put back (emulated)', ('idle', 'unhomed')),
+    'put_back': ('Reset (emulated)', ('idle', 'unhomed')),
 }
 _STEP = re.compile(r"'arm ([a-z_]+(?: [a-z0-9_:.]+)?)'")
 
@@ -131,7 +131,7 @@ class ViewPanel:
         self._answer.content = indented(elements().outcome(done, word, text))
 
     def answer(self, action: str) -> None:
-        """Do what a button says, and show what came of it."""
+        """Run the action of a button, and show the result."""
         if not action:
             return
         is_stop = action == 'e_stop'
@@ -140,7 +140,7 @@ class ViewPanel:
         if is_stop:
             self.tell(done, 'STOPPED' if done else 'NOT STOPPED', text)
         else:
-            self.tell(done, action if done else f'{action} refused:', text)
+            self.tell(done, action if done else f'{action} rejected:', text)
 
 
 def indented(content: str) -> str:

@@ -128,19 +128,18 @@ class ViewFeed:
         """Say what comes, or what is waited for."""
         missing = self._states.missing
         if missing:
-            return (
-                f'joint_states lacks {", ".join(missing)}: another arm? (config, urdf, tf_prefix)'
-            )
+            return f'joint_states lacks {", ".join(missing)}: check config, urdf, tf_prefix'
         if self._states.unknown:
             names = ', '.join(self._states.unknown)
             return (
-                f'the angle of {names} is unknown until the arm is homed: the picture is not true'
+                f'the angle of {names} is unknown until the arm is homed: the drawn configuration '
+                'is wrong'
             )
         silent = now - self._heard[0]
         if not np.isfinite(silent):
             return 'no joint_states in this ROS domain: start a bridge, check ROS_DOMAIN_ID'
         if silent > _SILENT:
-            return f'the last joint_states came {silent:.0f} s ago'
+            return f'the last joint_states arrived {silent:.0f} s ago'
         return f'joint_states at {self._states.frequency(now):.0f} Hz'
 
     def destroy(self) -> None:

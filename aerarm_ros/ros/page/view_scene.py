@@ -15,7 +15,7 @@ from aerarm_ros.description.robot_shapes import load_shapes
 from aerarm_ros.motion.signals import Array
 
 ARM_BASE = '/arm/base_of_arm'
-"""Where in the scene the arm's base frame is: under a drone it is not that of the URDF's root."""
+"Pose of the arm's base frame in the scene: under a drone it differs from the URDF's root."
 
 _GRID_SIZE = 2.0  # [m]
 _CLOSE, _FAR = (1.0, 0.35), (1.5, 1.0)  # distance [1.2 m] and height [m] of the camera

@@ -160,7 +160,11 @@ class Parameter:
         return str(self.default).lower() if isinstance(self.default, bool) else str(self.default)
 
     def _constraints(self) -> str:
-        when = '' if self.live else 'read once: give it when the node starts, -p NAME:=VALUE'
+        when = (
+            ''
+            if self.live
+            else ('parameter is read-only: set it when the node starts, -p NAME:=VALUE')
+        )
         return '; '.join(filter(None, (self._bounds(), when)))
 
 
@@ -187,8 +191,7 @@ def grouped(group: str, *parameters: Parameter) -> tuple[Parameter, ...]:
 
 _SIM_TIME = 'use_sim_time'
 _IGNORED = (
-    f'{_SIM_TIME} is ignored: this node goes by the stamps of what it hears, '
-    'and else by the system clock'
+    f'{_SIM_TIME} is ignored: this node uses the stamps of received messages, or the system clock'
 )
 
 LiveCallback = Callable[[str, Any], None]

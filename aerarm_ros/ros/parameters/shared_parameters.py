@@ -28,17 +28,20 @@ if TYPE_CHECKING:  # who has no drone and plans no motion loads nothing of them
 ARM_FILES = grouped(
     'Which arm',
     Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
-    Parameter('urdf', '', 'URDF of the arm, for example an identified one; the packaged if empty'),
-    Parameter('tf_prefix', '', 'before the names of all links and joints on topics, as left_: for '
-              'several arms in one tf tree. Files and parameters name them without it'),
+    Parameter('urdf', '',
+        'URDF of the arm, for example an identified one; the packaged arm if empty'),
+    Parameter('tf_prefix', '', (
+        'prefix of all link and joint names on topics, for example left_, for several arms in one '
+        'tf tree; files and parameters use names without it'
+    )),
 )  # fmt: skip
 
 
 SURROUNDINGS = (
-    Parameter('excitation_config', '', 'YAML file of surroundings and usable shares of the limits; '
-              'the packaged one if empty'),
-    Parameter('package_directories', [''], 'folders in which package:// meshes of the URDF are '
-              'looked for, besides those above it'),
+    Parameter('excitation_config', '',
+        'YAML file of obstacles and usable shares of the limits; the packaged file if empty'),
+    Parameter('package_directories', [''],
+        'search path for package:// meshes of the URDF, in addition to its parent folders'),
 )  # fmt: skip
 
 
@@ -87,8 +90,10 @@ def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
 
 
 DRONE_FILE = Parameter(
-    'drone_file', '', 'YAML file of the drone that carries the arm, or a packaged one by its name '
-    'from any folder, as config/drone.yaml; none if empty', group='Which arm'
+    'drone_file', '', (
+        'YAML file of the drone that carries the arm, or the name of a packaged file, for example '
+        'config/drone.yaml; none if empty'
+    ), group='Which arm'
 )  # fmt: skip
 
 
@@ -117,16 +122,15 @@ REAL_TIME_PARAMETERS = grouped(
     Parameter(
         'realtime_priority',
         0,
-        'SCHED_FIFO priority of the loop; 0 leaves it to the ordinary scheduler',
+        'SCHED_FIFO priority of the loop; 0 for the ordinary scheduler',
         minimum=0,
         maximum=98,
     ),
-    Parameter('lock_memory', False, 'keep all memory of the process in RAM'),
+    Parameter('lock_memory', False, 'lock all memory of the process in RAM'),
     Parameter(
         'keep_cpus_awake',
         False,
-        'let no idle CPU of this computer sleep while the node runs: quicker wake-ups for power '
-        'and heat',
+        'keep idle CPUs awake while the node runs: faster wake-ups, more power and heat',
     ),
 )
 

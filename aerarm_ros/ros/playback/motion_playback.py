@@ -89,7 +89,7 @@ MOVABLE = 'ready'
 # What ends a mode in which the arm follows no command.
 _ADVICE = {
     'inactive': "activate the bridge: 'ros2 lifecycle set /NAME activate'",
-    'disconnected': 'the boards do not answer: see the log of the bridge',
+    'disconnected': 'the boards do not respond: check the log of the bridge',
     'aligning': 'the motors will be aligned in a few seconds',
     'homing': 'the joints will be at their index in a few seconds',
     'unhomed': f'run {to_switch_on("unhomed")} (the arm moves)',
@@ -101,8 +101,8 @@ _ADVICE = {
 _DISCOVERY_TIME = 0.5
 _DEPTH = 100  # messages that may wait for this process
 _LISTENERS = {
-    topics.JOINT_COMMAND.name: 'are the bridge, and the recorder if wanted, running?',
-    topics.JOINT_STATES.name: 'is the recorder running?',
+    topics.JOINT_COMMAND.name: 'check that the bridge, and the recorder if used, run',
+    topics.JOINT_STATES.name: 'check that the recorder runs',
 }
 _ENABLE = "run 'arm enable' (the arm moves)"
 
@@ -171,13 +171,13 @@ class StartConditions:
         """
         if self.mode == 'fault':
             raise ExcitationError(
-                "arm_mode is fault: see the log of the bridge, then 'arm clear_fault'"
+                "arm_mode is fault: check the log of the bridge, then run 'arm clear_fault'"
             )
         if not self.mode:
-            return ['there is no arm_mode: is a bridge running in this ROS domain?']
+            return ['no arm_mode received: check that a bridge runs in this ROS domain']
         missing = list(filter(None, [self._sources.problem()]))
         if time.monotonic() < self._discovered:
-            missing.append('other bridges are being looked for')
+            missing.append('the node searches for other bridges')
         if self.mode != MOVABLE:
             missing.append(f"arm_mode is '{self.mode}': {_ADVICE.get(self.mode, _ENABLE)}")
         matched = {
@@ -207,7 +207,7 @@ class StartConditions:
             recording = status['state'] == 'recording'
             self._recorded = set(status['matched']) if recording else set()
         except (ValueError, KeyError, TypeError, RecursionError) as error:
-            self._node.get_logger().warning(f'recorder_status is not understood: {error}')
+            self._node.get_logger().warning(f'recorder_status is invalid: {error}')
 
 
 # A joint slower than this counts as resting [rad/s]; the velocity filter's noise stays below.
@@ -375,8 +375,8 @@ class MotionPlayback:
         # pause did to the motion is judged by the tracking error.
         if self._conditions.mode not in COMMANDABLE:
             raise ExcitationError(
-                f"arm_mode became '{self._conditions.mode}' in the {stage}: see the console of the "
-                'bridge, or view'
+                f"arm_mode became '{self._conditions.mode}' in the {stage}: check the console of "
+                'the bridge, or view'
             )
 
     def _is_in_touch(self, stamp_ns: int, silence: float) -> bool:
@@ -404,7 +404,7 @@ class MotionPlayback:
         timeout = self._patience.limit(silence)
         if silent_for > timeout:
             why = self._rejection or (
-                'did the bridge end, or is the computer overloaded? '
+                'check that the bridge runs and that the computer is not overloaded; '
                 'state_timeout lengthens the wait'
             )
             raise ExcitationError(f'no joint state for {timeout:g} s in the {stage}: {why}')
@@ -417,9 +417,9 @@ class MotionPlayback:
 
 def _missing_rest(state: ArmState | None) -> list[str]:
     if state is None:
-        return ['no joint_states arrived: is the bridge running in this domain?']
+        return ['no joint_states received: check that the bridge runs in this domain']
     if np.abs(state.dq).max() >= RESTING:
-        return [f'the arm does not rest (below {RESTING} rad/s)']
+        return [f'the arm is not at rest (below {RESTING} rad/s)']
     return []
 
 

@@ -29,7 +29,7 @@ _SIMILAR, _NEARLY_SAME = 0.6, 0.8
 
 
 class CommandLine:
-    """What a node may be told when it is started.
+    """Command line arguments of a node.
 
     Parameters
     ----------
@@ -96,8 +96,8 @@ class CommandLine:
         """
         if arguments.plain:
             raise UsageError(
-                f"argument '{arguments.plain[0]}' is not understood: parameters are given with "
-                f'--ros-args -p NAME:=VALUE, {self.name} --help lists them'
+                f"unknown argument '{arguments.plain[0]}': set parameters with --ros-args -p "
+                f'NAME:=VALUE, {self.name} --help lists them'
             )
         node = arguments.full_name(self.name)
         warnings = [self._judge(given, node) for given in arguments.parameters]
@@ -117,8 +117,7 @@ class CommandLine:
         closest = _closest(given.name, list(self._parameters), similar)
         hint = f": did you mean '{closest}'?" if closest else ''
         text = (
-            f"{given.source}: there is no parameter '{given.name}'{hint} "
-            f'({self.name} --help lists all)'
+            f"{given.source}: unknown parameter '{given.name}'{hint} ({self.name} --help lists all)"
         )
         if not given.is_for_any_node:
             raise UsageError(text)
@@ -135,7 +134,7 @@ def _misnamed_sections(given: Sequence[GivenParameter], node: str) -> Iterator[s
         bases = {section.rpartition('/')[2]: section for section in sections}
         closest = _closest(node.rpartition('/')[2], list(bases), _NEARLY_SAME)
         if closest and closest != node.rpartition('/')[2]:
-            yield f'{file} has nothing for {node}, but a section {bases[closest]}: a slip?'
+            yield f'{file} has no section for {node}, but {bases[closest]}: check the spelling'
 
 
 def _closest(name: str, known: Sequence[str], cutoff: float) -> str:

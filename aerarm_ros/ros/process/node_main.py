@@ -139,7 +139,7 @@ def _run_node(
     except KeyboardInterrupt:
         if node is not None and node.status:  # it had something to do
             node.status = INTERRUPTED
-            print_error(name, 'interrupted before it was done')
+            print_error(name, 'interrupted before the task was complete')
     except ExternalShutdownException:
         pass
     except (RCLInvalidROSArgsError, UnknownROSArgsError) as error:

@@ -31,7 +31,7 @@ def run_offline(name: str, run: Callable[[], int]) -> int:
         return run()
     except KeyboardInterrupt:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        print(f'{name}: interrupted, nothing was written', file=sys.stderr)
+        print(f'{name}: interrupted, no files were written', file=sys.stderr)
         return INTERRUPTED
 
 

@@ -37,12 +37,12 @@ def print_error(name: str, error: object) -> None:
 
 
 def print_notice(name: str, notice: str) -> None:
-    """Print what is under way on standard error; who cannot be told does not end it."""
+    """Print progress on standard error; a closed stream does not end the program."""
     _print(f'{name}: {notice}', sys.stderr)
 
 
 def print_answer(answer: str) -> None:
-    """Print an answer on standard output; who cannot be told does not end what goes on."""
+    """Print a result on standard output; a closed stream does not end the program."""
     _print(answer, sys.stdout)
 
 

@@ -75,7 +75,7 @@ class UsageError(ValueError):
 
 @dataclass(frozen=True)
 class GivenParameter:
-    """A parameter that somebody gave a value.
+    """A parameter with a given value.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ def _check_value(rule: str, left: str, value: str) -> None:
     """Raise UsageError for what rcl cannot read, of which it would tell in lines of its own."""
     if not value:
         raise UsageError(
-            f'-p {rule} gives no value: write -p {left}:=VALUE, for an empty text -p {left}:="\'\'"'
+            f'-p {rule} has no value: write -p {left}:=VALUE, for an empty text -p {left}:="\'\'"'
         )
     try:
         is_read = not isinstance(plain_data(value, _Untagged), Mapping)
@@ -191,8 +191,8 @@ def _check_value(rule: str, left: str, value: str) -> None:
         is_read = False
     if not is_read:
         raise UsageError(
-            f"-p {rule} gives no value that can be read: 2.5, true, '[1.0, 2.0]' or a text can; "
-            f"a text with YAML's signs stands in quotes twice, -p {left}:=\"'TEXT'\""
+            f"-p {rule} has no readable value: use 2.5, true, '[1.0, 2.0]' or a text; a text with "
+            f'special characters of YAML needs two pairs of quotes, -p {left}:="\'TEXT\'"'
         )
 
 
@@ -202,9 +202,9 @@ def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
     except OSError as error:
         raise UsageError(f'parameter file {file}: {error.strerror}') from None
     except ConfigError as error:
-        raise UsageError(f'parameter file {file} is not YAML as it is read: {error}') from None
+        raise UsageError(f'parameter file {file} is not valid YAML: {error}') from None
     if not isinstance(content, Mapping):
-        raise UsageError(f'parameter file {file} holds no section NODE: {_SECTION}:')
+        raise UsageError(f'parameter file {file} has no section NODE: {_SECTION}:')
     for node, values in _sections(content, '', file):
         for name in _leaves(values):
             yield GivenParameter(node, name, file)

@@ -68,7 +68,7 @@ class CalibrateArm:
         """
         options = self._options
         if not spin_until(self._node, lambda: self._state is not None, options.timeout):
-            raise ArmClientError('there are no joint_states: does a bridge run?')
+            raise ArmClientError('no joint_states received: check that a bridge runs')
         sensors = self._find_sensors()
         try:
             postures = self._choose()
@@ -83,7 +83,9 @@ class CalibrateArm:
         recorded = [*_OWN, *(f'{name}={kind}' for name, kind in sensors)]
         with NodeProcess('recorder', parameters={'bag': bag, 'topics': recorded}) as recorder:
             if not spin_until(self._node, lambda: _has_begun(bag, recorder), _RECORDER):
-                raise ArmClientError(f'the recorder does not begin to write {bag}: see its console')
+                raise ArmClientError(
+                    f'the recorder does not start to write {bag}: check its console'
+                )
             self._visit(postures)
         print(f'recorded: {bag}; next: calibrator --bag {bag}', flush=True)
 
@@ -115,8 +117,9 @@ class CalibrateArm:
         )
         print_notice(
             'arm',
-            f'{len(choice.q)} postures for {choice.parameters} errors, '
-            f'{choice.information:+.2f} per error in log det of the information beside random ones',
+            f'{len(choice.q)} configurations for {choice.parameters} errors, '
+            f'{choice.information:+.2f} per error in log det of the information compared with '
+            'random ones',
         )
         return self._free_ways(choice.q, checker)
 
@@ -132,10 +135,10 @@ class CalibrateArm:
             left.remove(free)
             at = postures[free]
         if left:
-            print_notice('arm', f'{len(left)} postures are left out: no straight way is free')
+            print_notice('arm', f'{len(left)} configurations are skipped: no straight path is free')
         if len(order) < len(postures) // 2:
             raise CalibrationError(
-                'no straight way to most postures is free of collisions: move the arm into the '
+                'most configurations have no collision-free straight path: move the arm into the '
                 'open first, or pass a smaller --span'
             )
         return postures[order]
@@ -146,18 +149,18 @@ class CalibrateArm:
             self._request.go(posture.tolist(), _NEAR, options.timeout, _say_wait)
             if not spin_until(self._node, self._is_still, options.timeout):
                 raise ArmClientError(
-                    f'the arm does not come to rest in posture {number}: check the gains of the '
-                    'controller'
+                    f'the arm does not come to rest in configuration {number}: check the gains of '
+                    'the controller'
                 )
             self._wait(options.rest)
-            print(f'posture {number} of {len(postures)}', flush=True)
+            print(f'configuration {number} of {len(postures)}', flush=True)
 
     def _wait(self, seconds: float) -> None:
         """Wait a time of the joint states' clock [s]."""
         begin = self._stamp()
         longest = self._options.timeout + 10.0 * seconds  # on a busy computer
         if not spin_until(self._node, lambda: self._stamp() - begin >= seconds, longest):
-            raise ArmClientError('joint_states have stopped: see the console of the bridge')
+            raise ArmClientError('joint_states have stopped: check the console of the bridge')
 
     def _find_sensors(self) -> list[tuple[str, str]]:
         """Return topics and types of what measures the arm."""
@@ -178,8 +181,8 @@ class CalibrateArm:
         if not sensors or len(sensors) < len(wanted):
             raise ArmClientError(
                 'no topic of markers or poses '
-                f'({", ".join(sorted(wanted)) or ", ".join(SENSOR_TYPES)}): '
-                'start the motion capture or the camera, or name the topics with --sensors'
+                f'({", ".join(sorted(wanted)) or ", ".join(SENSOR_TYPES)}): start the motion '
+                'capture or the camera, or name the topics with --sensors'
             )
         print_notice('arm', f'sensors: {", ".join(name for name, _ in sensors)}')
         return sensors
@@ -209,7 +212,7 @@ def _is_free(checker: ClearanceChecker, start: Array, end: Array) -> bool:
 
 def _has_begun(bag: Path, recorder: NodeProcess) -> bool:
     if recorder.returncode is not None:
-        raise ArmClientError(f'the recorder has ended ({recorder.returncode}): see its console')
+        raise ArmClientError(f'the recorder has ended ({recorder.returncode}): check its console')
     return any(bag.glob('*.mcap'))
 
 

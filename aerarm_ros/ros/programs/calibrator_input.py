@@ -309,7 +309,7 @@ def _of_table(
             sources.append(PoseSource(name, one.rotation, one.position, in_hand, base_known=known))
     sources += [PlaneSource(name, touches) for name, touches in table.contacts.items()]
     if not sources:
-        raise CalibrationError(f'{path}: nothing measured is left: check --ignore')
+        raise CalibrationError(f'{path}: no measurements are left: check --ignore')
     unknown = [name for name in options.eye_in_hand if name not in table.measured]
     if unknown:
         raise CalibrationError(

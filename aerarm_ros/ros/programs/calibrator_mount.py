@@ -33,7 +33,7 @@ MOUNT_FILES = (DRONE, REPORT, MARKER)
 """All that a result may hold."""
 _NOTE = (
     "Pose of the arm's base frame and of the IMU in the frame of the drone's body. Standard "
-    'deviations are those of the fit. The turn is that from the file to the estimate.'
+    'deviations are those of the fit. The rotation leads from the file to the estimate.'
 )
 
 
@@ -108,13 +108,13 @@ class MountRun:
         drone = self._drone
         rows = [
             *_pose_rows('mount', mount.pose, drone.mount),
-            ('markers after the fit [mm RMS per axis]', f'{1e3 * mount.fit.length:.2f}'),
-            ('joint states late [ms]', f'{1e3 * mount.late:.1f}'),
+            ('marker residual [mm RMS per axis]', f'{1e3 * mount.fit.length:.2f}'),
+            ('delay of joint states [ms]', f'{1e3 * mount.late:.1f}'),
         ]
         if imu is not None:
             rows += [
                 *_pose_rows('imu', imu.pose, drone.imu),
-                ('IMU late [ms]', f'{1e3 * imu.late:.1f}'),
+                ('delay of IMU [ms]', f'{1e3 * imu.late:.1f}'),
                 ('accelerometer bias [m/s^2]', _numbers(imu.bias, 3)),
             ]
         return rows

@@ -12,61 +12,61 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--bag',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
-        'postures to calibrate from: .csv, .npz, rosbag2 directory, .mcap, .db3 or .bag',
+        'bags or tables to calibrate from: .csv, .npz, rosbag2 directory, .mcap, .db3 or .bag',
     ),
     (
         '--validation',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
-        'other postures of the same setup: only their error is computed',
+        'bags or tables of the same setup for validation only',
     ),
     (
         '--holdout',
         {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
-        'share of the postures of --bag to hold out, drawn at random (default: 0)',
+        'share of the configurations of --bag for validation, drawn at random (default: 0)',
     ),
-    ('--urdf', {'type': Path, 'metavar': 'FILE'}, "URDF of the arm (default: this package's)"),
+    ('--urdf', {'type': Path, 'metavar': 'FILE'}, 'URDF of the arm (default: packaged)'),
     (
         '--config',
         {'type': Path, 'metavar': 'FILE'},
-        'configuration that gets the offsets, as config/aerarm.yaml (default: the packaged one, '
-        'without --urdf)',
+        'configuration that receives the offsets, for example config/aerarm.yaml (default: '
+        'packaged, without --urdf)',
     ),
     (
         '--link',
         {'default': '', 'metavar': 'NAME'},
-        'link that carries the markers (default: the one behind the last recorded joint)',
+        'link that carries the markers (default: the link after the last recorded joint)',
     ),
     (
         '--level',
         {'choices': ('auto', 'frames', 'offsets', 'geometry'), 'default': 'auto'},
-        'errors to estimate: none, joint offsets, link geometry as well, or what cross-validation '
-        'prefers (default)',
+        'errors to estimate: none, joint offsets, link geometry as well, or the choice of '
+        'cross-validation (default)',
     ),
     (
         '--no-compliance',
         {'action': 'store_true'},
-        'do not try deflection of the joints under gravity',
+        'do not estimate deflection of the joints under gravity',
     ),
-    ('--eccentricity', {'action': 'store_true'}, 'try the first harmonic of the gears'),
+    ('--eccentricity', {'action': 'store_true'}, 'estimate the first harmonic of the gears'),
     (
         '--base-known',
         {'action': 'store_true'},
-        "markers are measured in the frame of the URDF's base link (default: unknown frame)",
+        "markers are in the frame of the URDF's base link (default: unknown frame)",
     ),
     (
         '--eye-in-hand',
         {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'poses that a camera on the arm saw of something fixed',
+        'poses of a fixed object in a camera on the arm',
     ),
     (
         '--length-unit',
         {'choices': ('m', 'cm', 'mm'), 'default': ''},
-        'of columns that state none (default: m)',
+        'length unit of columns without a unit (default: m)',
     ),
     (
         '--degrees',
         {'action': 'store_true'},
-        'joint positions are in degrees, where no unit is stated',
+        'joint positions without a unit are in degrees',
     ),
     (
         '--ignore',
@@ -76,17 +76,17 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--rename',
         {'nargs': '+', 'default': [], 'metavar': 'COLUMN=JOINT'},
-        'names of joints in the input and in the URDF',
+        'joint names in the input and in the URDF',
     ),
     (
         '--lock',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints of the chain that stood at zero',
+        'joints of the chain that stayed at zero',
     ),
     (
         '--gravity',
         {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
-        'in the base frame [m/s^2] (default: of the configuration, else 0 0 -9.81)',
+        'gravity in the base frame [m/s^2] (default: as in the configuration, else 0 0 -9.81)',
     ),
     (
         '--topic',
@@ -97,7 +97,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         '--sensors',
         {'nargs': '+', 'default': [], 'metavar': 'TOPIC'},
         'PointStamped, PoseStamped, TransformStamped and TFMessage topics of bags (default: all '
-        'that are no output of this suite)',
+        'except the outputs of this suite)',
     ),
     (
         '--frames',
@@ -107,13 +107,13 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--mount',
         {'action': 'store_true'},
-        "estimate the pose of the arm's base and of the IMU on the drone, from a bag in which both "
-        'move, and write the drone file',
+        "estimate the poses of the arm's base and of the IMU on the drone, and write the drone "
+        'file; needs a bag in which both move',
     ),
     (
         '--drone',
         {'type': Path, 'metavar': 'FILE'},
-        'drone file that --mount starts from (default: the packaged drone.yaml)',
+        'initial drone file for --mount (default: the packaged drone.yaml)',
     ),
     (
         '--drone-pose',

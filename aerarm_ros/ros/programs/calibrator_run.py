@@ -127,7 +127,9 @@ def _divided(observations: Observations, share: float) -> tuple[Observations, Ob
     count = len(observations)
     out = round(share * count)
     if out < 1 or count - out < 1:
-        raise CalibrationError(f'--holdout {share:g}: leaves no postures of {count}')
+        raise CalibrationError(
+            f'--holdout {share:g} leaves no configurations of {count}: pass a smaller share'
+        )
     order = np.random.default_rng(_SEED).permutation(count)
     return observations.rows(np.sort(order[out:])), observations.rows(np.sort(order[:out]))
 

@@ -16,7 +16,7 @@ from aerarm_ros.ros.requests.arm_client import ArmClientError
 from aerarm_ros.ros.requests.commissioning_client import CommissioningClient, EmulatedPerson
 
 _SPIN = 0.02  # [s]
-_ANSWERS = '[y: done, n: leave this step out, Ctrl-C: stop, motors off]'
+_ANSWERS = '[y: done, n: skip this step, Ctrl-C: stop, motors off]'
 
 
 class CommissioningRun:
@@ -70,12 +70,13 @@ class CommissioningRun:
 
         if not spin_until(self._node, has_reported, self._options.timeout):
             raise ArmClientError(
-                f'no bridge answers commissioning_request: is one active in {this_domain()}?'
+                'no bridge responds to commissioning_request: check that one is active in '
+                f'{this_domain()}'
             )
         if self._person is not None and not (client.report and client.report.emulated):
             raise ArmClientError(
-                '--yes is for emulated boards: on a real arm a person has to turn the joints, and '
-                'to see that the arm is clear'
+                '--yes is for emulated boards only: on a real arm a person has to turn the '
+                'joints, and to check that the arm is clear'
             )
 
     def _lead(self) -> None:
@@ -85,7 +86,7 @@ class CommissioningRun:
             client.poll()
             self._print_news()
             if client.problem:
-                raise ArmClientError(f'{client.problem}: see its console')
+                raise ArmClientError(f'{client.problem}: check its console')
             self._ask()
             if self._person is not None:
                 self._person.poll()
@@ -115,7 +116,7 @@ class CommissioningRun:
         if '\n' not in self._typed and select.select([sys.stdin], [], [], 0.0)[0]:
             read = os.read(sys.stdin.fileno(), 256).decode(errors='replace')
             if not read:
-                raise ArmClientError('the terminal is closed: nothing more was driven')
+                raise ArmClientError('the terminal is closed: the procedure stopped, motors off')
             self._typed += read
         line, newline, rest = self._typed.partition('\n')
         if not newline:

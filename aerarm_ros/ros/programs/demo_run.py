@@ -27,12 +27,13 @@ from aerarm_ros.ros.process.node_process import (
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
 _CYCLES = re.compile(
-    r'\d+ cycles, the world ran at [\d.]+ % of real time(?P<slow>.*too slow.*)?$', re.MULTILINE
+    '\\d+ cycles, the simulation ran at [\\d.]+ % of real time(?P<slow>.*too slow.*)?$',
+    re.MULTILINE,
 )
 _MESSAGES = re.compile(r'\d+ messages, (?P<lost>\d+|unknown) lost$', re.MULTILINE)
 _ADVICE = (
-    'close what else computes, and give the nodes real-time priority '
-    '(docs/how-to/raspberry_pi.md, "Real time")'
+    'close other programs, and give the nodes real-time priority (docs/how-to/raspberry_pi.md, '
+    '"Real time")'
 )
 
 
@@ -82,8 +83,8 @@ class DemoAccount:
             yield f'Recorder  {name}: {text}'
         if self.too_slow:
             yield (
-                'NOTE      the world waited for this host, so the result is as on a faster one; a '
-                f'real arm would not have waited: {_ADVICE}'
+                'NOTE      the simulation waited for this computer, so the results do not change; '
+                f'a real arm does not wait: {_ADVICE}'
             )
         if any(self.lost.values()):
             lost = sum(filter(None, self.lost.values()))
@@ -97,7 +98,7 @@ def _count(text: str) -> int | None:
 def _last(pattern: re.Pattern[str], log: Path) -> re.Match[str]:
     found = list(pattern.finditer(log.read_text(errors='replace')))
     if not found:
-        raise ValueError(f'{log} ends without an account of {pattern.pattern!r}')
+        raise ValueError(f'{log} has no line {pattern.pattern!r}: the process ended early')
     return found[-1]
 
 
@@ -197,7 +198,7 @@ class DemoRun:
         # The promise of the demo, checked and not only printed.
         solvers = json.loads((out / 'result' / 'summary.json').read_text())['solvers']
         if not solvers['sdp']['physically_consistent']:
-            raise DemoError('the identified model is not physically consistent: see the report')
+            raise DemoError('the identified model is not physically consistent: check the report')
         cad, identified = (solvers[name]['validation'][0]['filtered'] for name in ('cad', 'sdp'))
         if identified > 0.5 * cad:
             raise DemoError(f'the identified model ({identified:.1f} %) does not beat CAD clearly')
@@ -248,7 +249,7 @@ def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
                 raise DemoError(
                     f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}'
                 ) from None
-    raise DemoError(f'fake_hardware is not ready after {_START_TIME} s: see {hardware.log}')
+    raise DemoError(f'fake_hardware is not ready after {_START_TIME} s: check {hardware.log}')
 
 
 def _wait_for_recorder(recorder: NodeProcess) -> None:
@@ -257,7 +258,7 @@ def _wait_for_recorder(recorder: NodeProcess) -> None:
         if recorder.returncode is not None:
             raise DemoError(f'recorder ended early:\n{recorder.tail()}')
         if time.monotonic() > deadline:
-            raise DemoError(f'recorder is not ready after {_PATIENCE:g} s: see {recorder.log}')
+            raise DemoError(f'recorder is not ready after {_PATIENCE:g} s: check {recorder.log}')
         time.sleep(0.05)
 
 

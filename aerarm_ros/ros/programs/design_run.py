@@ -53,9 +53,9 @@ def whole_periods(duration: float, fundamental: float) -> int:
     if whole < 1 or abs(periods - whole) > 1e-6:
         near = [n / fundamental for n in (math.floor(periods), math.ceil(periods)) if n > 0]
         raise ExcitationError(
-            f'the duration ({duration:g} s) is no multiple of the period '
-            f'({1.0 / fundamental:g} s), and a part of a period spoils the filtering: '
-            f'take {" or ".join(f"{value:g} s" for value in near)}'
+            f'the duration ({duration:g} s) is not a multiple of the period '
+            f'({1.0 / fundamental:g} s), and incomplete periods spoil the filtering: pass '
+            f'{" or ".join(f"{value:g} s" for value in near)}'
         )
     return whole
 
@@ -96,8 +96,8 @@ def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
     if options.config or not other:
         if given:
             raise ExcitationError(
-                f'--{", --".join(given).replace("_", "-")}: for an arm without a drive train; '
-                'otherwise the limits are those of --config'
+                f'--{", --".join(given).replace("_", "-")}: only for an arm without a drive '
+                'train; otherwise the limits of --config apply'
             )
         arm = load_arm_config(options.config)
         robot = load_robot(
@@ -160,7 +160,7 @@ class DesignRun:
             validation = self._validation() if self._options.validation else {}
         except DesignStoppedError:
             raise DesignStoppedError(
-                f'{self._why()} before there was a feasible trajectory: nothing was written'
+                f'{self._why()} before the first feasible trajectory: no files were written'
             ) from None
         self._print(f'{NAME}: random    {_figures(random)}; deviations are compared with it')
         # Only now anything is written: whatever could be refused has been accepted.
@@ -177,7 +177,7 @@ class DesignRun:
         ):
             self._finished += 1
             if isinstance(outcome, InfeasibleError):
-                self._print(f'{NAME}: a start was given up: {outcome}')
+                self._print(f'{NAME}: a start was skipped: {outcome}')
                 continue
             if self._specification.betters(outcome.quality, best.quality):
                 best = outcome
@@ -186,7 +186,7 @@ class DesignRun:
             self._out_of_time |= outcome.stopped and not self._interrupted()
         if self._finished < options.starts or self._is_over():
             self._out_of_time |= self._finished < options.starts and not self._interrupted()
-            self._print(f'{NAME}: {self._why()}; the best so far is kept')
+            self._print(f'{NAME}: {self._why()}; the best trajectory so far is kept')
         return best
 
     def _conclude(self, best: DesignResult, random: DesignResult) -> None:
@@ -206,14 +206,16 @@ class DesignRun:
         warnings = []
         if best is random:
             more = ': give more time with --time-limit' if self._out_of_time else ''
-            warnings.append(f'no start led to anything better than a random trajectory{more}')
+            warnings.append(f'no start improved on a random trajectory{more}')
         condition, limit = best.quality.condition_number, self._specification.condition_limit
         if self._specification.objective == BOTH and condition > limit:
             why = (
-                'the time was over: give more with --time-limit'
+                'the time limit was reached: pass a larger --time-limit'
                 if self._out_of_time
-                else f'what binds most is {best.report.binding}. More starts, time or harmonics, '
-                'or a wider limit, may help'
+                else (
+                    f'the binding limit is {best.report.binding}. More starts, time or harmonics, '
+                    'or a wider limit, may help'
+                )
             )
             warnings.append(
                 f'condition number {condition:.1f} (5.2) misses its limit of {limit:g}; {why}'
@@ -272,8 +274,8 @@ class DesignRun:
         if existing and not self._options.overwrite:
             raise ExcitationError(
                 f'{existing[0]} exists: name another with '
-                f'{"--preview" if existing[0] == self._options.preview else "--out"}, '
-                'or give --overwrite'
+                f'{"--preview" if existing[0] == self._options.preview else "--out"}, or pass '
+                '--overwrite'
             )
         for path in paths:
             if path.is_dir():
@@ -306,7 +308,7 @@ class DesignRun:
         if result.stopped and not self._interrupted():
             remark += (
                 f': start {result.start} stopped after its {result.seconds:.0f} s share of '
-                '--time-limit: give more time'
+                '--time-limit: pass a larger limit'
             )
         return f' ({remark})' if remark else ''
 
@@ -327,7 +329,7 @@ class DesignRun:
         return self._interrupted() or self._seconds() > self._options.time_limit
 
     def _why(self) -> str:
-        over = f'{self._options.time_limit:g} s are over'
+        over = f'the time limit of {self._options.time_limit:g} s is reached'
         return 'stopped' if self._interrupted() else over
 
     def _seconds(self) -> float:

@@ -48,8 +48,8 @@ class FleetRun:
         given |= {'--payload': options.payload, '--truth': options.truth}
         if wrong := [name for name, value in given.items() if value]:
             raise IdentificationError(
-                f'{", ".join(wrong)}: --each identifies from each bag by itself: leave it out, and '
-                'validate by --holdout'
+                f'{", ".join(wrong)}: --each identifies each bag separately: remove the option, '
+                'and validate by --holdout'
             )
         self._bags = find_bags(options.each)
         folders = {bag.resolve().parent for bag in self._bags}
@@ -169,7 +169,7 @@ class FleetRun:
         if len(failed) == len(self._rows):
             first = failed[0]
             raise IdentificationError(
-                f'none of {len(failed)} bags could be identified from; the first, {first["bag"]}: '
+                f'none of {len(failed)} bags could be identified; the first, {first["bag"]}: '
                 f'{first["reason"]}'
             )
         lines = [f'{len(self._rows) - len(failed)} of {len(self._rows)} bags identified']
@@ -197,9 +197,9 @@ def find_bags(given: Sequence[Path]) -> list[Path]:
         bags = list(_bags_of(path))
         if not bags:
             raise IdentificationError(
-                f'--each {path}: no bag there: give rosbag2 folders, {", ".join(_BAG_FILES)} '
-                f'files, folders of them, a pattern in quotes, or a {_LIST} file with one path '
-                'per line'
+                f'--each {path}: no bag found. Pass rosbag2 folders, {", ".join(_BAG_FILES)} '
+                f'files, folders of them, a quoted pattern, or a {_LIST} file with one path per '
+                'line'
             )
         found += bags
     return sorted(dict.fromkeys(found))

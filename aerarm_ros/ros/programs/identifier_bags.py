@@ -181,14 +181,13 @@ def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
 def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) -> list[str]:
     """Return what to know of bags that were given more than once."""
     told = [
-        f'{path} is given {identification.count(path)} times to identify from: it counts as often, '
-        'and seems more certain than it is'
+        f'{path} is given {identification.count(path)} times for identification: it counts as '
+        'often, and its uncertainty looks too small'
         for path in dict.fromkeys(identification)
         if identification.count(path) > 1
     ]
     return told + [
-        f'{path} is among those to identify from and those of validation: its errors say nothing '
-        'of other motions'
+        f'{path} is used for identification and for validation: its errors are no validation'
         for path in dict.fromkeys(identification)
         if path in validation
     ]
@@ -206,21 +205,21 @@ def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
     if contents.left_out:
         told.append(
             f'{name}: only the first {kept} of {count} messages of {topic} are used: cut the bag '
-            'to the motion that matters'
+            'to the relevant motion'
         )
     if expected is None:
         told.append(
-            f'{name}: no metadata.yaml that could be read, so nothing tells whether all of the '
-            'recording is there: was its recorder killed, or only part of the bag copied?'
+            f'{name}: metadata.yaml is missing or unreadable, so the recording may be incomplete: '
+            'check that the recorder ended normally, and copy the whole bag'
         )
     elif count < expected:
         told.append(
-            f'{name} is truncated: it holds {count} of the {expected} messages of {topic} that its '
-            'metadata.yaml lists, and these are used; copy the bag again for the others'
+            f'{name} is truncated: it holds {count} of the {expected} messages of {topic} in its '
+            'metadata.yaml. Copy the bag again for the others'
         )
     elif count > expected:
         told.append(
-            f'{name}: {count} messages of {topic} where its metadata.yaml lists {expected}: its '
+            f'{name}: {count} messages of {topic}, but its metadata.yaml lists {expected}: the '
             'recorder was killed, the end of the motion may be missing'
         )
     return told

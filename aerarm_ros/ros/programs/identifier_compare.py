@@ -36,7 +36,7 @@ class CompareRun:
 
     def __init__(self, options: argparse.Namespace) -> None:
         if options.bag or options.model or options.payload:
-            raise IdentificationError('--compare compares two results: give no bags with it')
+            raise IdentificationError('--compare compares two results: pass it without bags')
         self._paths: list[Path] = [_estimate(path) for path in options.compare]
         self._out: Path | None = options.out
 
@@ -51,8 +51,8 @@ class CompareRun:
         benches = [path.name == _BENCH for path in self._paths]
         if any(benches) and not all(benches):
             raise IdentificationError(
-                '--compare has a result of the motor bench and one of the identifier: give two of '
-                'one kind'
+                '--compare has a result of the motor bench and one of the identifier: pass two of '
+                'the same kind'
             )
         compare = compare_benches if all(benches) else compare_estimates
         comparison = compare(*self._paths)

@@ -20,58 +20,58 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--bag',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
-        'bags to identify from; also .mcap, .db3, .csv and .npz files, and .bag of ROS 1',
+        'bags for identification; also .mcap, .db3, .csv and .npz files, and .bag of ROS 1',
     ),
     (
         '--validation',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
-        'bags to predict',
+        'bags for validation',
     ),
     (
         '--payload',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
-        'bags of the same arm carrying something: its mass, centre of mass and inertia',
+        'bags of the same arm with a payload: estimate its mass, centre of mass and inertia',
     ),
     (
         '--model',
         {'type': _optional_path, 'metavar': 'FILE'},
-        'estimate.yaml of the arm: only what --payload shows is identified, without --bag',
+        'estimate.yaml of the arm: estimate only the payload of --payload, without --bag',
     ),
     (
         '--each',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'BAG'},
-        'identify each bag by itself, into one table: bags, folders of them, a pattern in quotes, '
-        'a .txt file with one path a line; the same --out goes on where it was ended',
+        'identify each bag separately, into one table: bags, folders, a quoted pattern, or a .txt '
+        'file with one path per line; the same --out continues an interrupted run',
     ),
     (
         '--workers',
         {'type': int, 'default': 0, 'metavar': 'N'},
-        'processes for --each (default: one for each CPU)',
+        'number of processes for --each (default: one per CPU)',
     ),
     (
         '--worker-memory',
         {'type': float, 'default': 4.0, 'metavar': 'GIB'},
-        'memory of each process for --each; 0 for no limit (default: %(default)g)',
+        'memory limit per process for --each [GB]; 0 for none (default: %(default)g)',
     ),
     (
         '--ray',
         {'default': '', 'metavar': 'ADDRESS'},
-        "run --each on the Ray cluster of this address; 'local' starts one on this computer",
+        "run --each on the Ray cluster at this address; 'local' starts one on this computer",
     ),
     (
         '--holdout',
         {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
-        'validate on this last share of each --bag',
+        'last share of each --bag to use for validation',
     ),
     (
         '--urdf',
         {'type': _optional_path, 'metavar': 'FILE'},
-        "URDF of the arm (default: this package's)",
+        'URDF of the arm (default: packaged)',
     ),
     (
         '--config',
         {'type': _optional_path, 'metavar': 'FILE'},
-        'motors and gears, as config/aerarm.yaml',
+        'motors and gears, for example config/aerarm.yaml',
     ),
     (
         '--topic',
@@ -81,27 +81,27 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--rate',
         {'type': float, 'metavar': 'HZ'},
-        'of the rows of a .csv or .npz without a column of time',
+        'sampling rate of a .csv or .npz without a time column',
     ),
     (
         '--degrees',
         {'action': 'store_true'},
-        'positions and velocities of .csv and .npz are in degrees, where no unit is stated',
+        'positions and velocities without a unit in .csv and .npz are in degrees',
     ),
     (
         '--numbered-from',
         {'type': int, 'choices': (0, 1)},
-        'number of the first joint in the columns of a .csv (default: recognized from the columns)',
+        'number of the first joint in the columns of a .csv (default: detected)',
     ),
     (
         '--bag-ratio',
         {'type': float, 'default': 100.0, 'metavar': 'N'},
-        'a bag may become N times as large in memory as it is on disk (default: %(default)g)',
+        'largest ratio of memory to file size of a bag (default: %(default)g)',
     ),
     (
         '--bag-part',
         {'type': float, 'default': 64.0, 'metavar': 'MB'},
-        'a chunk or message of a bag may have so many MB (default: %(default)g)',
+        'largest chunk or message of a bag [MB] (default: %(default)g)',
     ),
     (
         '--out',
@@ -111,20 +111,25 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--verify',
         {'type': Path, 'metavar': 'FILE'},
-        'limits that the result must keep, as filtered: 2.0; the exit status is 1 if it does not',
+        'error limits of the result, filtered, for example 2.0; above them the exit status is 1',
     ),
     (
         '--compare',
         {'nargs': 2, 'type': Path, 'metavar': ('OLD', 'NEW')},
-        'two results: which friction and inertia differ by more than their uncertainty; no bags',
+        'two results to compare: friction and inertia that differ by more than their uncertainty; '
+        'no bags',
     ),
     ('--truth', {'type': Path, 'metavar': 'FILE'}, 'true parameters of a simulated arm'),
     (
         '--tf-prefix',
         {'default': '', 'metavar': 'TEXT'},
-        "what the bag's joints have before their names in the URDF, as left_",
+        "prefix of the bag's joint names relative to the URDF, for example left_",
     ),
-    ('--rename', {'nargs': '+', 'default': [], 'metavar': 'BAG=URDF'}, "names of the bag's joints"),
+    (
+        '--rename',
+        {'nargs': '+', 'default': [], 'metavar': 'BAG=URDF'},
+        'joint names in the bag and in the URDF',
+    ),
     (
         '--lock',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
@@ -138,65 +143,70 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--effort-gain',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT=GAIN'},
-        'recorded effort to Nm, e.g. Nm/A',
+        'scale from recorded effort to Nm, for example a torque constant in Nm/A',
     ),
     (
         '--gravity',
         {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
-        'in the base frame [m/s^2]',
+        'gravity in the base frame [m/s^2]',
     ),
     (
         '--exact-gravity',
         {'action': 'store_true'},
-        'the base stands as it is said to: look for no tilt of it',
+        'assume the stated gravity: do not estimate a tilt of the base',
     ),
     (
         '--exact-stamps',
         {'action': 'store_true'},
-        'positions, velocities and efforts of a message are of one instant: look for no delays',
+        'positions, velocities and efforts of a message have the same time: do not estimate delays',
     ),
-    ('--fundamental', {'type': float, 'metavar': 'HZ'}, 'f0 of a periodic motion (default: found)'),
+    (
+        '--fundamental',
+        {'type': float, 'metavar': 'HZ'},
+        'fundamental frequency f0 of a periodic motion (default: detected)',
+    ),
     (
         '--harmonics',
         {'type': int, 'metavar': 'N'},
-        'harmonics of a periodic motion (default: found)',
+        'harmonics of a periodic motion (default: detected)',
     ),
     (
         '--cutoff',
         {'type': float, 'metavar': 'HZ'},
-        'low-pass on torque (default: what the data choose)',
+        'cutoff frequency of the torque low-pass (default: chosen by cross-validation)',
     ),
     (
         '--filter',
         {'choices': ('auto', 'harmonics', 'butterworth'), 'default': 'auto'},
-        'of the kinematics: rectangular windows at the harmonics of a periodic motion, zero-phase '
-        'low-pass, or what the data choose (default)',
+        'filter of the kinematics: rectangular windows at the harmonics of a periodic motion, '
+        'zero-phase low-pass, or chosen by cross-validation (default)',
     ),
     (
         '--friction',
         {'default': 'auto', 'metavar': 'MODEL'},
-        'auto (default), or one or several, joined by +, of coulomb, load, offset, creep, stribeck '
-        'and asymmetric',
+        'friction model: auto (default), or one or several of coulomb, load, offset, creep, '
+        'stribeck and asymmetric, joined by +',
     ),
     (
         '--coupled',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT=DRIVER'},
-        "joints that feel another one's velocity and acceleration, besides those of --config",
+        'joints coupled to velocity and acceleration of another joint, in addition to those of '
+        '--config',
     ),
     (
         '--rollouts',
         {'action': 'store_true'},
-        'simulate every model over half seconds of what it is validated on',
+        'simulate every model over half-second windows of the validation data',
     ),
     (
         '--total-mass',
         {'nargs': 2, 'type': float, 'metavar': ('MIN', 'MAX')},
-        'of all moving links, from weighing [kg]',
+        'total mass of all moving links, from weighing [kg]',
     ),
     (
         '--bound-centres',
         {'action': 'store_true'},
-        "keep each centre of mass in the box of the link's inertia in the URDF",
+        'keep each centre of mass within the inertia box of the link in the URDF',
     ),
     (
         '--solvers',
@@ -209,8 +219,8 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
             'default': [],
             'metavar': 'NAME',
         },
-        'besides cad, cad_friction, ols and sdp: wls (default), huber, entropic, output_error, '
-        'slsqp, annealing (the last two take seconds)',
+        'solvers in addition to cad, cad_friction, ols and sdp: wls (default), huber, entropic, '
+        'output_error, slsqp, annealing (the last two take seconds)',
     ),
 )
 

@@ -135,11 +135,15 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
             f'{bag.filtered:.2f} / {bag.filtered_measured:.2f} ({bag.raw:.2f})'.rjust(width)
             for bag in (*solution.identification, *solution.validation)
         ]
-        consistent = '' if solution.estimate.physically_consistent else '  not a physical arm'
+        consistent = (
+            '' if solution.estimate.physically_consistent else ('  not physically consistent')
+        )
         lines.append(name.ljust(_NAME_WIDTH) + ''.join(cells) + consistent)
     if result.gravity is not None and result.gravity.tilt > 0.0:
         degrees = math.degrees(result.gravity.tilt)
-        lines.append(f'gravity: {degrees:.2f} degrees off the stated direction, taken as found')
+        lines.append(
+            f'gravity: {degrees:.2f} degrees off the stated direction; the estimate is used'
+        )
     lines += [f'{bag}: {known.text}' for bag, known in facts.items()]
     return '\n'.join(lines)
 
@@ -183,7 +187,7 @@ class RecordedArm:
         }
         for option in () if tables else [name for name, is_given in given.items() if is_given]:
             raise IdentificationError(
-                f'{option} is for tables (.csv, .npz), and there is none: bags have stamps and '
+                f'{option} is for tables (.csv, .npz), but none is given: bags have stamps and '
                 'joint names, and are in rad'
             )
         self.config = _load_config(options)
@@ -466,10 +470,10 @@ class PayloadRun(IdentifierRun):
         options = self._options
         if options.bag or options.validation or not options.payload:
             raise IdentificationError(
-                '--model fixes the arm: give the bags with the payload as --payload, and no --bag'
+                '--model fixes the arm: pass the bags with the payload as --payload, and no --bag'
             )
         if options.verify:
-            raise IdentificationError('--verify judges an identified arm: give it without --model')
+            raise IdentificationError('--verify judges an identified arm: pass it without --model')
         default = Path('output') / time.strftime('payload_%Y%m%d_%H%M%S', options.started)
         with ResultDirectory(options.out or default, files=_FILES) as directory:
             robot = self._arm.robot

@@ -44,8 +44,8 @@ class InitRun:
         for file in (self._arm_file, self._excitation_file):
             if file.exists() and not options.overwrite:
                 raise ValueError(
-                    f'{file} exists: give another --name or --out, or --overwrite, which loses '
-                    'what was changed in it'
+                    f'{file} exists: pass another --name or --out, or --overwrite, which discards '
+                    'your changes in it'
                 )
 
     def run(self) -> None:
@@ -61,10 +61,10 @@ class InitRun:
         print(f'{self._urdf}: {len(joints)} joints, {self._mass:.2f} kg move: {", ".join(joints)}')
         print(
             f'{self._arm_file}: {len(draft.config.boards)} boards; {text.count(MARK)} values that '
-            f'no URDF{"" if self._is_guessed else " and no estimate"} says are marked as guesses, '
-            'with how to find each'
+            f'are not in a URDF{"" if self._is_guessed else " or an estimate"} are marked as '
+            'guesses, with the way to measure each'
         )
-        print(f'{self._excitation_file}: where an excitation may go')
+        print(f'{self._excitation_file}: limits and obstacles of the excitation')
         if draft.problem:
             config = draft.excitation
             written = (
@@ -75,11 +75,13 @@ class InitRun:
             if not config.check_clearance:
                 written = 'check_clearance: false, so motions are NOT checked for collisions'
             print(f'arm init: warning: {draft.problem}. Written were {written}')
-        print(f"""On emulated boards it runs now, each line in a terminal of its own:
-  fake_hardware --ros-args {self._parameters()}
-  arm home --wait-before unhomed --wait ready
-  excitation --ros-args {self._parameters()} -p excitation_config:={self._excitation_file}\
-{self._package_parameter()}""")
+        print(
+            'Try it on emulated boards, each line in a separate terminal:\n'
+            f'  fake_hardware --ros-args {self._parameters()}\n'
+            '  arm home --wait-before unhomed --wait ready\n'
+            f'  excitation --ros-args {self._parameters()} -p '
+            f'excitation_config:={self._excitation_file}{self._package_parameter()}'
+        )
 
     def _parameters(self) -> str:
         return f'-p config:={self._arm_file} -p urdf:={self._urdf}'

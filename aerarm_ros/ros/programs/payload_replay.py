@@ -29,9 +29,9 @@ from aerarm_ros.ros.programs.identifier_run import RecordedArm
 
 def show_trend(name: str, arguments: Sequence[str]) -> int:
     """Print what a command line asks for; return 0, or 2 if there is something to check."""
-    parser = OneLineParser(prog=name, description='Shows how friction has changed.')
+    parser = OneLineParser(prog=name, description='Print how friction has changed.')
     parser.add_argument(
-        '--trend', type=Path, required=True, metavar='FILE', help='a friction_file of the node'
+        '--trend', type=Path, required=True, metavar='FILE', help='friction_file of the node'
     )
     options = parser.parse_args(arguments)
     try:
@@ -73,14 +73,14 @@ def replay(name: str, arguments: Sequence[str]) -> int:
         given = RosArguments(arguments)
         if given.parameters:
             raise UsageError(
-                f'{given.parameters[0].name} is a parameter of the node: with --bag give options, '
+                f'{given.parameters[0].name} is a parameter of the node: with --bag pass options, '
                 f'{name} --bag DIR --help lists them'
             )
         options = replay_parser(name).parse_args(given.plain)
         with StopSignals(lambda: stops.append(True)):
             print(PayloadReplay(options, lambda: bool(stops)).execute())
     except KeyboardInterrupt:
-        print_error(name, 'interrupted, nothing was written')
+        print_error(name, 'interrupted, no files were written')
         return INTERRUPTED
     except (ValueError, OSError) as error:
         print_error(name, error)
@@ -91,15 +91,20 @@ def replay(name: str, arguments: Sequence[str]) -> int:
 def replay_parser(name: str) -> OneLineParser:
     """Return what reads the command line of a replay."""
     parser = OneLineParser(
-        prog=f'{name} --bag', description='Goes through bags instead of listening.'
+        prog=f'{name} --bag', description='Estimate the payload from bags instead of topics.'
     )
     parser.add_argument(
         '--bag', nargs='+', type=Path, required=True, metavar='DIR', action='extend',
-        help='one after the other; the first begins with an arm that carries nothing. '
-        'Also .mcap, .db3, .csv and .npz files, and .bag of ROS 1',
+        help=(
+            'bags in order; the first begins without payload. Also .mcap, .db3, .csv and .npz '
+            'files, and .bag of ROS 1'
+        ),
     )  # fmt: skip
     parser.add_argument(
-        '--model', type=Path, metavar='FILE', help="estimate.yaml of the arm (default: its URDF's)"
+        '--model',
+        type=Path,
+        metavar='FILE',
+        help='estimate.yaml of the arm (default: as in its URDF)',
     )
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='folder for payload.yaml; needs --model'
@@ -138,7 +143,7 @@ class PayloadReplay:
                 text = problem.removeprefix(f'parameter {parameter.name}')
                 raise IdentificationError(f'{_option(parameter.name)}{text}')
         if options.out and not options.model:
-            raise IdentificationError('--out writes what the arm is with its payload: give --model')
+            raise IdentificationError('--out writes the arm with its payload: pass --model')
         self._recorded = RecordedArm(options, options.bag)
         self._estimate: Estimate | None = None
         self._arm = self._known_arm()
@@ -157,8 +162,8 @@ class PayloadReplay:
             text, last = self._found()
             if not last.carries:
                 raise IdentificationError(
-                    'nothing is carried at the end of the last bag, so there is no payload.yaml to '
-                    'write: leave out --out to see what was found'
+                    'the last bag ends without payload, so there is no payload.yaml to write: '
+                    'remove --out to print the estimate'
                 )
             assert self._estimate is not None
             directory.write('payload.yaml', payload_yaml(self._estimate, last.payload))
@@ -222,7 +227,7 @@ def _told(changes: Sequence[LoadChange]) -> str:
 def _payload_lines(last: OnlineEstimate) -> list[str]:
     payload = last.payload
     if not last.carries:
-        return [f'Payload: none; one of {2.0 * payload.std[0]:.2g} kg would not show']
+        return [f'Payload: none; the detection limit is {2.0 * payload.std[0]:.2g} kg']
     centre = ', '.join(
         f'{value:.4f} ± {std:.2g}'
         for value, std in zip(payload.centre, payload.centre_std, strict=True)

@@ -114,7 +114,7 @@ class ArmClient:
         answer = call.poll()
         assert answer is not None
         if not answer.accepted:
-            who = f'{action} refused' if call.is_answered else client.srv_name
+            who = f'{action} rejected' if call.is_answered else client.srv_name
             raise ArmClientError(f'{who}: {answer.message}')
         return answer.message
 
@@ -143,7 +143,9 @@ class ArmClient:
                 if request.answers[name].accepted:
                     yield f'{name}: {request.answers[name].message}'
         if not request.answers:
-            raise ArmClientError(f'no bridge offers {action}: is one running in {this_domain()}?')
+            raise ArmClientError(
+                f'no bridge offers {action}: check that one runs in {this_domain()}'
+            )
         failed = [f'{n}: {text}' for n, (done, text) in sorted(request.answers.items()) if not done]
         if failed:
             raise ArmClientError(f'{action} is NOT confirmed: {"; ".join(failed)}')
@@ -160,9 +162,9 @@ class ArmClient:
         self._find(lambda: self.mode, timeout)
         left = deadline - time.monotonic()
         if not spin_until(self._node, lambda: self.mode in modes, left):
-            seen = f'there is no arm_mode: is a bridge running in {this_domain()}?'
+            seen = f'no arm_mode received: check that a bridge runs in {this_domain()}'
             if self.mode:
-                seen = f"arm_mode is '{self.mode}': see the log of the bridge"
+                seen = f"arm_mode is '{self.mode}': check the log of the bridge"
             raise ArmClientError(f'waited {timeout:g} s for {" or ".join(modes)}: {seen}')
 
     def _find(self, condition: Callable[[], object], timeout: float) -> bool:
@@ -183,9 +185,9 @@ class ArmClient:
         if not self._find(ready, timeout):
             names = ' or '.join(client.srv_name for client in clients)
             others = ' and '.join(bridges_among(offered_actions(self._node)))
-            hint = f' Found: {others}; --bridge NAME asks one of them' if others else ''
+            hint = f' Found: {others}; --bridge NAME selects one' if others else ''
             raise ArmClientError(
-                f'no service {names}: is a bridge running in {this_domain()}?{hint}'
+                f'no service {names}: check that a bridge runs in {this_domain()}{hint}'
             )
         # Another bridge may only just be discovered.
         first, left = ready(), self._begin + _DISCOVERY_TIME - time.monotonic()
@@ -193,7 +195,7 @@ class ArmClient:
         found = ready() or first
         if len(found) > 1:
             names = ' and '.join(client.srv_name for client in found)
-            raise ArmClientError(f'there are {names}: stop one bridge, or name the one meant')
+            raise ArmClientError(f'found {names}: stop one bridge, or name the intended one')
         self._expect_one_of_its_name(found[0], timeout)
         return found[0]
 
@@ -213,15 +215,17 @@ class ArmClient:
 
 HOLD, RELEASE = 'hold', 'release'
 
-BRIDGES_PARAMETER = Parameter('bridges', list(BRIDGES), 'node names of the bridges to ask')
+BRIDGES_PARAMETER = Parameter(
+    'bridges', list(BRIDGES), 'node names of the bridges to send requests to'
+)
 
 AT_END_PARAMETERS = grouped(
     'At the end',
     Parameter(
         'at_end',
         HOLD,
-        "what becomes of the arm when this node ends: 'hold', the bridge holds it where it is, or "
-        "'release', it is damped and sinks until it is enabled",
+        "action when this node ends: 'hold', the bridge holds the arm in place, or 'release', the "
+        'bridge damps the arm and it sinks until it is enabled',
         choices=(HOLD, RELEASE),
     ),
     BRIDGES_PARAMETER,

@@ -70,7 +70,7 @@ class ServiceCall:
         if not is_sent and (is_late or self._interval == inf):
             return self._end(False, self._problem)
         if is_late:
-            return self._end(False, f'no answer within {self._timeout:g} s: see arm_mode')
+            return self._end(False, f'no response within {self._timeout:g} s: check arm_mode')
         if not self._waits and not self._client.service_is_ready():
             return self._end(False, 'it has ended')
         if now - self._asked > self._interval:
@@ -83,7 +83,7 @@ class ServiceCall:
             self._futures.append(self._client.call_async(Trigger.Request()))
         except (RCLError, InvalidHandle) as error:
             # Whoever asks several bridges goes on to the others.
-            self._problem = f'it cannot be asked: {error}'
+            self._problem = f'it cannot receive requests: {error}'
 
     def _end(self, accepted: bool, message: str) -> Answer:
         self._answer = Answer(accepted, message)
@@ -139,8 +139,8 @@ def same_name_problem(node: Node, client: Client | None) -> str:
         return ''
     name = node.resolve_service_name(client.srv_name).rpartition('/')[0]
     return (
-        f'there are {count} nodes named {name}: stop all but one, or give each another name '
-        '(-r __node:=NAME), namespace or ROS_DOMAIN_ID'
+        f'found {count} nodes named {name}: stop all but one, or give each another name (-r '
+        '__node:=NAME), namespace or ROS_DOMAIN_ID'
     )
 
 
@@ -260,9 +260,9 @@ class BridgeService:
         found = self._find()
         if not found:
             names = ' or '.join(client.srv_name for client in self._clients.values())
-            return False, f'no service {names}: is the bridge running in {this_domain()}?'
+            return False, f'no service {names}: check that the bridge runs in {this_domain()}'
         if len(found) > 1:
-            return False, f'there are {" and ".join(found)}: stop one bridge, or name the one meant'
+            return False, f'found {" and ".join(found)}: stop one bridge, or name the intended one'
         ((name, client),) = found.items()
         problem = same_name_problem(self._node, client)
         if problem:
@@ -342,7 +342,7 @@ class StopRequest:
         is_late = now > self._end
         if is_late:
             for name in found.keys() - self._calls.keys():
-                self.answers[name] = Answer(False, 'it is seen, but cannot be asked')
+                self.answers[name] = Answer(False, 'it is visible, but cannot receive requests')
         is_answered = not (found.keys() | self._calls.keys()) - self.answers.keys()
         # Who has found one bridge looks on for others, however soon it would give up.
         has_looked = self._finder.is_settled() or now > self._looks_until
@@ -416,6 +416,6 @@ class StopService:
         while not request.poll():
             time.sleep(_POLL)
         if not request.answers:
-            return False, f'no bridge offers {self._action}: is one running in {this_domain()}?'
+            return False, f'no bridge offers {self._action}: check that one runs in {this_domain()}'
         text = '; '.join(f'{name}: {reply}' for name, (_, reply) in sorted(request.answers.items()))
         return all(done for done, _ in request.answers.values()), text

@@ -121,7 +121,7 @@ class SetPointRequest:
         """
         names = self._find_arm(timeout, on_wait)
         if len(posture) != len(names):
-            raise ArmClientError(f'give {len(names)} angles [rad], of {", ".join(names)}')
+            raise ArmClientError(f'give {len(names)} joint positions [rad], for {", ".join(names)}')
         self._rejections.begin(timeout)
         self._publisher.publish(JointState(name=names, position=list(posture)))
 
@@ -153,13 +153,13 @@ class SetPointRequest:
         if not spin_until(self._node, is_there, 1.0):
             on_wait(f'joint_states and arm_mode in {this_domain()}')
         if not spin_until(self._node, is_there, max(timeout, _SEARCH)):
-            what = 'there are no joint_states'
+            what = 'no joint_states received'
         elif not spin_until(self._node, self._is_heard, timeout):
-            what = 'no controller takes a set_point'
+            what = 'no controller subscribes to set_point'
         if what:
             raise ArmClientError(
-                f'{what}: do a bridge and computed_torque or gravity_compensation run in '
-                f'{this_domain()}?'
+                f'{what}: check that a bridge and computed_torque or gravity_compensation run in '
+                f'{this_domain()}'
             )
         if self._mode not in HELD:
             raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
@@ -272,13 +272,13 @@ class ToolRequest:
     def _require_frame(self, wanted: str, given: str) -> None:
         if wanted == WORLD and given.endswith(_BASE_LINK):
             raise ArmClientError(
-                f'the controller that runs moves the tool in {given}: start world_control, or '
-                'leave out --frame world'
+                f'the active controller moves the tool in {given}: start world_control, or remove '
+                '--frame world'
             )
         if wanted == BASE and not given.endswith(_BASE_LINK):
             raise ArmClientError(
-                f'the controller that runs holds the tool in {given}: give the place there, with '
-                '--frame world'
+                f'the active controller holds the tool in {given}: give the position in that '
+                'frame, with --frame world'
             )
 
     def _find(self, timeout: float, on_wait: Callable[[str], None]) -> None:
@@ -292,7 +292,9 @@ class ToolRequest:
         if not spin_until(self._node, is_there, min(timeout, 1.0)):
             on_wait(what)
             if not spin_until(self._node, is_there, timeout):
-                raise ArmClientError(f'no controller tells of the tool: run a bridge, and {what}')
+                raise ArmClientError(
+                    f'no controller publishes the tool pose: run a bridge, and {what}'
+                )
         if self._mode not in HELD:
             raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
 

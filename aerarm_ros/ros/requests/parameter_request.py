@@ -42,7 +42,9 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
     """
     client = AsyncParameterClient(node, target)
     if not spin_until(node, client.services_are_ready, timeout):
-        raise ArmClientError(f'no node {target} with parameters: does it run in {this_domain()}?')
+        raise ArmClientError(
+            f'no node {target} with parameters: check that it runs in {this_domain()}'
+        )
 
     def result(ask: Callable[[], Future]) -> Any:
         # An answer to a client that the node has not discovered yet is lost.
@@ -51,7 +53,7 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
         while not any(future.done() for future in futures):
             left = deadline - time.monotonic()
             if left < 0.0:
-                raise ArmClientError(f'{target} gave no answer within {timeout:g} s')
+                raise ArmClientError(f'{target} did not respond within {timeout:g} s')
             futures.append(ask())
             spin_until(node, lambda: any(f.done() for f in futures), min(ASK_AGAIN, left))
         return next(future.result() for future in futures if future.done())
@@ -64,12 +66,13 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
         raise ArmClientError(f"{target} has no parameter '{name}'{hint}")
     if descriptors[0].read_only:
         raise ArmClientError(
-            f'{target} reads {name} once: give it when the node starts, -p {name}:={text}'
+            f'parameter {name} of {target} is read-only: set it when the node starts, -p '
+            f'{name}:={text}'
         )
     parameter = Parameter(name, value=_value(descriptors[0], text))
     answer = result(lambda: client.set_parameters([parameter])).results[0]
     if not answer.successful:
-        raise ArmClientError(f'{target} refuses: {answer.reason}')
+        raise ArmClientError(f'{target} rejects the value: {answer.reason}')
     return parameter.value
 
 
@@ -91,7 +94,7 @@ def _value(descriptor: ParameterDescriptor, text: str) -> Any:
     except TypeError:
         value = None
     if value is None:
-        raise ArmClientError(f'{text!r} is no value of a parameter: 0.5, true or [1.0, 2.0] are')
+        raise ArmClientError(f'{text!r} is not a valid value: use 0.5, true or [1.0, 2.0]')
     return value
 
 

@@ -64,10 +64,10 @@ class RotorCommands:
         if sorted(names) != sorted(self._names):
             raise ValueError(
                 f'it is for rotors {", ".join(names) or "without names"}, this drone has '
-                f'{", ".join(self._names)}: is the same drone_file given to the flight controller?'
+                f'{", ".join(self._names)}: start the flight controller with the same drone_file'
             )
         if sample.effort is None:
-            raise ValueError('it has no effort: give the thrust of each rotor [N] as effort')
+            raise ValueError('it has no effort: send the thrust of each rotor [N] as effort')
         thrust = sample.effort[[list(names).index(name) for name in self._names]]
         if not np.all(np.isfinite(thrust)):
             raise ValueError('a thrust is NaN or infinite: check the flight controller')
@@ -92,7 +92,7 @@ class FlightStream:
         self._reader = RawReader(node, topics.ODOMETRY, topics.IMU)
         self._reject = reject
         self.answers = Answers()
-        """What is published in answer to the odometry."""
+        'Topic that responds to the odometry.'
         self.frame = ''
         """Frame of the odometry's poses, '' before the first."""
 

@@ -17,7 +17,7 @@ from aerarm_ros.ros.states.state_stream import StateStream
 
 # A rejection is a warning for this long [s].
 _REMEMBERED = 5.0
-_SILENCE = 'no joint states: is the bridge running?'
+_SILENCE = 'no joint states received: check that the bridge runs'
 
 
 class StateDiagnostics:
@@ -86,7 +86,9 @@ class StateDiagnostics:
         rejected = f'{self.rejections} inputs rejected'
         if not latency.count:
             received = self._stream.received if self._stream else 0
-            came = f'{received} states came, none was answered' if received else 'no states came'
+            came = (
+                f'{received} states received, none answered' if received else ('no states received')
+            )
             return f'{came}, {rejected}'
         unanswered = '' if skipped is None else f'{skipped} not answered, '
         return (

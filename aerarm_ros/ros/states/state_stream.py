@@ -236,7 +236,7 @@ class StateStream:
             return None
         q, dq, tau = sample.position, sample.velocity, sample.effort
         if q is None or dq is None:
-            self._reject('joint_states has no position or no velocity: check what publishes it')
+            self._reject('joint_states has no position or no velocity: check its publisher')
             return None
         self.stamp_ns = sample.stamp_ns
         return sample.stamp_ns, ArmState(q, dq, self._no_effort if tau is None else tau)
@@ -313,8 +313,8 @@ class StateStream:
             return in_order(names, sample, self._names)
         except ValueError as error:
             self._reject(
-                f'joint_states: {error}: give this node and the bridge one config, urdf and '
-                'tf_prefix'
+                f'joint_states: {error}: use the same config, urdf and tf_prefix for this node '
+                'and the bridge'
             )
             return None
 
@@ -334,7 +334,7 @@ def to_imu_sample(message: Imu) -> ImuSample:
     # sensor_msgs/Imu: a negative first covariance says that there is no such measurement.
     absent = (message.angular_velocity_covariance, message.linear_acceleration_covariance)
     if any(covariance[0] < 0.0 for covariance in absent):
-        raise RejectedInputError('IMU: it gives no angular velocity or no acceleration')
+        raise RejectedInputError('imu: angular velocity or acceleration is missing')
     has_attitude = message.orientation_covariance[0] >= 0.0
     stamp = message.header.stamp
     return ImuSample(

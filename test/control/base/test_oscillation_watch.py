@@ -53,7 +53,7 @@ def soft(dynamics: MovingBaseDynamics) -> GravityCompensation:
 def test_a_light_drone_is_found_before_the_arm_is_far_off(mass, kind, faults, make_law) -> None:
     flight = WatchedFlight(mass, kind, 1.0, faults, make_law)
     assert 'the torque of joint 2' in flight.problem
-    assert 'give drone_file' in flight.problem
+    assert 'set drone_file' in flight.problem
     # Unwatched it is 45, 75, 100 and 170 mrad within 1 s.
     assert flight.errors.max() < 0.03
     assert flight.errors[-200:].max() < 0.01

@@ -185,7 +185,7 @@ def test_a_board_that_restarts_is_a_fault():
     off = {'system_enabled': False, 'motor_enabled': [False] * 2, 'motor_ready': [False] * 2}
     assert wire.good(enable=True, **off) is BoardMode.FAULT
     assert wire.monitor.fault == (
-        'board0: its motors are no longer driven: did it restart? check its supply'
+        'board0: its motors are no longer driven: check its supply, it may have restarted'
     )
 
 
@@ -253,7 +253,8 @@ def test_of_slow_exchanges_it_is_said_how_slow_and_what_to_check():
     assert monitor.slow_exchanges == 0
     monitor.slow(0.08)
     assert monitor.fault == (
-        'board0: exchanges take 80.00 ms, allowed are 50.00: check clock_hz, and polling_limit_us '
+        'board0: exchanges take 80.00 ms, more than the allowed 50.00: check clock_hz, and '
+        'polling_limit_us '
         'of the SPI driver'
     )
 

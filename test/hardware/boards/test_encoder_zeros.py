@@ -79,4 +79,4 @@ def test_the_rest_posture_is_asked_for_once_the_zeros_are_known(zeros, config):
     assert zeros.rest[1] == pytest.approx(
         config.joints[1].sign * config.rest_position[1] / config.joints[1].gear.ratio
     )
-    assert 'taken for the home configuration, joint1 0, joint2 1.571' in zeros.vouched()
+    assert 'homing assumes the home configuration, joint1 0, joint2 1.571' in zeros.vouched()

@@ -129,7 +129,7 @@ def test_from_idle_the_arm_aligns_first_and_is_taken_to_be_at_rest(make_rig, con
     answer = rig.bridge.home()
     assert answer.accepted
     assert (
-        'taken for the home configuration, joint1 0, joint2 1.571, joint3 0, joint4'
+        'homing assumes the home configuration, joint1 0, joint2 1.571, joint3 0, joint4'
         in answer.message
     )
     assert rig.bridge.q == pytest.approx(config.rest_position, abs=1e-3)
@@ -347,7 +347,7 @@ def test_pulses_are_found_exactly_at_any_period_and_hold_up_of_the_host(config, 
         assert not homing.fault, milliseconds
         assert np.abs(error).max() < 5e-4
     homing, *_ = homed(config, milliseconds=[1] * 60 + [250])
-    assert homing.fault.startswith('homing was held up while joint')
+    assert homing.fault.startswith('homing was delayed while joint')
 
 
 def test_an_implausible_pulse_stops_the_arm_whose_zero_is_then_unknown(make_rig, config):

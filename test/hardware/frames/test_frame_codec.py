@@ -222,8 +222,8 @@ def test_what_is_harmless_saturates_and_never_wraps(codec):
         ({'current': [math.nan, 0.0]}, 'current of motor 1'),
         (
             {'timeout': 0.0},
-            'timeout is 0, which the frame can only say as 0 and the board takes for no limit: '
-            r'ask for 0\.001 or more$',
+            'timeout is 0, which the frame rounds to 0 and the board reads as no limit: '
+            r'set 0\.001 or more$',
         ),
         ({'timeout': 0.0004}, 'timeout'),
         ({'timeout': -0.02}, 'timeout is -0.02'),

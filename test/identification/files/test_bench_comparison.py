@@ -64,5 +64,5 @@ def test_what_cannot_be_compared_is_said(benches: tuple[Path, Path], tmp_path: P
     with pytest.raises(IdentificationError, match=r'is no motor_bench\.yaml'):
         compare_benches(old, other)
     options = Namespace(compare=[old, tmp_path / 'x'], out=None, bag=[], model=None, payload=[])
-    with pytest.raises(IdentificationError, match='give two of one kind'):
+    with pytest.raises(IdentificationError, match='pass two of the same kind'):
         CompareRun(options).execute()

@@ -88,7 +88,7 @@ def test_the_command_tells_writes_and_shows_it(results: tuple[Path, Path], tmp_p
     assert page.count('Plotly.newPlot(') == 2
     changes = json.loads((out / 'summary.json').read_text())['changes']
     assert sum(change['clear'] for change in changes) == 4
-    with pytest.raises(IdentificationError, match='give no bags'):
+    with pytest.raises(IdentificationError, match='pass it without bags'):
         CompareRun(Namespace(**{**vars(options), 'bag': [out]}))
 
 

@@ -165,7 +165,7 @@ def test_swings_that_tell_no_play_are_said_to(config: ArmConfig, robot: Robot) -
     assert found is not None
     assert not is_told(found)
     (warning,) = leaning.warnings
-    assert 'is not told from none' in warning
+    assert 'is not significant' in warning
     assert MotorBench(config, None, np.zeros(4)).evaluate(3, runs).backlash is None
     unheard = MotorRun(None, *np.zeros((4, 0)), swings=True)
     assert leaning.evaluate(3, [*steps(), unheard]).backlash is None

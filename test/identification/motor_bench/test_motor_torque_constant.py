@@ -31,7 +31,7 @@ def test_bare_motor_needs_no_angle_of_the_lever() -> None:
 
 def test_what_cannot_be_measured_is_named() -> None:
     friction = friction_with(np.zeros(2))
-    with pytest.raises(IdentificationError, match='elbow: the mass turns it with 0 Nm'):
+    with pytest.raises(IdentificationError, match='elbow: the mass causes 0 Nm'):
         fit_torque_constant(friction, GRAVITY, np.zeros(2), 'elbow')
     with pytest.raises(IdentificationError, match='should add 1.53 Nm and adds'):
         fit_torque_constant(friction, GRAVITY, MASS, 'elbow')

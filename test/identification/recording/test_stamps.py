@@ -94,5 +94,5 @@ def test_stamps_that_are_no_seconds() -> None:
     check_stamp_unit('bag', STAMP)
     check_stamp_unit('bag', np.full(5, 3.0))
     for factor, unit in ((1e3, 'milliseconds'), (1e6, 'microseconds'), (1e9, 'nanoseconds')):
-        with pytest.raises(IdentificationError, match=f's apart: stamps are in {unit}'):
+        with pytest.raises(IdentificationError, match=f's apart: stamps look like {unit}'):
             check_stamp_unit('bag', factor * 5.0 * STAMP)

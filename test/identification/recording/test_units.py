@@ -27,10 +27,10 @@ def test_a_velocity_that_is_something_else_is_not_judged() -> None:
 @pytest.mark.parametrize(
     ('time', 'q', 'dq', 'words'),
     [
-        (T, np.degrees(Q), np.degrees(DQ), 'a moves by 115 rad, 18 turns: .* in degrees'),
-        (T, np.degrees(Q), None, 'positions are in degrees'),
-        (T, Q, np.degrees(DQ), 'in degrees per second'),
-        (T, Q, 30.0 / np.pi * DQ, 'in turns per minute'),
+        (T, np.degrees(Q), np.degrees(DQ), 'a moves by 115 rad, 18 turns: .* look like degrees'),
+        (T, np.degrees(Q), None, 'positions look like degrees'),
+        (T, Q, np.degrees(DQ), 'look like degrees per second'),
+        (T, Q, 30.0 / np.pi * DQ, 'look like turns per minute'),
         (10.0 * T, Q, DQ, 'stamps run 10 times too slow'),
         (0.001 * T, Q, DQ, r'stamps run 1e\+03 times too fast'),
     ],

@@ -136,7 +136,11 @@ def test_the_joints_table_shows_what_matters_and_folds_the_rest(
 
 def test_warnings_that_say_the_same_stand_together(result: IdentificationResult) -> None:
     texts = [f'bag1: joint {name} does not move' for name in result.robot.joint_names]
-    texts += ['bag1: 3 spikes of effort', 'bag2: 17 spikes of effort', 'something else']
+    texts += [
+        'bag1: 3 spikes of effort',
+        'bag2: 17 spikes of effort',
+        'another load-dependent torque',
+    ]
     page = Page(report_html(replace(result, warnings=texts), ReportExtras()))
     for text in texts:
         assert text in page.texts
@@ -217,7 +221,7 @@ def test_what_the_truth_lacks_is_a_dash(result: IdentificationResult, extras: Re
 def test_it_can_do_without_extras(result: IdentificationResult) -> None:
     page = Page(report_html(result, ReportExtras()))
     assert 'Against the true parameters' not in page.headings
-    assert not any('True: of the simulated arm' in text for text in page.texts)
+    assert not any('True: parameter of the simulated arm' in text for text in page.texts)
 
 
 def test_parameters_that_only_a_sum_is_known_of_are_told_apart(

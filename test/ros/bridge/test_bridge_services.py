@@ -27,7 +27,7 @@ def test_a_cycle_that_does_not_answer_is_said_with_where_to_look(ros_node: Node)
     answer = client.call_async(Trigger.Request())
     assert spin_until(ros_node, answer.done, 60.0)
     assert not answer.result().success
-    expected = 'the cycle did not answer: see the console of the bridge, or view'
+    expected = 'the cycle did not respond: check the console of the bridge, or view'
     assert answer.result().message == expected
 
 

@@ -37,7 +37,7 @@ def test_pulse_offsets_are_used_once_a_client_has_ended(ros_node: Node, tmp_path
     config, path = load_arm_config(), tmp_path / 'record.yaml'
     values = SimpleNamespace(tf_prefix='', config='', commissioning_record=str(path))
     record, cycle = RecordWatch(ros_node, values, config, emulated=False), StubCycle()
-    assert 'was never commissioned' in record.problem
+    assert 'is not commissioned' in record.problem
     bridge = CommissioningTopics(ros_node, lambda action: action(cycle), record)
     now = datetime(2026, 3, 1, tzinfo=UTC)
     entries = {j.name: JointRecord.of(j, now, [], {'pulse_offset': 1.25}) for j in config.joints}

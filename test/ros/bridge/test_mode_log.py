@@ -39,7 +39,7 @@ def test_boards_that_do_not_answer_are_named_once(start_bridge: StartBridge, ros
 
 def test_a_question_ends_without_a_full_stop(ros_node: Node, capfd) -> None:
     log = ModeLog(ros_node)
-    log.note('damping', ['no good command for 0.05 s: is the controller running?'])
+    log.note('damping', ['no valid command for 0.05 s: check that the controller runs'])
     log.note('fault', ['a cable is loose'], "'arm clear_fault'")
     log.note('fault', ['a cable is loose?'], "'arm clear_fault'")
     told = ''
@@ -48,6 +48,6 @@ def test_a_question_ends_without_a_full_stop(ros_node: Node, capfd) -> None:
         told += capfd.readouterr().err
         if told.count('To recover') == 2:
             break
-    assert 'is the controller running? The arm sinks until a good command comes\n' in told
+    assert 'check that the controller runs. The arm sinks until a valid command arrives\n' in told
     assert "a cable is loose. To recover: 'arm clear_fault'\n" in told
     assert "a cable is loose? To recover: 'arm clear_fault'\n" in told

@@ -153,5 +153,5 @@ def test_of_an_unknown_drone_nothing_is_told(make) -> None:
     for _ in range(50):
         drone.step()
     assert not drone.wrenches
-    assert 'give drone_file' in node.describe()['contact']
+    assert 'set drone_file' in node.describe()['contact']
     assert node.warning() == ''

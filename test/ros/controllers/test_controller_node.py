@@ -184,11 +184,11 @@ def test_without_a_bridge_says_what_it_waits_for(
 ) -> None:
     with NodeProcess(name, log=tmp_path / 'log') as process:
         end = time.monotonic() + LIMIT
-        while 'waiting: no joint states: is the bridge running?' not in process.tail():
+        while 'waiting: no joint states received: check that the bridge runs' not in process.tail():
             assert time.monotonic() < end
             time.sleep(0.05)
         process.stop()
-    assert process.tail().splitlines()[-1] == f'{name}: no states came, 0 inputs rejected'
+    assert process.tail().splitlines()[-1] == f'{name}: no states received, 0 inputs rejected'
 
 
 def test_an_arm_that_is_off_gets_no_commands(bench: ControllerBench) -> None:

@@ -41,7 +41,7 @@ def test_a_week_of_use_is_seen(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert len(read_trend(path).records) == 14
     told = log.describe()
     assert told['friction records'] == 14
-    assert str(told['friction that has changed since the first']).startswith(
+    assert str(told['friction changed since the first record']).startswith(
         'Coulomb [Nm] of joint1 0.2 -> 0.26 ('
     )
     assert show_trend('payload_estimator', ['--trend', str(path)]) == 0

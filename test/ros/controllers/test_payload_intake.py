@@ -71,7 +71,7 @@ def test_the_model_carries_it_on_top_of_its_own_payload() -> None:
     rig.offer(0.2)
     rig.wait(1.5)
     assert rig.residual() == pytest.approx(0.0, abs=1e-9)
-    assert rig.intake.describe() == {'handed over [kg]': 0.2}
+    assert rig.intake.describe() == {'compensated payload [kg]': 0.2}
     assert not rig.intake.problem
 
 
@@ -101,10 +101,13 @@ def test_what_is_not_there_is_taken_back_and_told() -> None:
     rig = IntakeRig(1.0)
     rig.offer(0.2)
     rig.wait(0.2)
-    assert rig.intake.describe()['handed over [kg]'] != 0.0
+    assert rig.intake.describe()['compensated payload [kg]'] != 0.0
     rig.wait(3.0)
     assert rig.residual() == pytest.approx(0.0, abs=1e-9)
-    assert rig.intake.describe() == {'handed over [kg]': 0.0, 'hand-overs undone': 1}
+    assert rig.intake.describe() == {
+        'compensated payload [kg]': 0.0,
+        'payload compensations withdrawn': 1,
+    }
     assert 'check payload_estimator' in rig.intake.problem
 
 
@@ -116,4 +119,4 @@ def test_what_cannot_be_its_payload_is_refused(frame: str, mass: float, words: s
     with pytest.raises(RejectedInputError, match=words):
         rig.intake.take(inertia_message(base_header(0, frame), mass, CENTRE, INERTIA), 0.0)
     rig.wait(0.5)
-    assert rig.intake.describe() == {'handed over [kg]': 0.0}
+    assert rig.intake.describe() == {'compensated payload [kg]': 0.0}

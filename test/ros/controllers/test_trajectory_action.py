@@ -58,7 +58,7 @@ class ActionBench:
 
 @pytest.fixture
 def arm(request: pytest.FixtureRequest, tmp_path: Path, ros_node: Node) -> Iterator[ActionBench]:
-    # An arm that differs from its drawing, as that of the launch files; the controller's defaults.
+    # An arm with deviations, as that of the launch files; the controller's defaults.
     bench = ControllerBench(tmp_path, ros_node, seed=getattr(request, 'param', 0))
     with bench.hardware:
         bench.start()
@@ -135,5 +135,5 @@ def test_without_control_msgs_it_is_said(tmp_path: Path, ros_node: Node) -> None
         with bench.controller('computed_torque') as process:
             bench.wait(lambda: bench.mode == 'running', 'commands')
             said = process.tail(50)
-    assert 'control_msgs is not installed: no action ~/follow_joint_trajectory' in said
-    assert 'in charge, from joint1 ' in process.tail(50)
+    assert 'control_msgs is not installed: the action ~/follow_joint_trajectory' in said
+    assert 'active, from joint1 ' in process.tail(50)

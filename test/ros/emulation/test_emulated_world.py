@@ -148,7 +148,7 @@ def test_in_lockstep_requests_are_served_while_the_world_stands(
     client.answer = None
     client.spin(0.5)
     assert client.modes[-1] == 'running'  # no time passes
-    assert client.call('enable').message == 'already enabled: the arm is held where it is'
+    assert client.call('enable').message == 'already enabled: the bridge holds the arm in place'
     client.wait_for_mode('ready')
     assert client.call('e_stop').success
     client.wait_for_mode('fault')
@@ -209,7 +209,7 @@ def test_in_lockstep_a_silent_publisher_is_named(start_bridge: StartBridge, ros_
     bridge = start_bridge(answer_timeout=0.3)
     client = BridgeClient(ros_node)  # it has a publisher of joint_command
     client.make_ready()
-    said = 'joint_command has a publisher that answers no state'
+    said = 'joint_command has a publisher that responds to no state'
     client.wait_for(lambda: said in bridge.tail(50))
     client.call('enable')  # the wait begins again after it
     client.spin(1.0)

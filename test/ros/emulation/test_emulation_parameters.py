@@ -19,7 +19,7 @@ def test_gears_have_the_play_that_is_asked_for() -> None:
     assert isinstance(transport.plant, BacklashPlant)
     np.testing.assert_array_equal(transport.plant.backlash, np.full(4, 0.02))
     assert transport.plant.true_parameters()['backlash'] == [0.02] * 4
-    with pytest.raises(ValueError, match='on a base that stands still only'):
+    with pytest.raises(ValueError, match='on a fixed base only'):
         mount_on_base(transport, ROBOT, next(iter(BASE_PROFILES.values())))
 
 
@@ -33,5 +33,5 @@ def test_some_joints_alone_are_refused() -> None:
 
 
 def test_play_that_is_not_there_cannot_wear() -> None:
-    with pytest.raises(ValueError, match='give backlash'):
+    with pytest.raises(ValueError, match='set backlash'):
         plant_parameters(CONFIG, ROBOT, 1, [], 1e-3, [])

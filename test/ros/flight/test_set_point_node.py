@@ -91,7 +91,7 @@ def flight(ros_domain: dict[str, str]) -> Iterator[AdvisedFlight]:
     [
         (-1.5, "the arm's time is 1.5 s behind this computer's"),
         (1.5, "the arm's time is 1.5 s ahead of this computer's"),
-        (-0.12, 'what is told of the arm ends 0.1'),  # 0.15 s with feed_lead, and the way here
+        (-0.12, "the arm's forecast is 0.1"),  # 0.15 s with feed_lead, and the way here
     ],
 )
 def test_an_arm_whose_time_is_another_is_told_of(

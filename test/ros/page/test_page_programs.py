@@ -35,7 +35,7 @@ def test_only_trajectories_of_the_folder_are_offered(
     'name', ['', '../bag', '/tmp/bag', 'a/b', '.hidden', '-p', 'a b', 'x' * 90]
 )
 def test_a_bag_is_no_way_out_of_the_folder(programs: PagePrograms, name: str) -> None:
-    with pytest.raises(PageProgramError, match='is named by'):
+    with pytest.raises(PageProgramError, match='invalid bag name'):
         programs.record(name)
     assert not programs.recorder.runs
 
@@ -44,7 +44,7 @@ def test_what_exists_or_is_not_offered_is_refused(programs: PagePrograms, tmp_pa
     (tmp_path / 'bag').mkdir()
     with pytest.raises(PageProgramError, match='exists: give another name'):
         programs.record('bag')
-    with pytest.raises(PageProgramError, match='there is no trajectory'):
+    with pytest.raises(PageProgramError, match='no trajectory'):
         programs.play('/etc/passwd')
-    with pytest.raises(PageProgramError, match='there is no controller'):
+    with pytest.raises(PageProgramError, match='unknown controller'):
         programs.control('arm', 0.5)

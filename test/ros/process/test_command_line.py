@@ -31,7 +31,7 @@ def test_help_tells_of_every_parameter() -> None:
 
 
 def test_help_begins_with_the_node_s_own_parameters() -> None:
-    shared = grouped('Which arm', Parameter('urdf', '', 'its drawing'))
+    shared = grouped('Which arm', Parameter('urdf', '', 'its nominal parameters'))
     table = ParameterTable(*shared, Parameter('speed', 1.0, 'how fast'))
     lines = CommandLine('player', table, '').help().splitlines()
     order = [lines.index(line) for line in lines if line.startswith(('  speed', 'Which', '  urdf'))]
@@ -70,7 +70,7 @@ def check_file(tmp_path: Path, text: str) -> list[str]:
 
 
 def test_a_files_key_for_this_node_is_refused_with_file_and_hint(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"parameters.yaml: there is no parameter 'perods': did"):
+    with pytest.raises(UsageError, match=r"parameters.yaml: unknown parameter 'perods': did"):
         check_file(tmp_path, '/**/player: {ros__parameters: {perods: 3}}')
 
 
@@ -89,7 +89,7 @@ def test_other_nodes_parameters_in_a_file_are_no_mistake(tmp_path: Path) -> None
     ('text', 'said'),
     [
         ('/**: {ros__parameters: {perods: 3}}', "did you mean 'periods'?"),
-        ('plyer: {ros__parameters: {periods: 3}}', 'nothing for /player, but a section /plyer'),
+        ('plyer: {ros__parameters: {periods: 3}}', 'no section for /player, but /plyer'),
     ],
 )
 def test_a_probable_slip_that_may_be_meant_for_another_node_is_a_warning(
@@ -130,7 +130,7 @@ def test_a_mistyped_parameter_moves_nothing(ros_domain: dict[str, str], tmp_path
     done = run('excitation', parameters={'save': tmp_path / 'drawn.yaml', 'perods': 3})
     assert done.returncode == 2
     assert done.stderr == (
-        "excitation: -p: there is no parameter 'perods': did you mean 'periods'? "
+        "excitation: -p: unknown parameter 'perods': did you mean 'periods'? "
         '(excitation --help lists all)\n'
     )
     assert not list(tmp_path.iterdir())

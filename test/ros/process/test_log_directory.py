@@ -39,5 +39,5 @@ def test_a_node_starts_in_an_empty_environment(ros_domain: dict[str, str]) -> No
     command = [sys.executable, '-m', 'aerarm_ros.nodes.arm', 'enable', '--timeout', '0.5']
     run = subprocess.run(command, env=ros_domain, capture_output=True, text=True, timeout=60)
     assert run.returncode == 1
-    assert 'is a bridge running' in run.stderr
+    assert 'check that a bridge runs' in run.stderr
     assert 'Traceback' not in run.stderr

@@ -53,7 +53,7 @@ def test_what_had_something_to_do_was_cut_short(ros_domain, capsys) -> None:
     node = Script(raising(KeyboardInterrupt()))
     node.status = 1
     assert run_node('script', lambda: node, []) == 130
-    assert capsys.readouterr().err == 'script: interrupted before it was done\n'
+    assert capsys.readouterr().err == 'script: interrupted before the task was complete\n'
     assert node.closed == 1
 
 
@@ -104,12 +104,12 @@ def test_help_may_be_cut_off(ros_domain) -> None:
     ('line', 'said'),
     [
         ('--periods', "script: argument '--periods' is not understood"),
-        ('--ros-args -p perods:=3', "script: -p: there is no parameter 'perods': did you mean"),
+        ('--ros-args -p perods:=3', "script: -p: unknown parameter 'perods': did you mean"),
         (
             '--ros-args -p pace:=3',
-            "script: -p: there is no parameter 'pace' (script --help lists all)\n",
+            "script: -p: unknown parameter 'pace' (script --help lists all)\n",
         ),
-        ('--ros-args -p periods:=', 'script: -p periods:= gives no value: write -p periods:=VALUE'),
+        ('--ros-args -p periods:=', 'script: -p periods:= has no value: write -p periods:=VALUE'),
         ('--ros-args --params-file /nowhere', 'script: parameter file /nowhere: No such file'),
     ],
 )
@@ -141,5 +141,5 @@ def test_a_file_for_several_nodes_is_used_as_rclpy_understands_it(
     assert run_node('script', create, arguments, PARAMETERS) == 0
     assert found == [3]
     error = capsys.readouterr().err
-    assert error.startswith(f"script: warning: {file}: there is no parameter 'perods': did you")
+    assert error.startswith(f"script: warning: {file}: unknown parameter 'perods': did you")
     assert error.count('\n') == 1

@@ -94,9 +94,9 @@ def test_the_name_of_a_node_is_the_remapped_one(remaps: list[str], name: str) ->
     [
         ('seed: 3', "'seed' is in no section NODE: ros__parameters:"),
         ('excitation: {seed: 3}', "'excitation/seed' is in no section"),
-        ('[1, 2]', 'holds no section'),
-        ('a: [', 'is not YAML'),
-        (b'\xff\xfe\x00', 'is not YAML'),
+        ('[1, 2]', 'has no section'),
+        ('a: [', 'is not valid YAML'),
+        (b'\xff\xfe\x00', 'is not valid YAML'),
     ],
 )
 def test_a_file_that_gives_nothing_is_refused(tmp_path: Path, content, said: str) -> None:
@@ -114,11 +114,11 @@ def test_a_parameter_without_a_value_is_refused() -> None:
 @pytest.mark.parametrize(
     ('rule', 'said'),
     [
-        ('pace:=', '-p pace:= gives no value: write -p pace:=VALUE'),
-        ('player:pace:=', '-p player:pace:= gives no value: write -p player:pace:=VALUE'),
-        ('pace:=[', 'gives no value that can be read'),
-        ('pace:={a: 1}', 'gives no value that can be read'),
-        ('pace:=a: b', 'gives no value that can be read'),
+        ('pace:=', '-p pace:= has no value: write -p pace:=VALUE'),
+        ('player:pace:=', '-p player:pace:= has no value: write -p player:pace:=VALUE'),
+        ('pace:=[', 'has no readable value'),
+        ('pace:={a: 1}', 'has no readable value'),
+        ('pace:=a: b', 'has no readable value'),
     ],
 )
 def test_what_rcl_cannot_read_is_refused_before_it_is_asked(rule: str, said: str) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from aerarm_ros.ros.programs.demo_run import DemoAccount
 
-BRIDGE = 'fake_hardware: 999 cycles, the world ran at {} % of real time{}\n'
+BRIDGE = 'fake_hardware: 999 cycles, the simulation ran at {} % of real time{}\n'
 RECORDER = (
     '[INFO] [1.0] [recorder]: /joint_states: 900 messages, 5 lost\n'
     '[INFO] [1.1] [recorder]: out/bag: 2000 messages, {} lost\n'
@@ -25,7 +25,7 @@ def account(
 
 def test_says_how_fast_the_world_ran_and_what_was_lost(tmp_path: Path) -> None:
     assert list(account(tmp_path).lines()) == [
-        'Bridge    999 cycles, the world ran at 99.9 % of real time',
+        'Bridge    999 cycles, the simulation ran at 99.9 % of real time',
         'Recorder  identification: 2000 messages, 0 lost',
         'Recorder  validation: 2000 messages, 0 lost',
     ]
@@ -36,8 +36,8 @@ def test_says_how_fast_the_world_ran_and_what_was_lost(tmp_path: Path) -> None:
     [
         (
             {'share': '81.6', 'slip': ', 11.68 s behind it: too slow here for a real arm'},
-            'NOTE      the world waited for this host, so the result is as on a faster one; a '
-            'real arm would not have waited: ',
+            'NOTE      the simulation waited for this computer, so the results do not change; '
+            'a real arm does not wait: ',
         ),
         ({'lost': 7}, 'WARNING   the bags lack 7 messages: '),
     ],
@@ -55,5 +55,5 @@ def test_messages_without_numbers_are_not_called_complete(tmp_path: Path) -> Non
 
 def test_a_log_without_an_account_is_named(tmp_path: Path) -> None:
     (tmp_path / 'bridge').write_text('Killed\n')
-    with pytest.raises(ValueError, match='bridge ends without'):
+    with pytest.raises(ValueError, match='bridge has no line'):
         DemoAccount.read(tmp_path / 'bridge', {})

@@ -120,16 +120,16 @@ def test_bags_are_found_in_folders_patterns_and_lists(folder: Path, tmp_path: Pa
     listed = tmp_path / 'bags.txt'
     listed.write_text(f'# two\n{folder}/left/a.npz\n{folder}/right\n')
     assert len(find_bags([listed, folder / 'left' / 'a.npz'])) == 3
-    with pytest.raises(IdentificationError, match='no bag there'):
+    with pytest.raises(IdentificationError, match='no bag found'):
         find_bags([tmp_path / 'nothing'])
 
 
 def test_what_cannot_be_done_is_one_line(folder: Path, tmp_path: Path, capsys: Any) -> None:
     assert run('--each', folder, '--validation', folder) == 2
-    assert '--each identifies from each bag by itself' in capsys.readouterr().err
+    assert '--each identifies each bag separately' in capsys.readouterr().err
     (tmp_path / 'other').write_text('kept')
     assert run('--each', folder, '--out', tmp_path) == 2
     assert 'holds other files' in capsys.readouterr().err
     only = folder / 'right' / 'still.npz'
     assert run('--each', only, '--out', tmp_path / 'new', '--workers', 1) == 2
-    assert 'none of 1 bags could be identified from' in capsys.readouterr().err
+    assert 'none of 1 bags could be identified' in capsys.readouterr().err

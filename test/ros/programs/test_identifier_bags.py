@@ -116,7 +116,7 @@ def test_a_killed_recorder_leaves_less_in_the_metadata(bag: Path, count: int) ->
     set_count(bag, count)
     reader = bags()
     assert len(reader.read(bag, 'bag').recording.time) == COUNT
-    assert f'where its metadata.yaml lists {count}: its recorder was killed' in reader.messages[0]
+    assert f'but its metadata.yaml lists {count}: the recorder was killed' in reader.messages[0]
 
 
 def test_without_metadata_a_finished_file_speaks_for_itself(bag: Path) -> None:
@@ -141,7 +141,7 @@ def test_a_cut_bag_without_metadata_is_used_with_a_warning(bag: Path) -> None:
     reader = bags()
     assert 0 < len(reader.read(bag, 'bag').recording.time) < COUNT
     assert 'is cut off' in reader.messages[0]
-    assert 'nothing tells whether all of the recording is there' in reader.messages[1]
+    assert 'the recording may be incomplete' in reader.messages[1]
 
 
 def test_a_single_file_is_checked_as_its_directory_is(bag: Path) -> None:

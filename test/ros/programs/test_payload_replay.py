@@ -18,7 +18,7 @@ def empty(folder: Path) -> Path:
     [
         (['{bag}'], 'empty.mcap'),
         (['none'], 'none'),
-        (['{bag}', '--out', 'there'], 'give --model'),
+        (['{bag}', '--out', 'there'], 'pass --model'),
         (['{bag}', '--model', 'none.yaml'], 'none.yaml'),
         (['{bag}', '--memory', '0'], '--memory must be a finite number in s, from 1.0 to 3600.0'),
         (['{bag}', '--memory', 'nan'], '--memory must be'),

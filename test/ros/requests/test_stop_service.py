@@ -29,7 +29,7 @@ def test_a_bridge_that_is_discovered_meanwhile_is_stopped_too(ros_node: Node) ->
 def test_without_a_bridge_it_says_so(ros_node: Node) -> None:
     stopped, text = StopService(ros_node, 'e_stop', ['first'], 0.1).call()
     assert not stopped
-    assert text.startswith('no bridge offers e_stop: is one running in this ROS domain')
+    assert text.startswith('no bridge offers e_stop: check that one runs in this ROS domain')
 
 
 def test_an_emergency_stop_is_for_all_and_disable_for_the_own_namespace(ros_node: Node) -> None:
@@ -65,7 +65,7 @@ def test_a_bridge_that_never_answers_delays_no_other(ros_node: Node) -> None:
         poll_until(lambda: request.poll() or request.answers)
         assert request.answers == {'/sound': (True, 'done')}
         poll_until(soon.poll)
-        assert soon.answers['/silent'] == (False, 'no answer within 1 s: see arm_mode')
+        assert soon.answers['/silent'] == (False, 'no response within 1 s: check arm_mode')
         may_end.set()
         # It was asked again, as its answer might have been lost.
         poll_until(lambda: silent.asked.count('silent') > 2)
@@ -111,6 +111,6 @@ def test_of_two_bridges_with_one_name_neither_is_said_to_be_stopped(ros_node: No
     with executors[0], executors[1], executors[2]:
         stopped, text = StopService(ros_node, 'e_stop', [], LIMIT).call()
     assert not stopped
-    assert text.startswith('/first: there are 2 nodes named /first: stop all but one')
+    assert text.startswith('/first: found 2 nodes named /first: stop all but one')
     assert 'first' in bridges.asked
     assert 'first' in twins.asked
