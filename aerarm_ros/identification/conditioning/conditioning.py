@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import uniform_filter1d
 
 from aerarm_ros.identification.conditioning.motion_check import (
     ConditioningOptions,
@@ -101,6 +102,10 @@ def velocity_lag(motions: Sequence[UniformMotion], cutoff: float) -> Array:
     return np.where((np.abs(lag) < _LEAST) | (np.abs(lag) < _CLEAR * deviation), 0.0, lag)
 
 
+# Bins of the spectrum that are averaged, and the least squared coherence of a motion. Independent
+# noise exceeds it with a probability of 1e-6: 1 - 1e-6^(1 / (bins - 1)).
+_COHERENCE_BINS = 17
+_COHERENCE = 0.58
 _SHARE = 0.999  # of a velocity's power lies below its band's edge
 
 
@@ -113,7 +118,7 @@ def motion_band(q: Array, dq: Array | None, dt: float) -> float:
         Joint positions [rad].
     dq : (M, n) ndarray or None
         Measured joint velocities [rad/s]. A joint's motion is in both, noise in one of them: the
-        narrower band of the two counts.
+        narrower band of the two counts, where both have the same content.
     dt : float
         Sampling time [s].
 
@@ -126,7 +131,10 @@ def motion_band(q: Array, dq: Array | None, dt: float) -> float:
     frequency = np.asarray(np.fft.rfftfreq(len(q), dt))
     edges = _edges(frequency, q, derivative=1)
     if dq is not None:
-        edges = np.minimum(edges, _edges(frequency, dq))
+        common = _coherent(q, dq)
+        for own in (None, common):
+            edges = np.minimum(edges, _edges(frequency, dq, common=own))
+        edges = np.minimum(edges, _edges(frequency, q, derivative=1, common=common))
     return float(max(np.max(edges, initial=0.0), frequency[1]))
 
 
@@ -140,13 +148,42 @@ def position_band(q: Array, dt: float) -> float:
     return float(max(np.max(_edges(frequency, q), initial=0.0), frequency[1]))
 
 
-def _edges(frequency: Array, values: Array, derivative: int = 0) -> Array:
-    """Return the (n,) band edges [Hz] of velocities or, by a derivative, of positions."""
+def _spectrum(values: Array) -> npt.NDArray[np.complex128]:
     window = np.hanning(len(values))[:, None]
-    power = np.abs(np.fft.rfft((values - values.mean(axis=0)) * window, axis=0)) ** 2
+    return np.asarray(np.fft.rfft((values - values.mean(axis=0)) * window, axis=0))
+
+
+def _coherent(q: Array, dq: Array) -> npt.NDArray[np.bool_]:
+    """Return at which frequencies positions and velocities show the same motion, (K, n).
+
+    Noise of a filtered velocity falls with frequency, as a motion does. The positions do not have
+    it, so its coherence with them is low. A lag of the velocity does not change the coherence.
+    """
+    velocities = _spectrum(dq)
+    derivative = _spectrum(q) * np.arange(len(velocities))[:, None]
+
+    def mean(values: Array) -> Array:
+        return np.asarray(uniform_filter1d(values, _COHERENCE_BINS, axis=0, mode='nearest'))
+
+    cross = derivative * np.conj(velocities)
+    norm = mean(np.abs(derivative) ** 2) * mean(np.abs(velocities) ** 2)
+    square = (mean(cross.real) ** 2 + mean(cross.imag) ** 2) / np.maximum(norm, 1e-300)
+    return np.asarray(square > _COHERENCE, dtype=bool)
+
+
+def _edges(
+    frequency: Array,
+    values: Array,
+    derivative: int = 0,
+    common: npt.NDArray[np.bool_] | None = None,
+) -> Array:
+    """Return the (n,) band edges [Hz] of velocities or, by a derivative, of positions."""
+    power = np.abs(_spectrum(values)) ** 2
     noise = np.median(power[len(power) // 2 :], axis=0) / np.log(2.0)
     # Single bins of noise scatter about their mean: only what stands out of it counts.
     signal = np.where(power > 10.0 * noise, power - noise, 0.0)
+    if common is not None:
+        signal *= common
     total = np.cumsum(signal * frequency[:, None] ** (2 * derivative), axis=0)
     edges = [np.searchsorted(column, _SHARE * column[-1]) for column in total.T]
     return np.asarray(frequency[edges])

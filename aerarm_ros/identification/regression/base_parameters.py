@@ -13,6 +13,9 @@ from aerarm_ros.motion.signals import Array
 
 # The model's own dependencies are exact up to rounding; any excitation is far above this.
 _RANK_TOLERANCE = 1e-8
+# URDFs round angles to five digits (3.1416). A vertical axis then tilts by 1e-5 rad
+# and gravity acts on it: columns below this share of the largest, which no data determine.
+_NO_EFFECT = 3e-5
 _COEFFICIENT_TOLERANCE = 1e-6
 
 
@@ -111,7 +114,7 @@ def _split(factor: Array) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
         for _ in range(2):
             left = left - basis @ (basis.T @ left)
         size = np.linalg.norm(left)
-        if size <= _RANK_TOLERANCE:
+        if size <= _RANK_TOLERANCE or size * norm <= _NO_EFFECT * norms.max():
             dependent.append(column)
         else:
             basis = np.column_stack([basis, left / size])

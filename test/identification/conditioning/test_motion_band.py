@@ -38,3 +38,16 @@ def test_noise_that_only_velocity_or_only_position_has_is_no_motion() -> None:
     # Where both are noisy, the positions themselves still show where the motion is.
     assert motion_band(noisy_q, noisy_dq, DT) > 0.7
     assert position_band(noisy_q, DT) < 1.0
+
+
+def test_noise_in_both_that_falls_with_frequency_is_no_motion() -> None:
+    """Independent noise of positions and filtered velocities has no coherence, motion has."""
+    random = np.random.default_rng(2)
+    steps = 0.05 * random.standard_normal(DQ.shape)
+    noise = np.zeros_like(DQ)
+    for k in range(1, len(T)):
+        noise[k] = 0.9 * noise[k - 1] + steps[k]
+    noisy_q = Q + 1e-3 * random.standard_normal(Q.shape)
+    assert motion_band(noisy_q, DQ + noise, DT) == pytest.approx(0.8, abs=0.1)
+    late = np.vstack([(DQ + noise)[:1]] * 3 + [(DQ + noise)[:-3]])
+    assert motion_band(noisy_q, late, DT) == pytest.approx(0.8, abs=0.1)

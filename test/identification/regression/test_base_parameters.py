@@ -65,3 +65,12 @@ def test_a_column_without_effect_is_dependent() -> None:
     nothing = find_base_parameters(np.zeros((2, 2)), ('a', 'b'))
     assert nothing.rank == 0
     assert nothing.condition_number == float('inf')
+
+
+@pytest.mark.parametrize('angle', [np.pi, 3.1416])
+def test_rounded_angles_add_no_base_parameters(robot: Robot, angle: float) -> None:
+    """A base that is upside down by 3.1416 rad leaves gravity 7e-6 about the first axis."""
+    gravity = 9.81 * np.array([0.0, np.sin(angle), -np.cos(angle)])
+    base = find_base_parameters(*factor_of(robot.with_gravity(gravity), False))
+    assert base.rank == 30
+    assert base.condition_number < 100.0
