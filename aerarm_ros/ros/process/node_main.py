@@ -26,6 +26,7 @@ from aerarm_ros.ros.process.process_end import (
     ExitLimit,
     StopSignals,
     print_error,
+    print_notice,
 )
 from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
 
@@ -125,7 +126,12 @@ def _run_node(
     args: Sequence[str] | None,
     interruption: _Interruption,
 ) -> int:
-    stay_on_this_host()
+    try:
+        notice = stay_on_this_host()
+    except ValueError as error:
+        return _report(name, error, USER_ERROR)
+    if notice:
+        print_notice(name, notice)
     node = None
     try:
         use_packaged_profile()
