@@ -126,6 +126,8 @@ class Connection:
         Counts.
     peers
         How often the other end was found or started again.
+    greets
+        Genuine datagrams of an end that does not know this one yet.
     dropped
         Messages that did not fit into the backlog.
     """
@@ -134,7 +136,7 @@ class Connection:
         self.last_received = -inf
         self.round_trip = self.clock_offset = float('nan')
         self.traffic = Traffic()
-        self.peers = 0
+        self.peers = self.greets = 0
         self.dropped = 0
         self._session = Session(key, role)
         self._other_role = other_role
@@ -250,6 +252,7 @@ class Connection:
         session, to, body = opened
         if to != self._session.own:
             self._greet = session  # it started again, or we did
+            self.greets += 1
             return []
         if session != self._peer:
             self._peer = session
@@ -391,7 +394,6 @@ class Connection:
                 for part in message._parts:
                     part.flags |= _VOID
                     part.content = b''
-
 
 
 def _entry(kind: int, content: bytes) -> bytes:

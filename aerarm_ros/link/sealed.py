@@ -145,7 +145,9 @@ class _Other:
     def is_new(self, counter: int) -> bool:
         ahead = counter - self._newest
         if ahead > 0:
-            self._seen = ((self._seen << ahead) | 1) & ((1 << _WINDOW) - 1) if ahead < _WINDOW else 1
+            self._seen = (
+                ((self._seen << ahead) | 1) & ((1 << _WINDOW) - 1) if ahead < _WINDOW else 1
+            )
             self._newest = counter
             return True
         if -ahead >= _WINDOW or self._seen >> -ahead & 1:

@@ -126,12 +126,8 @@ def _run_node(
     args: Sequence[str] | None,
     interruption: _Interruption,
 ) -> int:
-    try:
-        notice = stay_on_this_host()
-    except ValueError as error:
-        return _report(name, error, USER_ERROR)
-    if notice:
-        print_notice(name, notice)
+    if not _may_start(name):
+        return USER_ERROR
     node = None
     try:
         use_packaged_profile()
@@ -168,6 +164,18 @@ def _run_node(
             finally:
                 rclpy.try_shutdown()
     return node.status if node is not None else 0
+
+
+def _may_start(name: str) -> bool:
+    """Prepare the environment of ROS; return whether it can be used."""
+    try:
+        notice = stay_on_this_host()
+    except ValueError as error:
+        print_error(name, error)
+        return False
+    if notice:
+        print_notice(name, notice)
+    return True
 
 
 def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) -> int | None:
