@@ -45,7 +45,7 @@ _MEANING = {
 }
 # Which bridges are asked, if none is named.
 _WHO = {
-    'e_stop': 'every one there is, of any name and namespace',
+    'e_stop': "those of this node's namespace; all bridges if it has none",
     'disable': "every one of this node's namespace",
     'put_back': _FAKE,
 }
@@ -99,7 +99,8 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     """Return a call of the bridge's service, made ready: discovery takes its time."""
     bridges = options.bridge or ([_FAKE] if options.command == 'put_back' else [])
     actions = [options.command, *(['home'] if getattr(options, 'home', False) else [])]
-    client = ArmClient(node, bridges, actions, _say_wait)
+    everywhere = getattr(options, 'all', False)
+    client = ArmClient(node, bridges, actions, _say_wait, everywhere)
 
     def ask() -> None:
         if options.wait_before:
@@ -202,6 +203,10 @@ def make_parser() -> argparse.ArgumentParser:
     for name in (*ACTIONS, 'put_back'):
         command = add(name, _MEANING[name], _action)
         _add_waits(command, _WHO.get(name, ' or '.join(BRIDGES)))
+        if name == 'e_stop':
+            command.add_argument(
+                '--all', action='store_true', help='stop the arms of all namespaces'
+            )
         if name == 'enable':
             command.add_argument('--home', action='store_true', help=_HOME)
     command = add('go', 'let the controller that runs move the arm to a posture', _go)

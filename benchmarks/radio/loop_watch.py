@@ -26,7 +26,7 @@ def main() -> None:
             values = {item.key: item.value for item in status.values}
             if 'missed cycles' in values:
                 row = {
-                    'time': time.monotonic() - begin,
+                    'time': message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec,
                     'cycles': int(values['cycles']),
                     'missed': int(values['missed cycles']),
                     'longest [ms]': float(values['period max [us]']) / 1e3,

@@ -21,7 +21,7 @@ DRONE, GROUND = '10.77.0.1', '10.77.0.2'
 RADIO = 'radio'
 """Name of the radio's interface on both hosts."""
 
-_TOOLS = ('unshare', 'nsenter', 'ip', 'tc')
+_TOOLS = ('unshare', 'nsenter', 'ip', 'tc', 'chrt')
 _SET_UP = (
     'mount -t tmpfs tmpfs /dev/shm && hostname {name} && ip link set lo up && echo ready && '
     'exec sleep infinity'
@@ -135,10 +135,15 @@ class TwoHosts:
         return int(fields[9]), int(fields[10])
 
     def start(
-        self, host: Host, *words: str, environment: Mapping[str, str], log: Path
+        self,
+        host: Host,
+        *words: str,
+        environment: Mapping[str, str],
+        log: Path,
+        stdin: int = subprocess.DEVNULL,
     ) -> subprocess.Popen[str]:
         """Start a command on a host, to be ended by `close`."""
-        process = host.start(*words, environment=environment, log=log)
+        process = host.start(*words, environment=environment, log=log, stdin=stdin)
         self._processes.append(process)
         return process
 

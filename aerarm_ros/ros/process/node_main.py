@@ -89,6 +89,8 @@ def run_node(
             status = interruption.during(lambda: _read_command_line(command_line, args))
             if status is not None:
                 return status
+        if not _may_start(name):
+            return USER_ERROR
         return _run_node(name, create, args, interruption)
 
 
@@ -126,8 +128,6 @@ def _run_node(
     args: Sequence[str] | None,
     interruption: _Interruption,
 ) -> int:
-    if not _may_start(name):
-        return USER_ERROR
     node = None
     try:
         use_packaged_profile()
