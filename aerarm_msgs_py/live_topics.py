@@ -200,13 +200,15 @@ class HiddenFromExecutors(CallbackGroup):
     """Group that no executor may run, so an executor on the same node takes no message."""
 
     def can_execute(self, entity: Any) -> bool:
+        """Return False: no executor runs these callbacks."""
         return False
 
     def beginning_execution(self, entity: Any) -> bool:
+        """Return False, as for `can_execute`."""
         return False
 
     def ending_execution(self, entity: Any) -> None:
-        pass
+        """Do nothing: nothing was executed."""
 
 
 class WaitSetSource:
