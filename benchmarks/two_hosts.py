@@ -113,6 +113,24 @@ class Rig:
         lost = 1.0 - (rows[-1]['cycles'] - first['cycles']) / span
         return max(0.0, lost), max(row['longest [ms]'] for row in rows)
 
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [rad] and velocity [rad/s] of the joints, on the drone."""
+        begin = time.monotonic()
+        self.drone.tell('state')
+        when = self.drone.wait(lambda row: 'position' in row, begin)
+        row = next(row for row in self.drone.rows() if row['time'] == when)
+        return np.array(row['position']), np.array(row['velocity'])
+
+    def arm(self, *words: str) -> subprocess.Popen[str]:
+        """Start `arm` on the ground."""
+        log = self.folder / f'arm_{words[0]}.log'
+        command = (sys.executable, '-m', 'aerarm_ros.executables', 'arm', *words)
+        return self.hosts.start(self.hosts.ground, *command, environment=DOMAIN, log=log)
+
+    def start_controller(self) -> None:
+        """Start computed_torque on the drone."""
+        self._node(self.hosts.drone, 'computed_torque', realtime_priority=45)
+
     def traffic(self, act: Callable[[], object]) -> tuple[float, float]:
         """Return the radio's traffic while a function runs, both ways [kbit/s], [packets/s]."""
         hosts = self.hosts

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,6 +60,36 @@ def test_a_press_during_a_cut_is_kept_and_acts_afterwards(rig: Rig) -> None:
     )
     assert 'was delivered' in rig.log('ground', 'ground_link')
     assert 'the drone is back after' in rig.log('ground', 'ground_link')
+
+
+def arm(rig: Rig, *words: str) -> str:
+    """Run `arm` on the ground and return what it printed."""
+    process = rig.arm(*words)
+    status = process.wait(60.0)
+    text = (rig.folder / f'arm_{words[0]}.log').read_text()
+    assert status == 0, text
+    return text
+
+
+def test_the_ground_moves_the_arm_and_a_lost_ground_stops_it(rig: Rig) -> None:
+    rig.start_controller()
+    assert 'arm_mode running' in arm(rig, 'enable', '--wait', 'running')
+    assert 'kp' in arm(rig, 'set', 'computed_torque', 'kp', '[400.0]')
+    arm(rig, 'go', '0.3', '1.2', '0.3', '0.3', '--tolerance', '0.1')
+    time.sleep(1.0)
+    begin = rig.state()[0]
+    rig.ground.tell('sweep')
+    deadline = time.monotonic() + 30.0
+    while abs(rig.state()[1][0]) < 0.1:
+        assert time.monotonic() < deadline
+    rig.relay.tell('cut 1')
+    time.sleep(3.0)
+    position, velocity = rig.state()
+    assert np.all(np.abs(velocity) < 0.02), velocity
+    assert begin[0] - position[0] < 0.8, position  # it did not go on to the goal
+    assert rig.drone.rows()[-1].get('mode') is None  # it is held, not damped
+    rig.relay.tell('cut 0')
+    arm(rig, 'go', '0.0', '1.2', '0.3', '0.3', '--tolerance', '0.1')
 
 
 def test_no_radio_slows_the_loop_down(rig: Rig) -> None:
