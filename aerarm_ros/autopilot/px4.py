@@ -10,10 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.checks import non_negative_number, positive
+from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.motion.signals import Array
 
 _WORLD = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _BODY = np.array([1.0, -1.0, -1.0])
+_NO_TORQUE = 1e-3  # entry of the mixer below which PX4 does not count a rotor
 
 
 def ned(vector: npt.ArrayLike) -> Array:
@@ -31,9 +33,32 @@ def heading(yaw: float) -> float:
     return float(np.arctan2(np.cos(yaw), np.sin(yaw)))
 
 
+def torque_unit(drone: DroneConfig) -> Array:
+    """Return the moments (3,) about the body's axes [Nm] of PX4's normalised torque 1.
+
+    As ControlAllocationPseudoInverse scales its mixer (SYS_CTRL_ALLOC): roll and pitch share the
+    smaller of `T_max sqrt(n_x Sx2 / 2)` and `T_max sqrt(n_y Sy2 / 2)`, with Sx2 the sum of the
+    squared levers of rotors and n_x the number of rotors that have one. Yaw is scaled by the
+    largest entry of the mixer's column.
+
+    Raises
+    ------
+    ValueError
+        If the rotors give no moment about one of the axes.
+    """
+    effectiveness = drone.allocation * drone.column('thrust_max')
+    if np.linalg.matrix_rank(effectiveness[3:]) < 3:
+        raise ValueError('drone: its rotors give no moment about one of its axes')
+    mixer = np.linalg.pinv(effectiveness)[:, 3:]
+    tilt = mixer[:, :2]
+    turning = np.maximum(np.count_nonzero(np.abs(tilt) > _NO_TORQUE, axis=0), 1)
+    scale = float(np.sqrt(np.square(tilt).sum(axis=0) * 2.0 / turning).max())
+    return np.array([1.0 / scale, 1.0 / scale, 1.0 / float(mixer[:, 2].max())])
+
+
 @dataclass(frozen=True)
 class Px4Gains:
-    """Parameters of PX4's multicopter loops, by their names there, with its defaults.
+    """Parameters of PX4's multicopter loops, by their names there, with its defaults of 2026.
 
     Attributes
     ----------
@@ -50,9 +75,12 @@ class Px4Gains:
     mc_rate_k : float
         Of all three that follow: MC_ROLLRATE_K and MC_PITCHRATE_K [-].
     mc_rate_p, mc_rate_i, mc_rate_d : float
-        Moment per angular velocity error, its integral and the angular acceleration, as a share of
-        the largest moment.
+        Normalised torque (`torque_unit`) per angular velocity error, its integral and the angular
+        acceleration.
     mc_yawrate_p, mc_yawrate_i : float
+        The same about the vertical.
+    mc_yaw_tq_cutoff : float
+        MC_YAW_TQ_CUTOFF, of the low-pass filter of the yaw torque [Hz].
     tilt_max : float
         MPC_TILTMAX_AIR [rad].
     thrust_min : float
@@ -72,7 +100,7 @@ class Px4Gains:
     mpc_z_vel_i_acc: float = 2.0
     mpc_xy_vel_d_acc: float = 0.2
     mpc_z_vel_d_acc: float = 0.0
-    mc_att_p: float = 6.5
+    mc_att_p: float = 4.0
     mc_yaw_p: float = 2.8
     mc_rate_k: float = 1.0
     mc_rate_p: float = 0.15
@@ -80,6 +108,7 @@ class Px4Gains:
     mc_rate_d: float = 0.003
     mc_yawrate_p: float = 0.2
     mc_yawrate_i: float = 0.1
+    mc_yaw_tq_cutoff: float = 2.0
     tilt_max: float = 0.785
     thrust_min: float = 0.12
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerarm_ros.autopilot.px4 import Px4Gains, frd_rotation, heading, ned
+from aerarm_ros.autopilot.px4 import Px4Gains, frd_rotation, heading, ned, torque_unit
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.base_motion import frd_to_flu, quaternion
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
@@ -18,7 +18,13 @@ from aerarm_ros.motion.signals import Array
 _INTEGRAL_MAX = GRAVITY  # [m/s^2] of the velocity's
 _RATE_INTEGRAL_MAX = 0.3  # MC_RR_INT_LIM
 _YAW_WEIGHT = 0.4  # MC_YAW_WEIGHT
-_DERIVATIVE = 30.0  # [rad/s] IMU_DGYRO_CUTOFF
+_VELOCITY_CUTOFF = 5.0  # [Hz] MPC_VELD_LP, of the derivative of the velocity
+_SPIN_CUTOFF = 30.0  # [Hz] IMU_DGYRO_CUTOFF, of the angular acceleration
+
+
+def _low_pass_share(cutoff: float, dt: float) -> float:
+    """Return the share of a new value in a first-order low-pass filter with a cut-off [Hz]."""
+    return float(1.0 - np.exp(-2.0 * np.pi * cutoff * dt))
 
 
 class Px4SetPoint(NamedTuple):
@@ -90,10 +96,11 @@ class Px4Loops:
         self._push, self._moment = np.zeros(3), np.zeros(3)
         self._velocity: Array | None = None
         self._rate: Array | None = None
+        self._yaw_torque: float | None = None
         self._acceleration, self._spin = np.zeros(3), np.zeros(3)
 
     def update(self, state: Px4State, wanted: Px4SetPoint, dt: float) -> tuple[float, Array]:
-        """Return thrust and moment (3,), forward-right-down, as shares of the largest.
+        """Return normalised thrust and torque (3,), forward-right-down.
 
         `dt` is the time since the last update [s].
         """
@@ -108,7 +115,7 @@ class Px4Loops:
         velocity = self._position_p * error + np.nan_to_num(wanted.velocity)
         if self._velocity is not None and dt > 0.0:
             slope = (state.velocity - self._velocity) / dt
-            share = 1.0 - np.exp(-_DERIVATIVE * dt)
+            share = _low_pass_share(_VELOCITY_CUTOFF, dt)
             self._acceleration = self._acceleration + share * (slope - self._acceleration)
         self._velocity = state.velocity
         off = velocity - state.velocity
@@ -132,12 +139,16 @@ class Px4Loops:
         off = rates - state.rate
         if self._rate is not None and dt > 0.0:
             slope = (state.rate - self._rate) / dt
-            share = 1.0 - np.exp(-_DERIVATIVE * dt)
+            share = _low_pass_share(_SPIN_CUTOFF, dt)
             self._spin = self._spin + share * (slope - self._spin)
         self._rate = state.rate
         torque = self._rate_p * off + self._moment - self._rate_d * self._spin
         moment = self._moment + dt * self._rate_i * off
         self._moment = np.clip(moment, -_RATE_INTEGRAL_MAX, _RATE_INTEGRAL_MAX)
+        if self._yaw_torque is not None:
+            share = _low_pass_share(self._gains.mc_yaw_tq_cutoff, dt)
+            torque[2] = self._yaw_torque + share * (torque[2] - self._yaw_torque)
+        self._yaw_torque = float(torque[2])
         return np.clip(torque, -1.0, 1.0)
 
     def _rates(self, rotation: Array, wanted: Array) -> Array:
@@ -215,13 +226,12 @@ class Px4Flight:
         most = drone.column('thrust_max')
         matrix = np.abs(self._allocation.matrix)
         self._thrust_max = float(matrix[2] @ most)
-        # With one half of the rotors at their largest thrust.
-        self._moment_max = 0.5 * matrix[3:] @ most
+        self._torque_unit = torque_unit(drone)
         self._body = body
         self._loops = Px4Loops(gains, body.mass * GRAVITY / self._thrust_max)
         self._acceleration = SetPointAcceleration()
         if knows_loops:
-            rate_gain = gains.mc_rate_k * gains.mc_rate_p * float(self._moment_max[:2].mean())
+            rate_gain = gains.mc_rate_k * gains.mc_rate_p * float(self._torque_unit[0])
             lasting = gains.mc_rate_i / gains.mc_rate_p
             self._acceleration = SetPointAcceleration(gains.mc_att_p, rate_gain, lasting)
 
@@ -257,5 +267,5 @@ class Px4Flight:
         )
         thrust, moment = self._loops.update(vehicle, wanted, dt)
         force = np.array([0.0, 0.0, thrust * self._thrust_max])
-        wrench = np.concatenate([force, frd_to_flu(moment * self._moment_max)])
+        wrench = np.concatenate([force, frd_to_flu(moment * self._torque_unit)])
         return self._allocation.thrusts(wrench)

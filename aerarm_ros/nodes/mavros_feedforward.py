@@ -1,12 +1,13 @@
 """Adds to MAVROS's set points the acceleration that the arm's motion takes.
 
-`setpoint_raw/local` in, as it would go to /mavros/setpoint_raw/local, and out there, a hundred
-times a second; mavros_msgs has to be installed. The weight is left to the autopilot.
+The node subscribes to `setpoint_raw/local` and publishes on /mavros/setpoint_raw/local, a hundred
+times per second; it needs mavros_msgs. The autopilot's hover thrust carries the weight.
 """
 
 import copy
 import sys
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,17 +16,27 @@ from sensor_msgs.msg import Imu
 
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.ros.flight.set_point_node import SetPointNode, set_point_parameters
+from aerarm_ros.ros.parameters.parameter_table import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'mavros_feedforward'
+PX4, ARDUPILOT = 'px4', 'ardupilot'
 PARAMETERS = set_point_parameters(
-    'setpoint_raw/local', '/mavros/setpoint_raw/local', '/mavros/imu/data'
-)
+    'setpoint_raw/local',
+    '/mavros/setpoint_raw/local',
+    '/mavros/imu/data',
+    Parameter('firmware', PX4, 'whose rules the set points follow; ardupilot has no tilt ahead, '
+              'as its loops are not known', choices=(PX4, ARDUPILOT)),
+)  # fmt: skip
 
-# Of mavros_msgs/PositionTarget.
-_LOCAL_FRAMES = (1, 7)
-_IGNORE_ACCELERATION = 64 + 128 + 256
+# Of mavros_msgs/PositionTarget: frames, and bits of type_mask, x first.
+_FRAMES = {
+    PX4: {1: 'FRAME_LOCAL_NED'},
+    ARDUPILOT: {1: 'FRAME_LOCAL_NED', 7: 'FRAME_LOCAL_OFFSET_NED'},
+}
+_POSITION, _VELOCITY, _ACCELERATION = (np.array([1, 2, 4]) * 8**i for i in range(3))
 _IS_FORCE = 512
+_ZERO = np.zeros(3)
 
 
 class MavrosFeedforward(SetPointNode):
@@ -50,32 +61,56 @@ class MavrosFeedforward(SetPointNode):
         self, set_point: Any, acceleration: NDArray[np.float64], now_ns: int
     ) -> Any:
         """Return a PositionTarget with an acceleration added; raises RejectedInputError."""
-        return add_acceleration(set_point, acceleration, now_ns)
+        return add_acceleration(set_point, acceleration, now_ns, self.values.firmware)
+
+    def tilts_ahead(self, values: SimpleNamespace) -> bool:
+        """Return whether PX4's cascade flies."""
+        return bool(values.firmware == PX4)
 
 
-def add_acceleration(set_point: Any, acceleration: NDArray[np.float64], now_ns: int) -> Any:
+def add_acceleration(
+    set_point: Any, acceleration: NDArray[np.float64], now_ns: int, firmware: str = PX4
+) -> Any:
     """Return a PositionTarget with an acceleration (3,), east-north-up, added [m/s^2].
+
+    An axis without any set point (position, velocity and acceleration ignored) stays so.
+    ArduCopter ignores a position, velocity or acceleration of which one axis is ignored. It takes
+    position and acceleration without velocity for invalid and restarts GUIDED. So for it the
+    ignored axes become 0, the velocity beside a position too.
 
     Raises
     ------
     RejectedInputError
-        If it is in the body's axes, or asks for a force.
+        If the autopilot takes no set point in that frame, or if it asks for a force.
     """
-    if set_point.coordinate_frame not in _LOCAL_FRAMES:
+    frames = _FRAMES[firmware]
+    if set_point.coordinate_frame not in frames:
         raise RejectedInputError(
-            'set point: only FRAME_LOCAL_NED and FRAME_LOCAL_OFFSET_NED take an acceleration here'
+            f'set point: coordinate_frame is {set_point.coordinate_frame}, and with an '
+            f'acceleration {firmware} takes {" or ".join(frames.values())}'
         )
     if set_point.type_mask & _IS_FORCE:
         raise RejectedInputError('set point: it asks for a force, not for an acceleration')
     added = copy.deepcopy(set_point)
-    wanted = added.acceleration_or_force
-    if set_point.type_mask & _IGNORE_ACCELERATION:
-        wanted.x = wanted.y = wanted.z = 0.0
-    x, y, z = acceleration.tolist()
-    wanted.x, wanted.y, wanted.z = wanted.x + x, wanted.y + y, wanted.z + z
-    added.type_mask = set_point.type_mask & ~_IGNORE_ACCELERATION
+    position, velocity, wanted = (
+        (set_point.type_mask & bits) == 0 for bits in (_POSITION, _VELOCITY, _ACCELERATION)
+    )
+    takes = position | velocity | wanted
+    if firmware == ARDUPILOT:
+        takes = np.full(3, position.all() or velocity.all() or wanted.all())
+        if takes[0] and not velocity.all() and position.all():
+            _fill(added.velocity, velocity)
+            added.type_mask &= ~int(_VELOCITY.sum())
+    _fill(added.acceleration_or_force, wanted, acceleration * takes)
+    added.type_mask &= ~int(_ACCELERATION[takes].sum())
     added.header.stamp.sec, added.header.stamp.nanosec = divmod(now_ns, 10**9)
     return added
+
+
+def _fill(vector: Any, given: NDArray[np.bool_], added: NDArray[np.float64] = _ZERO) -> None:
+    """Set what is not given of a Vector3 to 0, and add to all of it."""
+    values = np.where(given, [vector.x, vector.y, vector.z], 0.0) + added
+    vector.x, vector.y, vector.z = values.tolist()
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -1,8 +1,9 @@
 """Adds to PX4's set points the acceleration that the arm's motion takes.
 
-`trajectory_setpoint` in, as it would go to /fmu/in/trajectory_setpoint, and out there, a hundred
-times a second; px4_msgs has to be installed. The weight is left to PX4's estimate of the hover
-thrust.
+The node subscribes to `trajectory_setpoint` and publishes on /fmu/in/trajectory_setpoint, a hundred
+times per second; it needs px4_msgs. PX4's estimate of the hover thrust carries the weight. PX4
+leaves offboard mode if /fmu/in/offboard_control_mode stops, and watches no set points. So this
+node publishes that topic too, as long as set points arrive; no other node should.
 """
 
 import copy
@@ -16,12 +17,17 @@ from numpy.typing import NDArray
 from aerarm_ros.autopilot.px4 import ned
 from aerarm_ros.control.base.base_motion import attitude_ned_frd_to_enu_flu
 from aerarm_ros.ros.flight.set_point_node import SetPointNode, set_point_parameters
+from aerarm_ros.ros.parameters.parameter_table import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'px4_feedforward'
 PARAMETERS = set_point_parameters(
-    'trajectory_setpoint', '/fmu/in/trajectory_setpoint', '/fmu/out/vehicle_attitude'
-)
+    'trajectory_setpoint',
+    '/fmu/in/trajectory_setpoint',
+    '/fmu/out/vehicle_attitude',
+    Parameter('offboard_mode_topic', '/fmu/in/offboard_control_mode', 'topic of '
+              'OffboardControlMode, published with each set point; empty to publish none'),
+)  # fmt: skip
 
 
 class Px4Feedforward(SetPointNode):
@@ -30,6 +36,11 @@ class Px4Feedforward(SetPointNode):
     def __init__(self) -> None:
         advice = 'build it in the workspace and source it, or use MAVROS and mavros_feedforward'
         super().__init__(NAME, PARAMETERS, 'px4_msgs', advice)
+        self._offboard_mode: Any = None
+        if topic := self.values.offboard_mode_topic:
+            from px4_msgs.msg import OffboardControlMode
+
+            self._offboard_mode = self.node.create_publisher(OffboardControlMode, topic, 1)
 
     def message_types(self) -> tuple[Any, Any]:
         """Return PX4's."""
@@ -42,6 +53,15 @@ class Px4Feedforward(SetPointNode):
         w, x, y, z = (float(value) for value in message.q)
         return attitude_ned_frd_to_enu_flu([x, y, z, w])
 
+    def publish(self, set_point: Any, now_ns: int) -> None:
+        """Send a set point, after the mode that PX4's offboard check watches."""
+        if self._offboard_mode is not None:
+            mode = self._offboard_mode.msg_type()
+            mode.timestamp = now_ns // 1000
+            setattr(mode, controlled_quantity(set_point), True)
+            self._offboard_mode.publish(mode)
+        super().publish(set_point, now_ns)
+
     def with_acceleration(
         self, set_point: Any, acceleration: NDArray[np.float64], now_ns: int
     ) -> Any:
@@ -52,13 +72,23 @@ class Px4Feedforward(SetPointNode):
 def add_acceleration(set_point: Any, acceleration: NDArray[np.float64], now_ns: int) -> Any:
     """Return a TrajectorySetpoint with an acceleration (3,), east-north-up, added [m/s^2].
 
-    What it leaves open (NaN) stays so in everything else.
+    An axis without any set point (position, velocity and acceleration NaN) stays so: PX4 would
+    take an acceleration alone for a request.
     """
     added = copy.copy(set_point)
-    asked = np.nan_to_num(np.array(set_point.acceleration, dtype=float), nan=0.0)
-    added.acceleration = (asked + ned(acceleration)).astype(np.float32)
+    wanted = np.array(set_point.acceleration, dtype=float)
+    is_open = np.isnan([set_point.position, set_point.velocity, wanted]).all(axis=0)
+    wanted = np.nan_to_num(wanted, nan=0.0) + ned(acceleration)
+    added.acceleration = np.where(is_open, np.nan, wanted).astype(np.float32)
     added.timestamp = now_ns // 1000
     return added
+
+
+def controlled_quantity(set_point: Any) -> str:
+    """Return the field of OffboardControlMode that fits a set point: the first with a number."""
+    names = ('position', 'velocity', 'acceleration')
+    given = (name for name in names if not np.isnan(getattr(set_point, name)).all())
+    return next(given, 'acceleration')
 
 
 def main(args: Sequence[str] | None = None) -> int:

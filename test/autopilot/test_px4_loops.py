@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.autopilot.px4 import Px4Gains
+from aerarm_ros.autopilot.px4 import Px4Gains, torque_unit
 from aerarm_ros.autopilot.px4_loops import Px4Loops, Px4SetPoint, Px4State
-from aerarm_ros.description.drone_config import GRAVITY
+from aerarm_ros.description.drone_config import GRAVITY, load_drone_config
+from aerarm_ros.description.resources import resource
 
 HOVER = 0.4
 ZERO = np.zeros(3)
@@ -74,6 +75,31 @@ def test_without_a_heading_only_its_turning_is_damped() -> None:
 def test_the_tilt_that_is_asked_for_is_limited() -> None:
     thrust, _ = answer(np.array([100.0, 0.0, 0.0]))
     assert thrust == pytest.approx(HOVER / np.cos(Px4Gains().tilt_max))
+
+
+@pytest.mark.parametrize('path', ['drone.yaml', 'drones/quadrotor.yaml'])
+def test_the_unit_of_torque_is_that_of_the_levers(path: str) -> None:
+    drone = load_drone_config(resource('config', *path.split('/')))
+    levers = np.array([rotor.position[:2] for rotor in drone.rotors])
+    most = drone.column('thrust_max')[0]
+    turning = np.count_nonzero(np.abs(levers) > 1e-9, axis=0)
+    expected = most * np.sqrt(turning * np.square(levers).sum(axis=0) / 2.0).min()
+    roll, pitch, yaw = torque_unit(drone)
+    assert roll == pitch == pytest.approx(expected, rel=1e-5)
+    drag = abs(drone.rotors[0].moment_per_thrust)
+    assert yaw == pytest.approx(len(levers) * most * drag, rel=1e-5)
+
+
+def test_the_yaw_torque_follows_slowly() -> None:
+    loops = Px4Loops(Px4Gains(mc_yawrate_i=0.0), HOVER)
+    level, turned_away = (
+        (Px4State(ZERO, ZERO, LEVEL, ZERO), Px4SetPoint(ZERO, yaw, NOWHERE, NOWHERE))
+        for yaw in (0.0, 0.2)
+    )
+    loops.update(*level, 0.004)
+    torques = [loops.update(*turned_away, 0.004)[1][2] for _ in range(100)]
+    # 2 Hz: 63 % after 80 ms.
+    assert torques[19] == pytest.approx(0.63 * torques[-1], rel=0.1)
 
 
 def test_gains_that_are_none_are_refused() -> None:

@@ -43,6 +43,24 @@ def test_a_heading_that_is_left_open_stays_so() -> None:
     assert np.isnan([after.yaw, after.yawspeed]).all()
 
 
+def test_an_axis_without_a_set_point_stays_open() -> None:
+    before = set_point(OPEN)
+    before.position = np.array([1.0, np.nan, np.nan], dtype=np.float32)
+    before.velocity = np.array([np.nan, 0.2, np.nan], dtype=np.float32)
+    after = px4_feedforward.add_acceleration(before, np.array([1.0, 2.0, 0.5]), 0)
+    np.testing.assert_allclose(after.acceleration, [2.0, 1.0, np.nan])
+
+
+def test_the_offboard_mode_is_that_of_the_first_set_point_that_is_given() -> None:
+    before = set_point(OPEN)
+    assert px4_feedforward.controlled_quantity(before) == 'position'
+    before.position = OPEN
+    before.velocity = np.array([np.nan, 0.2, np.nan], dtype=np.float32)
+    assert px4_feedforward.controlled_quantity(before) == 'velocity'
+    before.velocity = OPEN
+    assert px4_feedforward.controlled_quantity(before) == 'acceleration'
+
+
 def test_px4_pushes_to_where_it_points() -> None:
     # To the east in ROS's world: a PX4 that looks north rolls to the right.
     sent = px4_feedforward.add_acceleration(set_point(OPEN), np.array([1.5, 0.0, 0.0]), 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 
+from aerarm_ros.autopilot.px4 import Px4Gains, torque_unit
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.base_motion import rotation_matrix
 from aerarm_ros.control.checks import RejectedInputError
@@ -32,14 +34,17 @@ _REMEMBERED = 5.0  # [s] for which a rejection is a warning
 _CLOCK_TOLERANCE = 0.2
 
 
-def set_point_parameters(set_points: str, output: str, attitude: str) -> ParameterTable:
-    """Return the parameters of such a node, with its topics' defaults."""
+def set_point_parameters(
+    set_points: str, output: str, attitude: str, *others: Parameter
+) -> ParameterTable:
+    """Return the parameters of such a node: defaults of its topics, and what it has besides."""
     return ParameterTable(
         *ARM_FILES,
         DRONE_FILE,
         Parameter('set_point_topic', set_points, 'where the set points come from'),
         Parameter('output_topic', output, 'where they go to, with the acceleration'),
         Parameter('attitude_topic', attitude, "the drone's attitude"),
+        *others,
         Parameter('rate', 100.0, 'how often the newest set point is sent', 'Hz', 10.0, 500.0),
         Parameter('set_point_timeout', 0.5, 'age after which a set point is not sent any more, so '
                   'that the autopilot notices that nobody leads it', 's', 0.05, 10.0),
@@ -47,14 +52,16 @@ def set_point_parameters(set_points: str, output: str, attitude: str) -> Paramet
                   "ahead of time (base_reaction's lead), that much of it is used", 's', 0.0, 0.06,
                   live=True),
         *grouped(
-            "The autopilot's loops, if they are known",
-            Parameter('attitude_gain', 0.0, 'angular velocity per attitude error (PX4: MC_ROLL_P): '
-                      'the set point leans ahead by it; 0 if it is not known', '1/s', 0.0, 50.0),
-            Parameter('rate_gain', 0.0, 'moment per error of the angular velocity (PX4: '
-                      'MC_ROLLRATE_K times MC_ROLLRATE_P times the largest moment); 0 if it is not '
-                      'known', 'Nm s/rad', 0.0, 100.0),
-            Parameter('integral_rate', 1.3, 'of the integral over that (PX4: MC_ROLLRATE_I over '
-                      'MC_ROLLRATE_P)', '1/s', 0.0, 50.0),
+            "The autopilot's loops, for the tilt ahead",
+            Parameter('attitude_gain', Px4Gains.mc_att_p, 'angular velocity per attitude error '
+                      "(MC_ROLL_P, default as PX4's); 0 switches the tilt ahead off", '1/s', 0.0,
+                      50.0),
+            Parameter('rate_gain', Px4Gains.mc_rate_k * Px4Gains.mc_rate_p, 'normalised torque per '
+                      'error of the angular velocity (MC_ROLLRATE_K times MC_ROLLRATE_P); the unit '
+                      'of torque follows from the drone_file; 0 ignores inertia and moment',
+                      's/rad', 0.0, 10.0),
+            Parameter('integral_rate', Px4Gains.mc_rate_i / Px4Gains.mc_rate_p, 'integral gain '
+                      'over rate_gain (MC_ROLLRATE_I over MC_ROLLRATE_P)', '1/s', 0.0, 50.0),
         ),
     )  # fmt: skip
 
@@ -90,9 +97,12 @@ class SetPointNode:
         self.values = values = parameters.declare(self.node, self._on_parameter)
         config, drone, body = load_flown_drone(values)
         self._arm = ArmFeedForward(drone, body, lead=values.feed_lead)
-        self._acceleration = SetPointAcceleration(
-            values.attitude_gain, values.rate_gain, values.integral_rate
-        )
+        self._acceleration = SetPointAcceleration()
+        if self.tilts_ahead(values):
+            rate_gain = values.rate_gain * float(torque_unit(drone)[0])
+            self._acceleration = SetPointAcceleration(
+                values.attitude_gain, rate_gain, values.integral_rate
+            )
         self._set_point: Any = None
         self._set_point_time = self._attitude_time = self._rejected_at = -np.inf
         self._rotation = np.eye(3)
@@ -127,6 +137,14 @@ class SetPointNode:
         """Return the attitude (x, y, z, w), forward-left-up in east-north-up, of a message."""
         raise NotImplementedError
 
+    def tilts_ahead(self, values: SimpleNamespace) -> bool:
+        """Return whether the autopilot's loops are PX4's cascade, whose inverse is known."""
+        return True
+
+    def publish(self, set_point: Any, now_ns: int) -> None:
+        """Send a set point to the autopilot."""
+        self._publisher.publish(set_point)
+
     def with_acceleration(self, set_point: Any, acceleration: Array, now_ns: int) -> Any:
         """Return a set point with an acceleration (3,), east-north-up, added [m/s^2].
 
@@ -156,10 +174,10 @@ class SetPointNode:
         if now - self._set_point_time > self.values.set_point_timeout:
             return
         try:
-            self._publisher.publish(self.with_acceleration(self._set_point, added, now_ns))
+            self.publish(self.with_acceleration(self._set_point, added, now_ns), now_ns)
         except RejectedInputError as error:
             self._reject(str(error))
-            self._publisher.publish(self._set_point)
+            self.publish(self._set_point, now_ns)
         else:
             self._added = added
         self._sent += 1
