@@ -149,7 +149,12 @@ class Connection:
         self._their_times = (0, 0)
         self._exchanges: deque[tuple[float, float, float]] = deque()
         self._delays: deque[tuple[float, float]] = deque()
-        self._begin_again()
+        self._next = self._confirmed_below = 0
+        self._received_numbers = (0, 0)
+        self._incoming: dict[tuple[int, int], dict[int, tuple[int, bytes]]] = {}
+        self._expected: dict[int, int] = {}
+        self._sequences: dict[int, int] = {}
+        self._parts: list[_Part] = []
 
     # Sending
 
@@ -272,7 +277,8 @@ class Connection:
                 elif kind == _PART:
                     came += self._on_part(content, is_late)
                 elif kind == _VALUE:
-                    came.append(Received(*_CHANNEL.unpack_from(content), content[2:], True))
+                    (channel,) = _CHANNEL.unpack_from(content)
+                    came.append(Received(channel, content[_CHANNEL.size :], True))
         except (struct.error, zlib.error):
             pass  # of another version; it is genuine all the same
         return came
@@ -334,7 +340,7 @@ class Connection:
         return self._in_order(channel)
 
     def _in_order(self, channel: int) -> list[Received]:
-        came = []
+        came: list[Received] = []
         while True:
             sequence = self._expected.get(channel, 0)
             parts = self._incoming.get((channel, sequence))
@@ -360,10 +366,10 @@ class Connection:
         """Start numbering at zero: the other end started."""
         self._next = self._confirmed_below = 0
         self._received_numbers = (0, 0)
-        self._incoming: dict[tuple[int, int], dict[int, tuple[int, bytes]]] = {}
-        self._expected: dict[int, int] = {}
-        self._sequences: dict[int, int] = {}
-        self._parts: list[_Part] = []
+        self._incoming.clear()
+        self._expected.clear()
+        self._sequences.clear()
+        self._parts = []
         self._messages = deque(m for m in self._messages if not m.is_expired)
         self._their_times = (0, 0)
         self._delays.clear()

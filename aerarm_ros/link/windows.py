@@ -24,14 +24,14 @@ class Window(NamedTuple):
     ----------
     stamp_ns
         Of the newest sample [ns].
-    count
-        Number of samples.
+    samples
+        How many there were.
     newest, minimum, maximum : (n,) ndarray
         NaN where all samples are.
     """
 
     stamp_ns: int
-    count: int
+    samples: int
     newest: NDArray[np.float64]
     minimum: NDArray[np.float64]
     maximum: NDArray[np.float64]
@@ -55,7 +55,7 @@ def pack_window(window: Window) -> bytes:
     with np.errstate(over='ignore', invalid='ignore'):
         below = _rounded_up(newest - window.minimum)
         above = _rounded_up(window.maximum - newest)
-    head = _HEAD.pack(window.stamp_ns, min(window.count, 65535), len(newest))
+    head = _HEAD.pack(window.stamp_ns, min(window.samples, 65535), len(newest))
     return head + newest.tobytes() + below.tobytes() + above.tobytes()
 
 

@@ -11,7 +11,7 @@ def test_a_peak_of_one_sample_survives() -> None:
     samples = list(rng.normal(size=(20, 12)))
     samples[7][3] = 40.0
     window = unpack_window(pack_window(window_of(123, samples)))
-    assert (window.stamp_ns, window.count) == (123, 20)
+    assert (window.stamp_ns, window.samples) == (123, 20)
     np.testing.assert_allclose(window.newest, samples[-1], rtol=1e-6)
     rows = np.stack(samples)
     # Never inside the true extremes, and outside by the resolution of half precision.

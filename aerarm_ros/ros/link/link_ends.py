@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import select
 import socket
+import struct
 import time
+import zlib
 from math import inf, isfinite, isnan
 from types import SimpleNamespace
 
@@ -42,6 +44,8 @@ _RATES = {DRONE: 26_000.0, GROUND: 9_000.0}  # bytes/s: 0.28 Mbit/s in all
 _BUFFER = 8192  # bytes: a slow radio shall not collect a queue of old datagrams
 _CLOCK_MAX = 0.02  # [s]
 _DATAGRAM_MAX = 2048
+# What an end of another version may send.
+_MALFORMED = (ValueError, LookupError, TypeError, AttributeError, struct.error, zlib.error)
 
 
 class LinkEnd:
@@ -74,6 +78,7 @@ class LinkEnd:
         self._away = 0.0  # [s] how long the other end was silent the last time
         self._peers = 0
         self._counted = (0, 0)
+        self._malformed = 0
         self._refused = 0  # datagrams that the radio did not take
 
     def step(self) -> None:
@@ -82,7 +87,10 @@ class LinkEnd:
             select.select([self._socket], [], [], _POLL)
         before = self.connection.last_received
         for received in self._receive():
-            self._take(received)
+            try:
+                self._take(received)
+            except _MALFORMED as error:
+                self._note_malformed(received, error)
         now = time.monotonic()
         if self.connection.last_received != before:
             self._note_return(before, now)
@@ -151,6 +159,14 @@ class LinkEnd:
         except OSError:  # the radio is full or away
             self._refused += 1
 
+    def _note_malformed(self, received: Received, error: Exception) -> None:
+        self._malformed += 1
+        if self._malformed == 1:
+            self._node.get_logger().warning(
+                f'channel {received.channel} of the {self.other} is not understood ({error!r}): '
+                'install the same version of aerarm_ros on both hosts'
+            )
+
     def _note_return(self, before: float, now: float) -> None:
         self._was_up = True
         silent = now - before
@@ -178,6 +194,7 @@ class LinkEnd:
             'packets [1/s]': f'{rates[1]:.0f}',
             'messages waiting': connection.waiting,
             'messages dropped': connection.dropped,
+            'messages not understood': self._malformed,
             'datagrams refused by the interface': self._refused,
             **self._rows(),
         }

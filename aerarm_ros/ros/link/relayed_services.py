@@ -122,7 +122,7 @@ class DroneServices:
 
 @dataclass
 class _Call:
-    service: Service
+    service: Any
     header: Any
     begin: float
     message: Message
@@ -208,7 +208,7 @@ class GroundServices:
         self._number = (self._number + 1) & 0xFFFFFFFF
         encoded = name.encode()
         content = _CALL.pack(self._number, len(encoded)) + encoded + serialize_message(request)
-        is_stop = name.endswith(f'/{E_STOP}')
+        is_stop = _offers_stop(service)
         kept = [call for call in self._calls.values() if call.service is service]
         if is_stop and kept and not kept[-1].message.is_confirmed:
             message = kept[-1].message  # one is enough
@@ -252,7 +252,12 @@ class GroundServices:
 
 
 def _is_stop(call: _Call) -> bool:
-    return bool(call.service.srv_name.endswith(f'/{E_STOP}'))
+    return _offers_stop(call.service)
+
+
+def _offers_stop(service: Any) -> bool:
+    # Another machine may have a service of that name and of another type.
+    return service.srv_type is Trigger and bool(service.srv_name.endswith(f'/{E_STOP}'))
 
 
 def _ignore(_: Any, response: Any) -> Any:
