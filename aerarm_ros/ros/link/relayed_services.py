@@ -247,8 +247,9 @@ class GroundServices:
         return f'{silent:.1f} s' if silent < inf else 'its start'
 
     def _answer(self, call: _Call, response: Any) -> None:
-        if self._services.get(call.service.srv_name) is call.service:
-            call.service.send_response(response, call.header)
+        service = self._services.get(call.service.srv_name)
+        if service is not None and service is call.service:
+            service.send_response(response, call.header)
 
 
 def _is_stop(call: _Call) -> bool:
