@@ -28,7 +28,7 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup develop demo experiment energy calibration flight world view test attacks same commissioning lint fuzz mutants compiled-test bench docs pictures clean
+.PHONY: help setup develop demo experiment energy calibration flight world view test attacks same commissioning lint fuzz mutants compiled-test bench two-hosts docs pictures clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
@@ -48,6 +48,7 @@ help:
 	@echo 'make fuzz        20,000 damaged and hostile bags'
 	@echo 'make mutants     mutation testing of what stands between a command and a motor'
 	@echo 'make compiled-test  the tests of the hardware room with the cycle as machine code'
+	@echo 'make two-hosts   drone and ground as two hosts: slow and lossy radios, cuts, e-stop times (root)'
 	@echo 'make bench       benchmarks beside a baseline or a peer'
 	@echo 'make docs        the documentation site, into output/docs'
 	@echo 'make pictures    the graphs and the moving picture in docs/images (graphviz, chromium)'
@@ -132,6 +133,9 @@ compiled-test: develop
 
 bench: develop
 	$(BIN)/python benchmarks/run.py
+
+two-hosts: develop
+	PYTHONPATH=$(CURDIR) $(BIN)/python benchmarks/two_hosts.py
 
 docs: $(VENV)/.documented
 	$(BIN)/python docs/generate_parameters.py >/dev/null

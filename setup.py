@@ -13,6 +13,7 @@ PACKAGE = 'aerarm_ros'
 RUN_TIME = [
     'argcomplete>=3.1,<4',
     'clarabel>=0.9,<0.12',
+    'cryptography>=41,<60',
     'jinja2>=3.1,<4',
     'lazy-loader>=0.4,<1',
     'lz4>=4,<5',
@@ -64,6 +65,7 @@ EXECUTABLES = [
     'fake_hardware',
     'flight_control',
     'gravity_compensation',
+    'ground_link',
     'hardware_bridge',
     'identifier',
     'impedance_control',

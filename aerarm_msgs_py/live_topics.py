@@ -196,17 +196,19 @@ largest uint64, of which MCAP keeps 32 bits."""
 _WAIT_SET_CALLS = ('clear_entities', 'add_subscription', 'add_guard_condition', 'wait', 'is_ready')
 
 
-class _HiddenFromExecutors(CallbackGroup):
+class HiddenFromExecutors(CallbackGroup):
     """Group that no executor may run, so an executor on the same node takes no message."""
 
     def can_execute(self, entity: Any) -> bool:
+        """Return False: no executor runs these callbacks."""
         return False
 
     def beginning_execution(self, entity: Any) -> bool:
+        """Return False, as for `can_execute`."""
         return False
 
     def ending_execution(self, entity: Any) -> None:
-        pass
+        """Do nothing: nothing was executed."""
 
 
 class WaitSetSource:
@@ -232,7 +234,7 @@ class WaitSetSource:
 
     def __init__(self, node: Node, topics: Sequence[Topic], identify: bool = False) -> None:
         self._node = node
-        group = _HiddenFromExecutors()
+        group = HiddenFromExecutors()
         self.subscriptions = [
             node.create_subscription(
                 topic.type, topic.name, _ignore, topic.qos, callback_group=group, raw=True

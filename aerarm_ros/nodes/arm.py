@@ -48,8 +48,8 @@ _MEANING = {
 }
 # Which bridges are asked, if none is named.
 _WHO = {
-    'e_stop': f'every {_FAKE} node, of any name and namespace',
-    'disable': f'every {_FAKE} node of this namespace',
+    'e_stop': 'every bridge of this namespace, of any name; all bridges if it has none',
+    'disable': 'every bridge of this namespace, of any name',
     'put_back': _FAKE,
 }
 # What runs another executable: its name, the parameter that is given, and what it is.
@@ -109,7 +109,8 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     """Return a call of the bridge's service, made ready: discovery takes its time."""
     bridges = options.bridge or ([_FAKE] if options.command == 'put_back' else [])
     actions = [options.command, *(['home'] if getattr(options, 'home', False) else [])]
-    client = ArmClient(node, bridges, actions, _say_wait)
+    everywhere = getattr(options, 'all', False)
+    client = ArmClient(node, bridges, actions, _say_wait, everywhere)
 
     def ask() -> None:
         if options.wait_before:
@@ -214,6 +215,10 @@ def make_parser() -> argparse.ArgumentParser:
     for name in (*ACTIONS, 'put_back'):
         command = add(name, _MEANING[name], _action)
         _add_waits(command, _WHO.get(name, ' or '.join(BRIDGES)))
+        if name == 'e_stop':
+            command.add_argument(
+                '--all', action='store_true', help='stop the arms of all namespaces'
+            )
         if name == 'enable':
             command.add_argument('--home', action='store_true', help=_HOME)
     command = add('go', 'let the active controller move the arm to a joint configuration', _go)

@@ -390,7 +390,9 @@ def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> b
 
 def this_domain() -> str:
     """Return where a node looks for others, for messages about one that it did not find."""
-    return f'this ROS domain (ROS_DOMAIN_ID={os.environ.get("ROS_DOMAIN_ID", "0")})'
+    domain = os.environ.get('ROS_DOMAIN_ID', '0')
+    where = '' if os.environ.get('AERARM_NETWORK') == 'open' else ', this host only'
+    return f'this ROS domain (ROS_DOMAIN_ID={domain}{where})'
 
 
 def create_steady_timer(

@@ -45,6 +45,7 @@ ALLOWED = {
         *('control', 'excitation', 'identification', 'hardware', 'simulation'),
         *('pages', 'model', 'description'),
     },
+    'link': set(),
     'planner': {'energy', 'excitation', 'control', 'model', 'description'},
     'world': {'flight', 'control', 'model', 'description'},
 }

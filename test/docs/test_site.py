@@ -21,7 +21,7 @@ BLOCK = re.compile(r'^( *)```(\w+)\n(.*?)^ *```$', flags=re.MULTILINE | re.DOTAL
 # What a host brings; everything else that a page types belongs to this package.
 HOST = {
     'adduser', 'cd', 'colcon', 'do', 'done', 'echo', 'export', 'for', 'git', 'mkdir', 'pip',
-    'printf', 'python', 'python3', 'ros2', 'rosdep', 'rviz2', 'source', 'sudo', 'usermod',
+    'printf', 'python', 'python3', 'ros2', 'rosdep', 'rviz2', 'scp', 'source', 'sudo', 'usermod',
 }  # fmt: skip
 
 

@@ -149,7 +149,7 @@ def test_sets_live_parameters(ros_domain: dict[str, str], tmp_path: Path) -> Non
 def test_without_a_bridge_it_says_what_to_check(ros_domain: dict[str, str], tmp_path: Path) -> None:
     status, text = ask('enable', '--timeout', '1.2')
     assert status == 1
-    domain = f'this ROS domain (ROS_DOMAIN_ID={ros_domain["ROS_DOMAIN_ID"]})'
+    domain = f'this ROS domain (ROS_DOMAIN_ID={ros_domain["ROS_DOMAIN_ID"]}, this host only)'
     assert f'arm: waiting for a bridge in {domain}\n' in text
     assert f'check that a bridge runs in {domain}' in text
     status, text = ask('e_stop', '--timeout', '0.1')

@@ -70,7 +70,10 @@ def test_it_finds_bridges_of_any_name_and_namespace(bridges: Bridges) -> None:
     until(lambda: hint in run('arm', 'enable', '--timeout', '6').stderr)
     # A computer that is held up may find the second only the next time.
     told = {f'{name}: the arm is damped' for name in ('/left/other', '/my_arm')}
-    until(lambda: set(stop(*LEFT)) == told)
+    until(lambda: set(stop('--all', *LEFT)) == told)
+    # Without --all its own arm only, and all arms where it has none.
+    until(lambda: stop(*LEFT) == ['/left/other: the arm is damped'])
+    until(lambda: set(stop('--ros-args', '-r', '__ns:=/elsewhere')) == told)
     for process in (renamed, left):
         until_said(process, STOPPED)
     # What lets an arm sink stays where it was asked for, and so does a stop that names an arm.

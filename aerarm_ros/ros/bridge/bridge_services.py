@@ -117,8 +117,9 @@ ACTIONS: dict[str, Action] = {
 }
 # What is done even if it comes late.
 STOPS = {'disable', 'e_stop'}
-# What goes to every arm: one too many that is damped is safe, one that is missed is not.
-EVERYWHERE = {'e_stop'}
+# Where no arm has the namespace of whoever asks, this goes to every arm: to damp one too many is
+# safe, to miss one is not.
+REACHES_ALL = {'e_stop'}
 
 
 class BridgeServices:

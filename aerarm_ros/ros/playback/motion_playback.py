@@ -41,7 +41,7 @@ class DampingAccount:
         self._begin = self._end = 0
 
     def note(self, mode: str, now_ns: int) -> None:
-        """Note a mode and when the bridge published it [ns]; from any thread."""
+        """Note a mode and when this host received it [ns]; from any thread."""
         self._modes.append((now_ns, mode))
 
     def begin(self, now_ns: int) -> None:
@@ -129,7 +129,7 @@ class StartConditions:
     recorder
         Whether the recorder must have found both.
     on_mode
-        Called with each arm_mode and when it was published [ns, monotonic].
+        Called with each arm_mode and when it was received [ns, monotonic].
 
     Attributes
     ----------
@@ -199,7 +199,7 @@ class StartConditions:
 
     def _on_mode(self, message: String, info: Mapping[str, int]) -> None:
         self.mode = message.data
-        self._tell_mode(message.data, monotonic_ns(info['source_timestamp']))
+        self._tell_mode(message.data, monotonic_ns(info['received_timestamp']))
 
     def _on_recorder_status(self, message: String) -> None:
         try:

@@ -26,6 +26,7 @@ from aerarm_ros.ros.process.process_end import (
     ExitLimit,
     StopSignals,
     print_error,
+    print_notice,
 )
 from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
 
@@ -88,6 +89,8 @@ def run_node(
             status = interruption.during(lambda: _read_command_line(command_line, args))
             if status is not None:
                 return status
+        if not _may_start(name):
+            return USER_ERROR
         return _run_node(name, create, args, interruption)
 
 
@@ -125,7 +128,6 @@ def _run_node(
     args: Sequence[str] | None,
     interruption: _Interruption,
 ) -> int:
-    stay_on_this_host()
     node = None
     try:
         use_packaged_profile()
@@ -162,6 +164,18 @@ def _run_node(
             finally:
                 rclpy.try_shutdown()
     return node.status if node is not None else 0
+
+
+def _may_start(name: str) -> bool:
+    """Prepare the environment of ROS; return whether it can be used."""
+    try:
+        notice = stay_on_this_host()
+    except ValueError as error:
+        print_error(name, error)
+        return False
+    if notice:
+        print_notice(name, notice)
+    return True
 
 
 def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) -> int | None:

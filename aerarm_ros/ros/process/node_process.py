@@ -184,18 +184,48 @@ def _as_yaml(value: object) -> str:
 
 
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-# Whoever sets one of these has decided.
-_CHOICES = (_RANGE, 'ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY', 'ROS_DISCOVERY_SERVER')
+_PEERS = ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER')
+NETWORK = 'AERARM_NETWORK'
+"""Environment variable; `open` lets nodes be found from other hosts."""
+_OPEN = 'open'
 
 
-def stay_on_this_host() -> None:
-    """Let nodes be found from this host only, unless the environment says otherwise.
+def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str:
+    """Let nodes be found from this host only, unless AERARM_NETWORK is `open`.
 
-    ROS 2 announces nodes to the whole network by default, where anybody may then command the
-    arm. To be called before `rclpy.init`.
+    A socket that sends to a radio blocks the cycle once the radio's queue is full. So the 1 kHz
+    topics use shared memory and the loopback interface, whatever the environment says about
+    discovery; `ground_link` speaks to other hosts. To be called before `rclpy.init`.
+
+    Returns
+    -------
+    notice
+        Which variables are ignored and what to do, '' if none is.
+
+    Raises
+    ------
+    ValueError
+        If AERARM_NETWORK has another value.
     """
-    if not any(os.environ.get(name) for name in _CHOICES):
-        os.environ[_RANGE] = 'LOCALHOST'
+    network = environment.get(NETWORK, '')
+    if network not in ('', _OPEN):
+        raise ValueError(f"{NETWORK}='{network}' is unknown: unset it, or set {NETWORK}={_OPEN}")
+    if network:
+        return ''
+    ignored = [name for name in _PEERS if environment.pop(name, '')]
+    if environment.get(_RANGE, '').upper() not in ('', 'LOCALHOST', 'OFF'):
+        ignored.append(f'{_RANGE}={environment[_RANGE]}')
+    # It has precedence over the range in ROS 2 Jazzy.
+    if environment.pop('ROS_LOCALHOST_ONLY', '') == '0':
+        ignored.append('ROS_LOCALHOST_ONLY=0')
+    if environment.get(_RANGE, '').upper() != 'OFF':
+        environment[_RANGE] = 'LOCALHOST'
+    if not ignored:
+        return ''
+    return (
+        f'{", ".join(ignored)} ignored: the 1 kHz topics stay on this host, because a slow network '
+        f'stops the loop; use ground_link between hosts, or set {NETWORK}={_OPEN}'
+    )
 
 
 def is_on_this_host(environment: Mapping[str, str] = os.environ) -> bool:

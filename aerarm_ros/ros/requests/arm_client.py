@@ -53,6 +53,8 @@ class ArmClient:
         Those that will be called.
     on_wait
         Told what is waited for, if there is no bridge for a second.
+    everywhere
+        Whether what stops an arm goes to the bridges of all namespaces.
 
     Attributes
     ----------
@@ -66,6 +68,7 @@ class ArmClient:
         bridges: Sequence[str] = (),
         actions: Collection[str] = ACTIONS,
         on_wait: Callable[[str], None] = lambda _: None,
+        everywhere: bool = False,
     ) -> None:
         self.mode = ''
         self._node = node
@@ -73,7 +76,7 @@ class ArmClient:
         self._begin = time.monotonic()
         names = bridges or BRIDGES
         self._finders = {
-            action: BridgeFinder(node, action, names, only=bool(bridges))
+            action: BridgeFinder(node, action, names, only=bool(bridges), everywhere=everywhere)
             for action in actions
             if action in STOPS
         }

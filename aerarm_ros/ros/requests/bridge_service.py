@@ -15,7 +15,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.bridge_modes import Answer
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS, EVERYWHERE
+from aerarm_ros.ros.bridge.bridge_services import ACTIONS, REACHES_ALL
 from aerarm_ros.ros.executors import this_domain
 
 ASK_AGAIN = 0.5  # [s]
@@ -155,17 +155,28 @@ class BridgeFinder:
         Looks from its place in the graph and owns the clients.
     action
         A key of `bridge_services.ACTIONS`.
-        What is not of `EVERYWHERE` finds the bridges of the node's own namespace alone.
+        It finds the bridges of the node's own namespace; one of `REACHES_ALL` finds all bridges
+        if that namespace has none.
     bridges
         Node names of those that are known beforehand: what they answer first is not lost.
     only
         Whether no others are looked for.
+    everywhere
+        Whether it finds the bridges of all namespaces in any case.
     """
 
-    def __init__(self, node: Node, action: str, bridges: Sequence[str], only: bool = False) -> None:
+    def __init__(
+        self,
+        node: Node,
+        action: str,
+        bridges: Sequence[str],
+        only: bool = False,
+        everywhere: bool = False,
+    ) -> None:
         self._node = node
         self._action = action
         self._only = only
+        self._everywhere = everywhere
         self._lock = threading.Lock()
         self._seen: dict[str, int] | None = None
         self._born = self._changed = time.monotonic()
@@ -206,7 +217,9 @@ class BridgeFinder:
             return []
         found = bridges_among(seen)
         own = self._node.get_namespace().rstrip('/')
-        return [n for n in found if self._action in EVERYWHERE or n.rpartition('/')[0] == own]
+        ours = [name for name in found if name.rpartition('/')[0] == own]
+        may_reach_all = self._action in REACHES_ALL and not ours and self.is_settled()
+        return found if self._everywhere or may_reach_all else ours
 
     def _client(self, service: str) -> Client | None:
         try:

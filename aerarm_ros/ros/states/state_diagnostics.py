@@ -17,6 +17,8 @@ from aerarm_ros.ros.states.state_stream import StateStream
 
 # A rejection is a warning for this long [s].
 _REMEMBERED = 5.0
+# Longer than any latency within a host [s]: it is the offset of two clocks.
+_LATENCY_MAX = 1.0
 _SILENCE = 'no joint states received: check that the bridge runs'
 
 
@@ -115,7 +117,17 @@ class StateDiagnostics:
             return _SILENCE
         if time.monotonic() - self._rejected_at < _REMEMBERED:
             return f'rejected: {self.last_rejection}'
-        return self._sources.problem() or self._warning()
+        return self._sources.problem() or self._clocks() or self._warning()
+
+    def _clocks(self) -> str:
+        """Return that latencies compare the clocks of two hosts, '' while they are plausible."""
+        latency = self.latency.summary()
+        if not latency.count or (latency.p50 >= 0.0 and latency.p50 < _LATENCY_MAX):
+            return ''
+        return (
+            f"the states' publisher has another clock (median latency {latency.p50:.3f} s): "
+            'latencies are not valid; run this node on the host of the bridge'
+        )
 
     def _say_waiting(self) -> None:
         text = self._notice.update([_SILENCE], time.monotonic()) if self._notice else ''

@@ -188,6 +188,7 @@ def running_node(
     ros_domain: dict[str, str], tmp_path: Path, request: pytest.FixtureRequest
 ) -> Iterator[NodeProcess]:
     environment = {RANGE: request.param, PROFILES_FILE: ''}
+    environment |= {'AERARM_NETWORK': 'open' if request.param == 'SUBNET' else ''}
     node = NodeProcess(
         'fake_hardware', (), {'encoders': 'absolute'}, environment, tmp_path / 'node.log'
     )

@@ -1,5 +1,3 @@
-import os
-
 import pytest
 
 from aerarm_ros.ros.process.node_process import is_on_this_host, stay_on_this_host
@@ -7,33 +5,49 @@ from aerarm_ros.ros.process.node_process import is_on_this_host, stay_on_this_ho
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 
-@pytest.fixture
-def silent(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
-    """An environment that says nothing about discovery, put back at the end."""
-    for name in (RANGE, 'ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY', 'ROS_DISCOVERY_SERVER'):
-        monkeypatch.setenv(name, '')
-    return monkeypatch
+@pytest.mark.parametrize(
+    'given',
+    [
+        {},
+        {RANGE: 'SUBNET'},
+        {'ROS_STATIC_PEERS': '192.168.1.2'},
+        {RANGE: 'LOCALHOST', 'ROS_DISCOVERY_SERVER': '192.168.1.2:11811'},
+        {'ROS_LOCALHOST_ONLY': '0'},
+        {RANGE: 'SYSTEM_DEFAULT', 'ROS_STATIC_PEERS': '192.168.1.2'},
+    ],
+    ids=str,
+)
+def test_nodes_stay_on_this_host_whatever_the_environment_says(given: dict[str, str]) -> None:
+    environment = dict(given)
+    notice = stay_on_this_host(environment)
+    assert environment == {RANGE: 'LOCALHOST'}
+    assert is_on_this_host(environment)
+    assert all(name in notice for name in given if given[name] != 'LOCALHOST')
+    assert bool(notice) == bool(given)
 
 
-def test_nodes_are_found_on_this_host_only(silent: pytest.MonkeyPatch) -> None:
-    stay_on_this_host()
-    assert os.environ[RANGE] == 'LOCALHOST'
+@pytest.mark.parametrize('given', [{RANGE: 'LOCALHOST'}, {RANGE: 'OFF'}], ids=str)
+def test_a_range_within_this_host_stays_without_a_notice(given: dict[str, str]) -> None:
+    environment = dict(given)
+    assert stay_on_this_host(environment) == ''
+    assert environment == given
 
 
 @pytest.mark.parametrize(
     ('name', 'value'),
-    [
-        (RANGE, 'SUBNET'),
-        (RANGE, 'OFF'),
-        ('ROS_STATIC_PEERS', '192.168.1.2'),
-        ('ROS_DISCOVERY_SERVER', '192.168.1.2:11811'),
-    ],
+    [(RANGE, 'SUBNET'), (RANGE, 'OFF'), ('ROS_STATIC_PEERS', '192.168.1.2')],
 )
-def test_who_has_decided_is_left_alone(silent: pytest.MonkeyPatch, name: str, value: str) -> None:
-    silent.setenv(name, value)
-    before = dict(os.environ)
-    stay_on_this_host()
-    assert dict(os.environ) == before
+def test_an_open_network_leaves_the_environment_as_it_is(name: str, value: str) -> None:
+    environment = {'AERARM_NETWORK': 'open', name: value}
+    assert stay_on_this_host(environment) == ''
+    assert environment == {'AERARM_NETWORK': 'open', name: value}
+
+
+def test_another_value_of_the_variable_is_an_error() -> None:
+    with pytest.raises(
+        ValueError, match=r"AERARM_NETWORK='yes' is unknown: .* AERARM_NETWORK=open"
+    ):
+        stay_on_this_host({'AERARM_NETWORK': 'yes'})
 
 
 @pytest.mark.parametrize(

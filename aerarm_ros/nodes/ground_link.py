@@ -1,0 +1,113 @@
+"""Connects drone and ground: the drone's topics and services appear on the ground.
+
+The 1 kHz topics stay on the drone; this relay sends decimated states, diagnostics and the mode to
+the ground, and commands, service requests and the e-stop to the drone, over one encrypted
+connection of at most 0.3 Mbit/s and 100 packets per second. Run it once on each host.
+
+Usage: ros2 run aerarm_ros ground_link --ros-args -p role:=ground -p drone:=ADDRESS
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import rclpy
+
+from aerarm_ros.link.sealed import make_key, read_key
+from aerarm_ros.ros.executors import BackgroundExecutor
+from aerarm_ros.ros.link.link_ends import CONTINUE, DRONE, GROUND, HOME, STOP, DroneEnd, GroundEnd
+from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.shared_parameters import (
+    ARM_FILES,
+    REAL_TIME_PARAMETERS,
+    prepare_thread,
+)
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.process_end import StopSignals
+
+NAME = 'ground_link'
+
+PARAMETERS = ParameterTable(
+    Parameter('role', DRONE, 'which host this is', choices=(DRONE, GROUND)),
+    Parameter('drone', '', "on the ground: the drone's address"),
+    Parameter('port', 7447, 'UDP port of the drone', '', 1024, 65535),
+    Parameter('address', '0.0.0.0', 'on the drone: address at which it listens'),
+    Parameter(
+        'key_file',
+        '~/.config/aerarm/ground_link.key',
+        'shared key, the same on both hosts; the drone makes one if the file is missing',
+    ),
+    Parameter('rate', 50.0, 'rate of joint states on the ground', 'Hz', 0.1, 50.0),
+    Parameter('values_rate', 10.0, 'rate of other streams on the ground', 'Hz', 0.1, 50.0),
+    Parameter('rates', [''], 'rates of single topics, each as NAME=HZ'),
+    Parameter(
+        'ground_timeout',
+        0.0,
+        'silence of the ground after which ground_lost applies; 0 switches it off',
+        's',
+        0.0,
+        3600.0,
+    ),
+    Parameter(
+        'ground_lost',
+        STOP,
+        "when the ground is lost: 'continue' the motion, 'stop' along its path, or return 'home'",
+        choices=(CONTINUE, STOP, HOME),
+    ),
+    *REAL_TIME_PARAMETERS,
+    *(item for item in ARM_FILES if item.name in ('config', 'tf_prefix')),
+)
+
+
+class GroundLink:
+    """One end of the connection.
+
+    Attributes
+    ----------
+    status
+        Exit status after `run`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter, the key file or the port cannot be used.
+    """
+
+    def __init__(self) -> None:
+        self.status = 0
+        self._is_over = False
+        self._node = rclpy.create_node(NAME)
+        self._values = values = PARAMETERS.declare(self._node)
+        path = Path(values.key_file).expanduser()
+        is_drone = values.role == DRONE
+        if is_drone and not path.exists():
+            make_key(path)
+            self._node.get_logger().info(
+                f'made the shared key {path}: copy it to the same place on the ground'
+            )
+        key = read_key(path)
+        self._end = (DroneEnd if is_drone else GroundEnd)(self._node, values, key)
+
+    def run(self) -> None:
+        """Relay until stopped."""
+        with StopSignals(self._stop), BackgroundExecutor(self._node):
+            prepare_thread(self._values, self._node.get_logger())
+            while not self._is_over and rclpy.ok():
+                self._end.step()
+
+    def close(self) -> None:
+        """Close the connection and destroy the node."""
+        self._end.close()
+        self._node.destroy_node()
+
+    def _stop(self) -> None:
+        self._is_over = True
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, GroundLink, args, PARAMETERS, __doc__)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

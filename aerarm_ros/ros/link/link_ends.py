@@ -1,0 +1,394 @@
+"""The two ends of `ground_link`: socket, connection, relays, diagnostics and watchdog."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import struct
+import time
+import zlib
+from math import inf, isfinite, isnan
+from types import SimpleNamespace
+
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from aerarm_msgs_py import topics
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.link.connection import Connection, Received
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.graph import SolePublisher
+from aerarm_ros.ros.link.relayed_services import DroneServices, GroundServices
+from aerarm_ros.ros.link.relayed_topics import (
+    CALLS,
+    LAYOUTS,
+    OFFERED,
+    RESULTS,
+    STOP_RESULTS,
+    STOPS,
+    DroneTopics,
+    GroundTopics,
+    topic_rates,
+)
+
+DRONE, GROUND = 'drone', 'ground'
+CONTINUE, STOP, HOME = 'continue', 'stop', 'home'
+
+_TICK = 0.02  # [s] 50 datagrams per second from each end at most
+_GROUND_TICK = 0.04  # [s] while there is nothing to send but confirmations
+_CUT_TICK = 0.1  # [s] while the other end is silent
+_POLL = 0.005  # [s] between two looks for requests on the ground
+_RATES = {DRONE: 26_000.0, GROUND: 9_000.0}  # bytes/s: 0.28 Mbit/s in all
+_BUFFER = 8192  # bytes: a slow radio shall not collect a queue of old datagrams
+_CLOCK_MAX = 0.02  # [s]
+_DATAGRAM_MAX = 2048
+# What an end of another version may send.
+_MALFORMED = (ValueError, LookupError, TypeError, AttributeError, struct.error, zlib.error)
+
+
+class LinkEnd:
+    """What both ends do.
+
+    Parameters
+    ----------
+    node
+        Owner of all.
+    values
+        Parameters of `ground_link`.
+    key
+        Shared key.
+    """
+
+    role = ''
+    other = ''
+
+    def __init__(self, node: Node, values: SimpleNamespace, key: bytes) -> None:
+        self._node = node
+        self._values = values
+        self.connection = Connection(key, self.role, self.other, _RATES[self.role])
+        self._diagnostics = DiagnosticsPublisher(node)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
+        self._address: tuple[str, int] | None = None
+        self._sent = self._reported = -inf
+        self._was_up = False
+        self._away = 0.0  # [s] how long the other end was silent the last time
+        self._peers = 0
+        self._counted = (0, 0)
+        self._malformed = 0
+        self._refused = 0  # datagrams that the radio did not take
+
+    def step(self) -> None:
+        """Wait for a datagram or the next look, and do what is due."""
+        with contextlib.suppress(InterruptedError):
+            select.select([self._socket], [], [], _POLL)
+        before = self.connection.last_received
+        for received in self._receive():
+            try:
+                self._take(received)
+            except _MALFORMED as error:
+                self._note_malformed(received, error)
+        now = time.monotonic()
+        if self.connection.last_received != before:
+            self._note_return(before, now)
+        if self.connection.peers != self._peers:
+            self._peers = self.connection.peers
+            self._greet()
+        is_prompt = self._update(now)
+        if now - self._sent >= self._interval(now, is_prompt) and self._address is not None:
+            self._send(now)
+        if now - self._reported >= PERIOD:
+            self._report(now)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    # What each end does its own way.
+
+    def _take(self, received: Received) -> None:
+        raise NotImplementedError
+
+    def _update(self, now: float) -> bool:
+        """Do what is due; return whether there is something to send at once."""
+        raise NotImplementedError
+
+    def _greet(self) -> None:
+        """Send what the other end must know, which has just been found."""
+
+    def _problem(self, now: float) -> str:
+        return ''
+
+    def _rows(self) -> dict[str, object]:
+        return {}
+
+    def _interval(self, now: float, is_prompt: bool) -> float:
+        if self.connection.has_urgent:
+            return _TICK
+        if not self.connection.is_up(now):
+            return _CUT_TICK
+        if self.role == DRONE or is_prompt or self.connection.waiting:
+            return _TICK
+        return _GROUND_TICK
+
+    # The same on both.
+
+    def _receive(self) -> list[Received]:
+        came: list[Received] = []
+        while True:
+            try:
+                datagram, address = self._socket.recvfrom(_DATAGRAM_MAX)
+            except OSError:  # nothing more, or nobody listens at the other end yet
+                return came
+            now_ns = time.monotonic_ns()
+            before = self.connection.traffic.received, self.connection.greets
+            came += self.connection.receive(datagram, 1e-9 * now_ns, now_ns, time.time_ns())
+            if before != (self.connection.traffic.received, self.connection.greets):
+                self._address = address  # genuine
+
+    def _send(self, now: float) -> None:
+        assert self._address is not None
+        self._sent = now
+        now_ns = time.monotonic_ns()
+        datagram = self.connection.datagram(1e-9 * now_ns, now_ns, time.time_ns())
+        try:
+            self._socket.sendto(datagram, self._address)
+        except OSError:  # the radio is full or away
+            self._refused += 1
+
+    def _note_malformed(self, received: Received, error: Exception) -> None:
+        self._malformed += 1
+        if self._malformed == 1:
+            self._node.get_logger().warning(
+                f'channel {received.channel} of the {self.other} is not understood ({error!r}): '
+                'install the same version of aerarm_ros on both hosts'
+            )
+
+    def _note_return(self, before: float, now: float) -> None:
+        self._was_up = True
+        silent = now - before
+        if 1.0 < silent < inf:
+            self._away = silent
+            self._node.get_logger().info(f'the {self.other} is back after {silent:.2f} s')
+
+    def _report(self, now: float) -> None:
+        elapsed, self._reported = now - self._reported, now
+        connection = self.connection
+        if self._was_up and not connection.is_up(now):
+            self._was_up = False
+            self._node.get_logger().warning(f'the {self.other} is silent')
+        traffic = connection.traffic
+        counted = traffic.sent_bytes + traffic.received_bytes, traffic.sent + traffic.received
+        rates = [(n - m) / elapsed for n, m in zip(counted, self._counted, strict=True)]
+        self._counted = counted
+        silent = now - connection.last_received
+        rows: dict[str, object] = {
+            'silent [s]': f'{silent:.2f}' if isfinite(silent) else 'never received',
+            'last cut [s]': f'{self._away:.2f}',
+            'round trip [ms]': f'{1e3 * connection.round_trip:.1f}',
+            'clock offset [ms]': f'{1e3 * connection.clock_offset:.1f}',
+            'traffic [kbit/s]': f'{8e-3 * rates[0]:.0f}',
+            'packets [1/s]': f'{rates[1]:.0f}',
+            'messages waiting': connection.waiting,
+            'messages dropped': connection.dropped,
+            'messages not understood': self._malformed,
+            'datagrams refused by the interface': self._refused,
+            **self._rows(),
+        }
+        self._diagnostics.report(self._problem(now) or self._usual_problem(now), rows)
+
+    def _usual_problem(self, now: float) -> str:
+        connection = self.connection
+        if not connection.is_joined:
+            return f'no {self.other} found: is ground_link running there, with the same key file?'
+        if not connection.is_up(now):
+            return f'the {self.other} has been silent for {now - connection.last_received:.1f} s'
+        offset = connection.clock_offset
+        if not isnan(offset) and abs(offset) > _CLOCK_MAX:
+            side = 'ahead of' if offset > 0.0 else 'behind'
+            return (
+                f"the {self.other}'s clock is {1e3 * abs(offset):.0f} ms {side} this host's: run "
+                'chrony or PTP on both before stamps of both hosts are compared'
+            )
+        return ''
+
+
+class DroneEnd(LinkEnd):
+    """The drone's end: serves one ground."""
+
+    role, other = DRONE, GROUND
+
+    def __init__(self, node: Node, values: SimpleNamespace, key: bytes) -> None:
+        super().__init__(node, values, key)
+        try:
+            self._socket.bind((values.address, values.port))
+        except OSError as error:
+            raise ValueError(
+                f'port {values.port} of {values.address}: {error.strerror}: does another '
+                'ground_link run here? Give another port or address'
+            ) from None
+        rates = topic_rates(values.rate, values.values_rate, values.rates)
+        self._topics = DroneTopics(node, self.connection, rates)
+        self._services = DroneServices(node, self.connection)
+        self._watchdog = GroundWatchdog(node, values)
+        self._ticked = -inf
+
+    def close(self) -> None:
+        """Close the socket and destroy the subscriptions."""
+        self._topics.destroy()
+        super().close()
+
+    def _take(self, received: Received) -> None:
+        channel = received.channel
+        if channel in (CALLS, STOPS):
+            self._services.call(received.payload, time.monotonic())
+        else:
+            self._topics.publish(channel, received.payload)
+
+    def _update(self, now: float) -> bool:
+        if now - self._ticked >= _TICK:
+            self._ticked = max(self._ticked + _TICK, now - _TICK)
+            self._topics.update(now)
+            self._services.update(now)
+            self._watchdog.update(now, self.connection.last_received)
+        return False
+
+    def _greet(self) -> None:
+        self._node.get_logger().info('the ground is connected')
+        self._topics.greet()
+        self._services.greet()
+
+    def _problem(self, now: float) -> str:
+        return self._watchdog.problem
+
+    def _rows(self) -> dict[str, object]:
+        return {'if the ground is lost': self._watchdog.text}
+
+
+class GroundEnd(LinkEnd):
+    """The ground's end: finds its drone at one address."""
+
+    role, other = GROUND, DRONE
+
+    def __init__(self, node: Node, values: SimpleNamespace, key: bytes) -> None:
+        super().__init__(node, values, key)
+        if not values.drone:
+            raise ValueError("no address of the drone: give -p drone:=ADDRESS, as in '10.0.0.2'")
+        try:
+            self._address = socket.gethostbyname(values.drone), values.port
+        except OSError as error:
+            raise ValueError(
+                f"drone '{values.drone}': {error.strerror}: give its address"
+            ) from None
+        self._drone = self._address
+        self._expired = 0
+        self._topics = GroundTopics(node, self.connection, self._note_expired)
+        self._services = GroundServices(node, self.connection, self._log)
+        self._sole = SolePublisher(node, topics.JOINT_STATES)
+        self._takers = {
+            LAYOUTS: self._topics.take_layout,
+            OFFERED: self._services.take_offered,
+        }
+
+    def close(self) -> None:
+        """Close the socket and destroy the subscriptions."""
+        self._topics.destroy()
+        super().close()
+
+    def _take(self, received: Received) -> None:
+        self._address = self._drone
+        if received.channel in (RESULTS, STOP_RESULTS):
+            self._services.take_result(received.payload, time.monotonic())
+        elif received.channel in self._takers:
+            self._takers[received.channel](received.payload)
+        else:
+            self._topics.publish(received.channel, received.payload)
+
+    def _update(self, now: float) -> bool:
+        has_called = self._services.update(now)
+        return self._topics.update(now) or has_called
+
+    def _greet(self) -> None:
+        self._node.get_logger().info('the drone is connected')
+
+    def _problem(self, now: float) -> str:
+        kept = self._services.kept_stops
+        if kept:
+            return f'e-stop NOT CONFIRMED by the drone yet: {" and ".join(kept)}'
+        return self._sole.problem()
+
+    def _rows(self) -> dict[str, object]:
+        return {
+            'e-stops not confirmed': ' '.join(self._services.kept_stops) or 'none',
+            'commands not delivered in time': self._expired,
+        }
+
+    def _note_expired(self, topic: str) -> None:
+        self._expired += 1
+        self._log(True, f'{topic}: a command was not delivered in time and is dropped: send again')
+
+    def _log(self, is_warning: bool, text: str) -> None:
+        # rclpy ties a severity to the line that logs.
+        if is_warning:
+            self._node.get_logger().warning(text)
+        else:
+            self._node.get_logger().info(text)
+
+
+class GroundWatchdog:
+    """Acts when the ground has been silent for a time.
+
+    Parameters
+    ----------
+    node
+        Owner of the publishers.
+    values
+        `ground_timeout` [s], 0 to do nothing; `ground_lost`; `config` of the arm.
+
+    Attributes
+    ----------
+    problem
+        What was done, '' while the ground is there.
+    """
+
+    def __init__(self, node: Node, values: SimpleNamespace) -> None:
+        self.problem = ''
+        self._node = node
+        self._timeout, self._action = values.ground_timeout, values.ground_lost
+        config = load_arm_config(values.config or None)
+        self._home = JointState(
+            name=[f'{values.tf_prefix}{name}' for name in config.joint_names],
+            position=[float(angle) for angle in config.rest_position],
+        )
+        stop, go = topics.JOINT_TRAJECTORY, topics.SET_POINT
+        self._stops = node.create_publisher(stop.type, stop.name, stop.offered)
+        self._goals = node.create_publisher(go.type, go.name, go.offered)
+
+    @property
+    def text(self) -> str:
+        """What it does, for people."""
+        if not self._timeout:
+            return CONTINUE
+        return f'{self._action} after {self._timeout:g} s'
+
+    def update(self, now: float, last_received: float) -> None:
+        """Act once per cut; nothing happens before the ground was there for the first time."""
+        is_lost = 0.0 < self._timeout < now - last_received < inf
+        if not is_lost:
+            self.problem = ''
+        elif not self.problem:
+            self.problem = f'the ground is silent: {self._act()}'
+            self._node.get_logger().warning(self.problem)
+
+    def _act(self) -> str:
+        if self._action == STOP:
+            self._stops.publish(JointTrajectory())
+            return 'the motion stops along its path'
+        if self._action == HOME:
+            self._stops.publish(JointTrajectory())
+            self._goals.publish(self._home)
+            return 'the arm returns to its home configuration'
+        return 'the motion goes on'

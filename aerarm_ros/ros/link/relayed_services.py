@@ -1,0 +1,266 @@
+"""Services of the drone, offered on the ground under the same names."""
+
+from __future__ import annotations
+
+import json
+import struct
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import inf
+from types import MappingProxyType
+from typing import Any
+
+from rcl_interfaces import srv as parameters
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.service import Service
+from std_srvs.srv import SetBool, Trigger
+
+from aerarm_msgs_py.live_topics import HiddenFromExecutors
+from aerarm_ros.link.connection import PROMPT, URGENT, Connection, Message
+from aerarm_ros.ros.link.relayed_topics import CALLS, OFFERED, RESULTS, STOP_RESULTS, STOPS
+
+SERVICE_TYPES: Mapping[str, Any] = MappingProxyType(
+    {
+        **{f'std_srvs/srv/{kind.__name__}': kind for kind in (SetBool, Trigger)},
+        **{
+            f'rcl_interfaces/srv/{name}': getattr(parameters, name)
+            for name in (
+                *('DescribeParameters', 'GetParameters', 'GetParameterTypes'),
+                *('ListParameters', 'SetParameters', 'SetParametersAtomically'),
+            )
+        },
+    }
+)
+"""Types of services that are relayed, by their names in ROS."""
+E_STOP = 'e_stop'
+
+_CALL = struct.Struct('<IH')
+_LIFETIME = 1.0  # [s] in which a call must reach the drone
+_ANSWER_TIMEOUT = 30.0  # [s] as long as any request of `arm` waits
+_STOP_NOTICE = 1.0  # [s] after which somebody who pressed learns that it is not delivered yet
+_LOOKS = 0.5  # [s] between two looks for services
+
+
+class DroneServices:
+    """Announces the services of the drone's nodes and calls them for the ground.
+
+    Parameters
+    ----------
+    node
+        Owner of the clients.
+    connection
+        To the ground.
+    """
+
+    def __init__(self, node: Node, connection: Connection) -> None:
+        self._node = node
+        self._connection = connection
+        self._group = HiddenFromExecutors()
+        self._own = f'{node.get_fully_qualified_name()}/'
+        self._looked = -inf
+        self._clients: dict[str, Client] = {}
+        self._offered: dict[str, str] = {}
+        self._calls: dict[tuple[str, int], tuple[int, float]] = {}
+
+    def update(self, now: float) -> None:
+        """Look for services now and then, and send the answers that have come."""
+        if now - self._looked > _LOOKS:
+            self._looked = now
+            self._look()
+        waiting = {name for name, _ in self._calls}
+        for name in waiting:
+            client = self._clients[name]
+            while True:
+                header, response = client.handle.take_response(client.srv_type.Response)
+                if header is None:
+                    break
+                call = self._calls.pop((name, header.request_id.sequence_number), None)
+                if call is not None:
+                    content = _CALL.pack(call[0], 0) + serialize_message(response)
+                    if name.endswith(f'/{E_STOP}'):
+                        self._connection.send(STOP_RESULTS, content, URGENT)
+                    else:
+                        self._connection.send(RESULTS, content)
+        self._calls = {key: call for key, call in self._calls.items() if call[1] > now}
+
+    def call(self, content: bytes, now: float) -> None:
+        """Call a service for the ground."""
+        number, length = _CALL.unpack_from(content)
+        name = content[_CALL.size : _CALL.size + length].decode()
+        client = self._clients.get(name)
+        if client is None:
+            return
+        request = deserialize_message(content[_CALL.size + length :], client.srv_type.Request)
+        sequence = client.handle.send_request(request)
+        self._calls[name, sequence] = number, now + _ANSWER_TIMEOUT
+
+    def greet(self) -> None:
+        """Announce the services to a ground that has just started."""
+        self._connection.send(OFFERED, json.dumps(self._offered).encode())
+
+    def _look(self) -> None:
+        offered = {
+            name: types[0]
+            for name, types in self._node.get_service_names_and_types()
+            if types[0] in SERVICE_TYPES
+            and not name.startswith(self._own)
+            and self._node.count_services(name)
+        }
+        for name, kind in offered.items():
+            if name not in self._clients:
+                # Made before it is needed: a new client is discovered first.
+                self._clients[name] = self._node.create_client(
+                    SERVICE_TYPES[kind], name, callback_group=self._group
+                )
+        if offered != self._offered:
+            self._offered = offered
+            self.greet()
+
+
+@dataclass
+class _Call:
+    service: Any
+    header: Any
+    begin: float
+    message: Message
+    is_answered: bool = False
+
+
+class GroundServices:
+    """Offers the drone's services on the ground.
+
+    An e-stop is kept until the drone confirms it, however long the connection is cut. Any other
+    request that does not reach the drone within a second is dropped and answered so.
+
+    Parameters
+    ----------
+    node
+        Owner of the services.
+    connection
+        To the drone.
+    log
+        Takes (is_warning, text).
+    """
+
+    def __init__(
+        self, node: Node, connection: Connection, log: Callable[[bool, str], None]
+    ) -> None:
+        self._node = node
+        self._connection = connection
+        self._log = log
+        self._group = HiddenFromExecutors()
+        self._services: dict[str, Service] = {}
+        self._calls: dict[int, _Call] = {}
+        self._number = int(time.time()) & 0xFFFF_FF00
+
+    @property
+    def kept_stops(self) -> list[str]:
+        """Names of e-stop services that were called and are not confirmed."""
+        return sorted({call.service.srv_name for call in self._calls.values() if _is_stop(call)})
+
+    def take_offered(self, content: bytes) -> None:
+        """Offer what the drone announces, and no more."""
+        offered = json.loads(content)
+        for name in self._services.keys() - offered.keys():
+            self._node.destroy_service(self._services.pop(name))
+        for name in sorted(offered.keys() - self._services.keys(), key=lambda n: E_STOP not in n):
+            self._services[name] = self._node.create_service(
+                SERVICE_TYPES[offered[name]], name, _ignore, callback_group=self._group
+            )
+
+    def update(self, now: float) -> bool:
+        """Forward the requests that have come; return whether there were any."""
+        has_sent = False
+        for name, service in self._services.items():
+            while True:
+                request, header = service.handle.service_take_request(service.srv_type.Request)
+                if header is None:
+                    break
+                self._forward(name, service, request, header, now)
+                has_sent = True
+        for number, call in list(self._calls.items()):
+            self._look_after(number, call, now)
+        return has_sent
+
+    def take_result(self, content: bytes, now: float) -> None:
+        """Answer whoever called."""
+        number, _ = _CALL.unpack_from(content)
+        call = self._calls.get(number)
+        if call is None:
+            return
+        response = deserialize_message(content[_CALL.size :], call.service.srv_type.Response)
+        # Stops that were requested while one was under way are part of it.
+        done = [n for n, other in self._calls.items() if other.message is call.message]
+        for same in map(self._calls.pop, done):
+            if not same.is_answered:
+                self._answer(same, response)
+        if call.is_answered:
+            self._log(
+                not response.success,
+                f'{call.service.srv_name} was delivered {now - call.begin:.1f} s after the call: '
+                f'{response.message}',
+            )
+
+    def _forward(self, name: str, service: Service, request: Any, header: Any, now: float) -> None:
+        self._number = (self._number + 1) & 0xFFFFFFFF
+        encoded = name.encode()
+        content = _CALL.pack(self._number, len(encoded)) + encoded + serialize_message(request)
+        is_stop = _offers_stop(service)
+        kept = [call for call in self._calls.values() if call.service is service]
+        if is_stop and kept and not kept[-1].message.is_confirmed:
+            message = kept[-1].message  # one is enough
+        elif is_stop:
+            message = self._connection.send(STOPS, content, URGENT)
+        else:
+            message = self._connection.send(CALLS, content, PROMPT, now + _LIFETIME)
+        self._calls[self._number] = _Call(service, header, now, message)
+
+    def _look_after(self, number: int, call: _Call, now: float) -> None:
+        name = call.service.srv_name
+        if _is_stop(call):
+            if now - call.begin > _STOP_NOTICE and not call.is_answered:
+                state = 'delivered, but not confirmed' if call.message.is_confirmed else 'kept'
+                text = (
+                    f'NOT DELIVERED YET: the drone has been silent for {self._silence(now)}; the '
+                    f'e-stop is {state} and acts when the connection is back'
+                )
+                self._log(True, f'{name}: {text}')
+                call.is_answered = True
+                self._answer(call, Trigger.Response(success=False, message=text))
+            if now - call.begin > _ANSWER_TIMEOUT and call.message.is_confirmed:
+                del self._calls[number]
+        elif call.message.is_expired and not call.is_answered:
+            del self._calls[number]
+            text = f'not delivered within {_LIFETIME:g} s: the drone has been silent for '
+            text += f'{self._silence(now)}; ask again when the connection is back'
+            self._log(True, f'{name}: {text}')
+            if hasattr(call.service.srv_type.Response, 'success'):
+                self._answer(call, call.service.srv_type.Response(success=False, message=text))
+        elif now - call.begin > _ANSWER_TIMEOUT:
+            del self._calls[number]
+
+    def _silence(self, now: float) -> str:
+        silent = now - self._connection.last_received
+        return f'{silent:.1f} s' if silent < inf else 'its start'
+
+    def _answer(self, call: _Call, response: Any) -> None:
+        service = self._services.get(call.service.srv_name)
+        if service is not None and service is call.service:
+            service.send_response(response, call.header)
+
+
+def _is_stop(call: _Call) -> bool:
+    return _offers_stop(call.service)
+
+
+def _offers_stop(service: Any) -> bool:
+    # Another machine may have a service of that name and of another type.
+    return service.srv_type is Trigger and bool(service.srv_name.endswith(f'/{E_STOP}'))
+
+
+def _ignore(_: Any, response: Any) -> Any:
+    """Stand in for a callback; never called."""
+    return response

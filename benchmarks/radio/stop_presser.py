@@ -1,0 +1,104 @@
+"""Presses the e-stop on the ground, or clears it on the drone, as lines on standard input say.
+
+Usage: python benchmarks/radio/stop_presser.py
+
+The lines `press` and `clear` call the bridge's services, `state` prints the newest joint states,
+`sweep` moves joint 1 by 1 rad within 6 s by a trajectory. Each change of `arm_mode` and each
+answer is printed as a JSON object with its time on the machine's monotonic clock, which both
+hosts of `two_hosts.py` share.
+"""
+
+import json
+import select
+import sys
+import time
+
+import rclpy
+from builtin_interfaces.msg import Duration
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from aerarm_msgs_py import topics
+from aerarm_ros.ros.process.node_process import stay_on_this_host, use_packaged_profile
+
+SERVICES = {'press': 'e_stop', 'clear': 'clear_fault'}
+
+
+def say(**row: object) -> None:
+    """Print a row."""
+    print(json.dumps({'time': time.monotonic(), **row}), flush=True)
+
+
+def joint_state(node: Node) -> dict[str, list[float]]:
+    """Return position [rad] and velocity [rad/s] of the next joint states."""
+    message = newest(node)
+    return {'position': list(message.position), 'velocity': list(message.velocity)}
+
+
+def sweep(node: Node) -> topics.JointTrajectory:
+    """Return a trajectory from where the arm is."""
+    message = newest(node)
+    begin, end = list(message.position), list(message.position)
+    end[0] -= 1.0
+    still = [0.0] * len(begin)
+    points = [
+        JointTrajectoryPoint(
+            positions=place, velocities=still, time_from_start=Duration(sec=seconds)
+        )
+        for place, seconds in ((begin, 0), (end, 6))
+    ]
+    return topics.JointTrajectory(joint_names=list(message.name), points=points)
+
+
+def newest(node: Node) -> topics.JointState:
+    """Return the next joint states."""
+    came: list[topics.JointState] = []
+    topic = topics.JOINT_STATES
+    subscription = node.create_subscription(topic.type, topic.name, came.append, topic.qos)
+    while not came:
+        rclpy.spin_once(node, timeout_sec=0.02)
+    node.destroy_subscription(subscription)
+    return came[0]
+
+
+def main() -> None:
+    """Serve until standard input ends."""
+    stay_on_this_host()
+    use_packaged_profile()
+    rclpy.init()
+    node = rclpy.create_node('stop_presser')
+    clients = {
+        name: node.create_client(Trigger, f'fake_hardware/{service}')
+        for name, service in SERVICES.items()
+    }
+    topic = topics.JOINT_TRAJECTORY
+    trajectories = node.create_publisher(topic.type, topic.name, topic.offered)
+    topic = topics.ARM_MODE
+    node.create_subscription(
+        topic.type, topic.name, lambda message: say(mode=message.data), topic.qos
+    )
+    while not all(client.service_is_ready() for client in clients.values()):
+        rclpy.spin_once(node, timeout_sec=0.02)
+    say(ready=True)
+    while True:
+        rclpy.spin_once(node, timeout_sec=0.002)
+        if select.select([sys.stdin], [], [], 0.0)[0]:
+            line = sys.stdin.readline().strip()
+            if not line:
+                return
+            say(called=line)
+            if line == 'state':
+                say(**joint_state(node))
+                continue
+            if line == 'sweep':
+                trajectories.publish(sweep(node))
+                continue
+            future = clients[line].call_async(Trigger.Request())
+            future.add_done_callback(
+                lambda done: say(answer=done.result().success, text=done.result().message)
+            )
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,196 @@
+"""Two hosts with a radio between them, made from Linux namespaces of one machine.
+
+Each host has its own network, IPC, shared memory and host name, so Fast DDS takes them for two
+computers. A pair of virtual interfaces joins them; `tc tbf` makes it a slow radio, and a relay
+process (`lossy_relay.py`) delays and loses datagrams, because many kernels lack `sch_netem`.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+
+DRONE, GROUND = '10.77.0.1', '10.77.0.2'
+"""Addresses of the two hosts on the radio."""
+RADIO = 'radio'
+"""Name of the radio's interface on both hosts."""
+
+_TOOLS = ('unshare', 'nsenter', 'ip', 'tc', 'chrt')
+_SET_UP = (
+    'mount -t tmpfs tmpfs /dev/shm && hostname {name} && ip link set lo up && echo ready && '
+    'exec sleep infinity'
+)
+
+
+def missing_rights() -> str:
+    """Return why this machine cannot make two hosts, '' if it can."""
+    absent = [tool for tool in _TOOLS if shutil.which(tool) is None]
+    if absent:
+        return f'{", ".join(absent)} not installed: install util-linux and iproute2'
+    probe = 'mount -t tmpfs tmpfs /dev/shm && ip link add name probe type veth peer name other'
+    tried = subprocess.run(
+        ['unshare', '-n', '-i', '-u', '-m', 'sh', '-c', probe], capture_output=True, text=True
+    )
+    if tried.returncode:
+        return f'namespaces are not permitted ({tried.stderr.strip()}): run as root'
+    return ''
+
+
+class Host:
+    """One host: a process that keeps its namespaces, and the way into them.
+
+    Parameters
+    ----------
+    name
+        Host name.
+    address
+        On the radio.
+    """
+
+    def __init__(self, name: str, address: str) -> None:
+        self.name = name
+        self.address = address
+        command = ['unshare', '-n', '-i', '-u', '-m', 'sh', '-c', _SET_UP.format(name=name)]
+        self._keeper = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert self._keeper.stdout is not None
+        if self._keeper.stdout.readline().strip() != 'ready':
+            raise OSError(f'host {name} did not start: run as root')
+
+    @property
+    def pid(self) -> int:
+        """Process id of the keeper, which names the namespaces."""
+        return self._keeper.pid
+
+    def command(self, *words: str) -> list[str]:
+        """Return the command line that runs a command on this host."""
+        enter = ('nsenter', '-t', str(self.pid), '-n', '-i', '-u', '-m', '--')
+        return [*enter, 'env', '-C', os.getcwd(), *words]
+
+    def run(self, *words: str) -> str:
+        """Run a command on this host and return its output; raises CalledProcessError."""
+        done = subprocess.run(self.command(*words), check=True, capture_output=True, text=True)
+        return done.stdout
+
+    def start(
+        self,
+        *words: str,
+        environment: Mapping[str, str] | None = None,
+        log: Path | None = None,
+        **options: object,
+    ) -> subprocess.Popen[str]:
+        """Start a command on this host; its output goes to `log` if given."""
+        stream = None if log is None else log.open('w')
+        if stream is not None:
+            options |= {'stdout': stream, 'stderr': subprocess.STDOUT}
+        return subprocess.Popen(
+            self.command(*words), env={**os.environ, **(environment or {})}, text=True, **options
+        )
+
+    def close(self) -> None:
+        """End the keeper; the namespaces end with their last process."""
+        self._keeper.kill()
+        self._keeper.wait()
+
+
+class TwoHosts:
+    """The drone's host and the ground's, joined by a radio of full speed until `set_rate`.
+
+    Attributes
+    ----------
+    drone, ground
+        The hosts.
+    """
+
+    def __init__(self) -> None:
+        self._processes: list[subprocess.Popen[str]] = []
+        self.drone, self.ground = Host('drone', DRONE), Host('ground', GROUND)
+        ends = [f'{side}{os.getpid()}' for side in 'dg']
+        _ip('link', 'add', ends[0], 'type', 'veth', 'peer', 'name', ends[1])
+        for host, end in zip((self.drone, self.ground), ends, strict=True):
+            _ip('link', 'set', end, 'netns', str(host.pid))
+            host.run('ip', 'link', 'set', end, 'name', RADIO)
+            host.run('ip', 'address', 'add', f'{host.address}/24', 'dev', RADIO)
+            host.run('ip', 'link', 'set', RADIO, 'up')
+            host.run('ip', 'route', 'add', 'default', 'dev', RADIO)  # for multicast
+
+    def set_rate(self, rate: str) -> None:
+        """Limit the radio both ways, as in '2mbit' or '8kbit'; '' removes the limit."""
+        for host in (self.drone, self.ground):
+            if rate:
+                limit = ('rate', rate, 'burst', '4kb', 'limit', '1mb')
+                host.run('tc', 'qdisc', 'replace', 'dev', RADIO, 'root', 'tbf', *limit)
+            else:
+                host.run('tc', 'qdisc', 'replace', 'dev', RADIO, 'root', 'pfifo', 'limit', '1000')
+
+    def traffic(self, host: Host) -> tuple[int, int]:
+        """Return how many bytes and packets a host has sent over the radio."""
+        table = Path(f'/proc/{host.pid}/net/dev').read_text().splitlines()
+        fields = next(line.split() for line in table if line.strip().startswith(f'{RADIO}:'))
+        return int(fields[9]), int(fields[10])
+
+    def start(
+        self,
+        host: Host,
+        *words: str,
+        environment: Mapping[str, str],
+        log: Path,
+        stdin: int = subprocess.DEVNULL,
+    ) -> subprocess.Popen[str]:
+        """Start a command on a host, to be ended by `close`."""
+        process = host.start(*words, environment=environment, log=log, stdin=stdin)
+        self._processes.append(process)
+        return process
+
+    def node(
+        self,
+        host: Host,
+        name: str,
+        *words: str,
+        environment: Mapping[str, str] | None = None,
+        folder: Path,
+    ) -> subprocess.Popen[str]:
+        """Start an executable of the package on a host; its output goes to FOLDER/NAME.log."""
+        command = (sys.executable, '-m', 'aerarm_ros.executables', name, *words)
+        log = folder / f'{host.name}_{name}.log'
+        return self.start(host, *command, environment=environment or {}, log=log)
+
+    def close(self) -> None:
+        """End what was started, and both hosts."""
+        stop(self._processes)
+        for host in (self.drone, self.ground):
+            host.close()
+
+    def __enter__(self) -> TwoHosts:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def stop(processes: Sequence[subprocess.Popen[str]], timeout: float = 20.0) -> None:
+    """Ask processes to end, the last first, and kill what does not within `timeout` [s]."""
+    for process in reversed(processes):
+        if process.poll() is None:
+            process.terminate()
+    deadline = time.monotonic() + timeout
+    for process in processes:
+        try:
+            process.wait(max(0.1, deadline - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _ip(*words: str) -> None:
+    subprocess.run(('ip', *words), check=True)

@@ -1,0 +1,52 @@
+"""The drone's computer: bridge, controller and the drone's end of ground_link.
+
+ros2 launch aerarm_ros drone_side.launch.py hardware:=spi controller:=computed_torque
+Takes the arguments of bringup.launch.py.
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, GroupAction
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import PushRosNamespace
+from launch_ros.parameter_descriptions import ParameterValue
+
+from aerarm_ros.launch_parts import SHARE, arguments_as_parameters, bringup, check_first, node
+
+ARGUMENTS = (
+    DeclareLaunchArgument(
+        'ground_timeout',
+        default_value='5.0',
+        description='silence of the ground [s] after which ground_lost applies; 0 switches it off',
+    ),
+    DeclareLaunchArgument(
+        'ground_lost',
+        default_value='stop',
+        choices=['continue', 'stop', 'home'],
+        description='what the arm does when the ground is lost',
+    ),
+    DeclareLaunchArgument(
+        'address', default_value='0.0.0.0', description='address at which ground_link listens'
+    ),
+    DeclareLaunchArgument('port', default_value='7447', description='UDP port of ground_link'),
+)
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return what `ros2 launch` starts."""
+    timeout = ParameterValue(LaunchConfiguration('ground_timeout'), value_type=float)
+    config = LaunchConfiguration(
+        'config', default=PathJoinSubstitution([SHARE, 'config', 'aerarm.yaml'])
+    )
+    prefix = LaunchConfiguration('tf_prefix', default='')
+    link = node(
+        'ground_link',
+        {
+            'role': 'drone',
+            'ground_timeout': timeout,
+            'config': config,
+            'tf_prefix': ParameterValue(prefix, value_type=str),
+            **arguments_as_parameters('ground_lost', 'address', 'port'),
+        },
+    )
+    nodes = GroupAction([PushRosNamespace(LaunchConfiguration('namespace', default='')), link])
+    return LaunchDescription([*ARGUMENTS, check_first(), bringup(), nodes])

@@ -1,0 +1,72 @@
+"""The ground's computer: the ground's end of ground_link and the browser view.
+
+ros2 launch aerarm_ros ground_side.launch.py drone:=192.168.1.10
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, GroupAction
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import PushRosNamespace
+from launch_ros.parameter_descriptions import ParameterValue
+
+from aerarm_ros.launch_parts import (
+    SHARE,
+    arguments_as_parameters,
+    arm_parameters,
+    check_first,
+    drone_argument,
+    drone_parameter,
+    node,
+    switch_argument,
+)
+
+ARGUMENTS = (
+    DeclareLaunchArgument('drone', description="the drone's address"),
+    DeclareLaunchArgument('port', default_value='7447', description='UDP port of the drone'),
+    DeclareLaunchArgument('namespace', default_value='', description='as on the drone'),
+    DeclareLaunchArgument('tf_prefix', default_value='', description='as on the drone'),
+    DeclareLaunchArgument(
+        'config',
+        default_value=PathJoinSubstitution([SHARE, 'config', 'aerarm.yaml']),
+        description='drive train of the arm',
+    ),
+    DeclareLaunchArgument(
+        'urdf',
+        default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
+        description='arm to show',
+    ),
+    DeclareLaunchArgument(
+        'params_file',
+        default_value=PathJoinSubstitution([SHARE, 'config', 'parameters_fake.yaml']),
+        description='parameters of every node started here',
+    ),
+    drone_argument(),
+    switch_argument('view', 'start the browser view', 'true'),
+)
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return what `ros2 launch` starts."""
+    text = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=str)
+        for name in ('drone', 'tf_prefix')
+    }
+    link = node(
+        'ground_link',
+        {
+            'role': 'ground',
+            'drone': text['drone'],
+            'tf_prefix': text['tf_prefix'],
+            **arguments_as_parameters('port', 'config'),
+        },
+    )
+    condition = IfCondition(LaunchConfiguration('view'))
+    nodes = GroupAction(
+        [
+            PushRosNamespace(LaunchConfiguration('namespace')),
+            link,
+            node('view', {**arm_parameters(), **drone_parameter()}, condition=condition),
+        ]
+    )
+    return LaunchDescription([*ARGUMENTS, check_first(), nodes])

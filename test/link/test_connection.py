@@ -1,0 +1,190 @@
+"""Two connections over a bad link, in simulated time."""
+
+import random
+from collections.abc import Callable
+from math import inf
+
+import pytest
+
+from aerarm_ros.link.connection import BULK, PROMPT, URGENT, Connection, Received
+
+KEY = bytes(range(32))
+TICK = 0.02  # [s]
+
+
+class Link:
+    """Drone and ground, a loss, a delay, and two clocks."""
+
+    def __init__(self, loss: float = 0.0, delay: float = 0.01, seed: int = 0) -> None:
+        self.drone = Connection(KEY, 'drone', 'ground', 26_000.0)
+        self.ground = Connection(KEY, 'ground', 'drone', 9_000.0)
+        self.loss, self.delay, self.is_cut = loss, delay, False
+        self.now = 100.0
+        self.ahead = 0.0  # of the drone's clocks [s]
+        self.sent = 0
+        self.came: dict[str, list[tuple[float, Received]]] = {'drone': [], 'ground': []}
+        self.spy: list[tuple[str, bytes]] = []
+        self._random = random.Random(seed)
+        self._under_way: list[tuple[float, int, str, bytes]] = []
+
+    def clocks(self, side: str) -> tuple[float, int, int]:
+        now = self.now + (1000.0 if side == 'drone' else 0.0)
+        system = self.now + (self.ahead if side == 'drone' else 0.0)
+        return now, round(1e9 * now), round(1e9 * system)
+
+    def run(self, seconds: float, until: Callable[[], object] = lambda: False) -> float:
+        """Go on for a time, or until something is so; return the time that passed [s]."""
+        begin = self.now
+        while self.now < begin + seconds - 1e-9 and not until():
+            self.now += 0.005
+            self._arrive()
+            if round(self.now / 0.005) % round(TICK / 0.005) == 0:
+                for side, end in (('drone', self.drone), ('ground', self.ground)):
+                    self._send(side, end.datagram(*self.clocks(side)))
+        return self.now - begin
+
+    def _send(self, side: str, datagram: bytes) -> None:
+        self.sent += 1
+        other = 'ground' if side == 'drone' else 'drone'
+        self.spy.append((other, datagram))
+        if not self.is_cut and self._random.random() >= self.loss:
+            self._under_way.append((self.now + self.delay, self.sent, other, datagram))
+
+    def _arrive(self) -> None:
+        here = sorted(item for item in self._under_way if item[0] <= self.now)
+        self._under_way = [item for item in self._under_way if item[0] > self.now]
+        for _, _, side, datagram in here:
+            for received in getattr(self, side).receive(datagram, *self.clocks(side)):
+                self.came[side].append((self.now, received))
+
+    def payloads(self, side: str) -> list[bytes]:
+        return [received.payload for _, received in self.came[side]]
+
+
+@pytest.fixture(params=[0.0, 0.05, 0.2], ids=lambda loss: f'{loss:.0%} loss')
+def link(request: pytest.FixtureRequest) -> Link:
+    link = Link(request.param)
+    link.run(5.0, lambda: link.drone.is_joined and link.ground.is_joined)
+    return link
+
+
+def test_messages_arrive_once_and_in_order(link: Link) -> None:
+    sent = [bytes([k]) * (1 + 37 * k) for k in range(60)]
+    for payload in sent:
+        link.drone.send(3, payload, BULK)
+        link.run(0.05)
+    link.run(5.0, lambda: not link.drone.waiting)
+    assert link.payloads('ground') == sent
+
+
+def test_a_long_message_is_cut_and_joined(link: Link) -> None:
+    payload = random.Random(1).randbytes(20_000)
+    message = link.drone.send(9, payload)
+    link.run(10.0, lambda: message.is_confirmed)
+    assert link.payloads('ground') == [payload]
+
+
+@pytest.mark.parametrize(('loss', 'limit'), [(0.05, 0.15), (0.2, 0.3)])
+def test_an_urgent_message_arrives_in_99_of_100_within(loss: float, limit: float) -> None:
+    times = []
+    for seed in range(100):
+        link = Link(loss, seed=seed)
+        link.run(5.0, lambda link=link: link.ground.is_joined and link.drone.is_joined)
+        link.ground.send(1, b'stop', URGENT)
+        times.append(link.run(5.0, lambda link=link: link.came['drone']))
+    assert sorted(times)[98] < limit
+
+
+def test_an_urgent_message_during_a_cut_arrives_when_the_link_is_back(link: Link) -> None:
+    link.is_cut = True
+    link.run(5.0)
+    message = link.ground.send(1, b'stop', URGENT)
+    link.run(60.0)
+    assert not message.is_confirmed
+    assert not link.ground.is_up(link.clocks('ground')[0])
+    link.is_cut, link.loss = False, min(link.loss, 0.05)
+    assert link.run(5.0, lambda: link.came['drone']) < 0.3
+    link.run(1.0, lambda: message.is_confirmed)
+    assert message.is_confirmed
+
+
+def test_a_command_that_expired_in_a_cut_never_arrives(link: Link) -> None:
+    link.is_cut = True
+    message = link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    link.run(5.0)
+    link.is_cut = False
+    link.ground.send(2, b'stay')
+    link.run(5.0, lambda: link.came['drone'])
+    assert link.payloads('drone') == [b'stay']
+    assert message.is_expired and not message.is_confirmed
+
+
+def test_a_command_that_waited_in_a_queue_of_the_radio_is_not_taken() -> None:
+    link = Link()
+    link.run(2.0)
+    link.delay = 3.0
+    link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    link.run(10.0)
+    assert link.payloads('drone') == []
+
+
+def test_the_rate_stays_below_its_limit_whatever_is_sent(link: Link) -> None:
+    before = link.drone.traffic.sent_bytes, link.sent
+    for k in range(500):
+        link.drone.send(3, bytes(400), BULK)
+        link.drone.send(4, random.Random(k).randbytes(700), BULK)
+        for channel in range(20):
+            link.drone.set_value(channel, bytes(150))
+        link.run(TICK)
+    assert (link.drone.traffic.sent_bytes - before[0]) / 10.0 < 1.1 * 26_000.0
+    assert (link.sent - before[1]) / 10.0 <= 101.0
+
+
+def test_either_end_may_start_again(link: Link) -> None:
+    link.drone.send(3, b'first')
+    link.run(5.0, lambda: not link.drone.waiting)
+    link.ground = Connection(KEY, 'ground', 'drone', 9_000.0)
+    link.run(5.0, lambda: link.ground.is_joined and link.drone.peers == 2)
+    link.drone.send(3, b'second')
+    link.run(5.0, lambda: not link.drone.waiting)
+    link.drone = Connection(KEY, 'drone', 'ground', 26_000.0)
+    link.ground.send(5, b'third')
+    link.run(5.0, lambda: link.came['drone'])
+    assert link.payloads('ground') == [b'first', b'second']
+    assert link.payloads('drone') == [b'third']
+
+
+@pytest.mark.parametrize('ahead', [-30.0, 0.0, 30.0])
+def test_the_offset_of_the_clocks_is_estimated(link: Link, ahead: float) -> None:
+    link.ahead = ahead
+    link.run(12.0)
+    assert link.ground.clock_offset == pytest.approx(ahead, abs=6e-3)
+    assert link.drone.clock_offset == pytest.approx(-ahead, abs=6e-3)
+    assert 0.02 <= link.ground.round_trip < 0.06
+
+
+def test_what_was_recorded_or_forged_is_not_taken(link: Link) -> None:
+    link.ground.send(1, b'stop', URGENT)
+    link.run(2.0, lambda: link.came['drone'])
+    recorded = [datagram for side, datagram in link.spy if side == 'drone']
+    before = link.drone.traffic.received
+    clocks = link.clocks('drone')
+    assert all(not link.drone.receive(datagram, *clocks) for datagram in recorded[-100:-1])
+    # After a restart of the drone, too.
+    link.drone = Connection(KEY, 'drone', 'ground', 26_000.0)
+    assert not any(link.drone.receive(datagram, *clocks) for datagram in recorded)
+    assert not link.drone.is_joined
+    for datagram in recorded[-3:]:
+        changed = bytearray(datagram)
+        changed[len(changed) // 2] ^= 1
+        assert link.drone.receive(bytes(changed), *clocks) == []
+    stranger = Connection(bytes(32), 'ground', 'drone', 9_000.0)
+    assert link.drone.receive(stranger.datagram(*link.clocks('ground')), *clocks) == []
+    assert link.drone.last_received == -inf
+    assert before > 0
+
+
+def test_a_payload_cannot_be_read_on_the_way(link: Link) -> None:
+    link.ground.send(1, b'a secret of the ground')
+    link.run(2.0, lambda: link.came['drone'])
+    assert not any(b'secret' in datagram for _, datagram in link.spy)

@@ -1,0 +1,106 @@
+"""Drone and ground as two hosts, made from namespaces: real processes and a slow, lossy radio."""
+
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / 'benchmarks'))
+
+from radio.two_hosts import missing_rights  # noqa: E402
+from two_hosts import Rig  # noqa: E402
+
+PROBLEM = missing_rights()
+pytestmark = pytest.mark.skipif(bool(PROBLEM), reason=f'two hosts: {PROBLEM}')
+
+
+@pytest.fixture(scope='module')
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    """Start both hosts with the relay; the environment asks for a network, in vain."""
+    patch = pytest.MonkeyPatch()
+    patch.setenv('PYTHONPATH', str(ROOT))
+    patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')
+    patch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', '')
+    folder = tmp_path_factory.mktemp('two_hosts')
+    with Rig(folder, ground_timeout=1.0, ground_lost='stop') as rig:
+        yield rig
+    patch.undo()
+
+
+def test_a_press_on_the_ground_damps_the_arm(rig: Rig) -> None:
+    rig.relay.tell('loss 0.2')
+    times = []
+    for _ in range(10):
+        times.append(rig.press())
+        rig.clear()
+    rig.relay.tell('loss 0')
+    assert sorted(times)[8] < 0.3, times  # one of ten: this machine may be busy
+
+
+def test_a_press_during_a_cut_is_kept_and_acts_afterwards(rig: Rig) -> None:
+    rig.relay.tell('cut 1')
+    time.sleep(0.5)
+    begin = time.monotonic()
+    rig.ground.tell('press')
+    answered = rig.ground.wait(lambda row: row.get('answer') is False, begin)
+    texts = [row['text'] for row in rig.ground.rows() if row['time'] == answered]
+    assert 'NOT DELIVERED YET' in str(texts[0])
+    assert not any(r.get('mode') == 'fault' for r in rig.drone.rows() if r['time'] > begin)
+    back = time.monotonic()
+    rig.relay.tell('cut 0')
+    damped = rig.drone.wait(lambda row: row.get('mode') == 'fault', begin)
+    assert damped - back < 0.5
+    rig.clear()
+    assert 'the ground is silent: the motion stops along its path' in rig.log(
+        'drone', 'ground_link'
+    )
+    assert 'was delivered' in rig.log('ground', 'ground_link')
+    assert 'the drone is back after' in rig.log('ground', 'ground_link')
+
+
+def arm(rig: Rig, *words: str) -> str:
+    """Run `arm` on the ground and return what it printed."""
+    process = rig.arm(*words)
+    status = process.wait(60.0)
+    text = (rig.folder / f'arm_{words[0]}.log').read_text()
+    assert status == 0, text
+    return text
+
+
+def test_the_ground_moves_the_arm_and_a_lost_ground_stops_it(rig: Rig) -> None:
+    rig.start_controller()
+    assert 'arm_mode running' in arm(rig, 'enable', '--wait', 'running')
+    assert 'kp' in arm(rig, 'set', 'computed_torque', 'kp', '[400.0]')
+    arm(rig, 'go', '0.3', '1.2', '0.3', '0.3', '--tolerance', '0.1')
+    time.sleep(1.0)
+    begin = rig.state()[0]
+    rig.ground.tell('sweep')
+    deadline = time.monotonic() + 30.0
+    while abs(rig.state()[1][0]) < 0.1:
+        assert time.monotonic() < deadline
+    rig.relay.tell('cut 1')
+    time.sleep(3.0)
+    position, velocity = rig.state()
+    assert np.all(np.abs(velocity) < 0.02), velocity
+    assert begin[0] - position[0] < 0.8, position  # it did not go on to the goal
+    assert rig.drone.rows()[-1].get('mode') is None  # it is held, not damped
+    rig.relay.tell('cut 0')
+    arm(rig, 'go', '0.0', '1.2', '0.3', '0.3', '--tolerance', '0.1')
+
+
+def test_no_radio_slows_the_loop_down(rig: Rig) -> None:
+    rig.listen_on_ground()
+    for rate in ('', '2mbit', '8kbit'):
+        rig.hosts.set_rate(rate)
+        result: list[tuple[float, float]] = []
+        kbits, packets = rig.traffic(lambda result=result: result.append(rig.loop(4.0)))
+        lost, longest = result[0]
+        assert lost < 0.02, (rate, result)
+        assert longest < 20.0, (rate, result)
+        assert kbits < 300.0
+        assert packets < 100.0
+    rig.hosts.set_rate('')

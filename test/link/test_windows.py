@@ -1,0 +1,33 @@
+"""Windows of joint states."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.link.windows import pack_window, unpack_window, window_of
+
+
+def test_a_peak_of_one_sample_survives() -> None:
+    rng = np.random.default_rng(0)
+    samples = list(rng.normal(size=(20, 12)))
+    samples[7][3] = 40.0
+    window = unpack_window(pack_window(window_of(123, samples)))
+    assert (window.stamp_ns, window.samples) == (123, 20)
+    np.testing.assert_allclose(window.newest, samples[-1], rtol=1e-6)
+    rows = np.stack(samples)
+    # Never inside the true extremes, and outside by the resolution of half precision.
+    assert np.all(window.minimum <= rows.min(axis=0) + 1e-6)
+    assert np.all(window.maximum >= rows.max(axis=0) - 1e-6)
+    np.testing.assert_allclose(window.minimum, rows.min(axis=0), rtol=2e-3, atol=5e-3)
+    np.testing.assert_allclose(window.maximum, rows.max(axis=0), rtol=2e-3, atol=5e-3)
+
+
+def test_numbers_that_are_unknown_stay_unknown() -> None:
+    window = unpack_window(pack_window(window_of(0, [np.array([np.nan, 1.0])] * 3)))
+    assert np.isnan(window.newest[0]) and np.isnan(window.minimum[0])
+    assert window.maximum[1] == 1.0
+
+
+@pytest.mark.parametrize('content', [b'', b'12345', bytes(20)])
+def test_what_is_no_window_is_an_error(content: bytes) -> None:
+    with pytest.raises(ValueError, match='window'):
+        unpack_window(content + b'x')
