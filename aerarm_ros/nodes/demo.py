@@ -75,7 +75,7 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
         '--out',
         type=Path,
         default=Path('output') / datetime.now().strftime('demo_%Y%m%d_%H%M%S'),
-        help='folder for bags, logs and the result (default: %(default)s)',
+        help='folder for bags, logs and the result (default: output/demo_DATE_TIME)',
     )
     parser.add_argument('--seed', type=int, default=2, help='seed of the validation trajectory')
     parser.add_argument(
