@@ -70,6 +70,19 @@ class SetPointAcceleration:
         lean = self._lean(arm, dt)
         return np.asarray(acceleration + GRAVITY * level @ cross(lean, _UP))
 
+    def turn(self, arm: FeedForward, dt: float) -> Array:
+        """Return the turn (3,) [rad] by which a level attitude brings about the moment alone.
+
+        In level axes, for a drone that pushes sideways and so tilts for no force.
+        """
+        if self._attitude_gain == 0.0 or self._rate_gain == 0.0:
+            return np.zeros(3)
+        body = arm.body
+        thrust = body.mass * GRAVITY * _UP - arm.wrench[:3]
+        about_centre = arm.wrench[3:] - cross(body.centre, arm.wrench[:3])
+        moment = self._passing(cross(body.centre, thrust) - about_centre, dt)
+        return _bounded(moment / (self._rate_gain * self._attitude_gain))
+
     def _lean(self, arm: FeedForward, dt: float) -> Array:
         """Return the turn (3,) that is asked for besides that of the force, in level axes."""
         body = arm.body
@@ -81,8 +94,7 @@ class SetPointAcceleration:
             about_centre = arm.wrench[3:] - cross(body.centre, arm.wrench[:3])
             moment = cross(body.centre, thrust) - about_centre
             rate = rate + (body.inertia @ spin + self._passing(moment, dt)) / self._rate_gain
-        lean = rate * [1.0, 1.0, 0.0] / self._attitude_gain
-        return np.asarray(lean * min(1.0, _LEAN_MAX / max(float(np.linalg.norm(lean)), 1e-9)))
+        return _bounded(rate / self._attitude_gain)
 
     def _passing(self, moment: Array, dt: float) -> Array:
         """Return what the autopilot's integral has not taken over of a moment."""
@@ -91,3 +103,9 @@ class SetPointAcceleration:
         share = 1.0 - np.exp(-self._integral_rate * dt)
         self._lasting = self._lasting + share * (moment - self._lasting)
         return moment - self._lasting
+
+
+def _bounded(turn: Array) -> Array:
+    """Return the part of a turn about the horizontal axes, within the bound."""
+    tilt = turn * [1.0, 1.0, 0.0]
+    return np.asarray(tilt * min(1.0, _LEAN_MAX / max(float(np.linalg.norm(tilt)), 1e-9)))

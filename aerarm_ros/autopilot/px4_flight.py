@@ -1,0 +1,347 @@
+"""A drone that PX4's firmware flies (SITL), led by set points with what the arm's motion takes."""
+
+from enum import Enum
+
+import numpy as np
+import pinocchio as pin
+
+from aerarm_ros.autopilot.mavlink import Message
+from aerarm_ros.autopilot.px4 import frd_rotation, heading, ned, torque_unit
+from aerarm_ros.autopilot.px4_link import Companion, Controls, Simulator, companion_writer
+from aerarm_ros.autopilot.px4_sensors import SensorFrames
+from aerarm_ros.autopilot.px4_setup import Px4Setup, force_unit
+from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
+from aerarm_ros.control.base.base_motion import frd_to_flu
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
+from aerarm_ros.flight.arm_load import FeedForward, MassProperties
+from aerarm_ros.flight.flight_control import FlightGains
+from aerarm_ros.flight.flight_state import FlightState, FlightTarget, yaw_of
+from aerarm_ros.motion.signals import Array, limited
+
+STEP_US = 4000
+"""Between two samples of the sensors while PX4 gets ready [us]."""
+
+_UP = np.array([0.0, 0.0, 1.0])
+_BOOT, _ANSWER = 0.004, 2.0  # [s] of this host: before PX4 has ever answered, and since
+_SETTLED = 2.0  # [s] of PX4's time with a position, before it is armed
+_ASK_EVERY = 0.5  # [s] of PX4's time, between two requests to arm
+_ABOVE = 0.5  # [m] that the drone is asked to rise: PX4 takes off for nothing less
+_HEARTBEAT = 0.5  # [s]
+_ARM, _SET_MODE = 400, 176  # MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE
+_CUSTOM_MODE, _OFFBOARD, _ARMED = 1, 6, 128
+_TAKES_YAW_RATE, _TAKES_YAW = 1 << 10, 1 << 11  # of the masks: the other one is ignored
+_FRAME_LOCAL_NED = 1
+_THRUST_BODY, _NO_RATES = 32, 7
+_COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
+_TEXTS = 50  # of PX4's that are kept
+_INTEGRAL = 3.0  # [m/s^2] at most
+
+
+class Stage(Enum):
+    """How far PX4 is on its way into the air."""
+
+    BOOT = 'PX4 does not answer yet: start it before this node, with the same px4_instance'
+    SETTLE = "PX4's estimator settles"
+    ARM = 'PX4 is being armed'
+    SPOOL = "PX4's rotors spool up"
+    FLY = ''
+
+
+class Px4Firmware:
+    """A PX4 in lock-step: it is led into the air while the drone is held, then step by step.
+
+    PX4's time is that of the sensors and goes on while the drone is held, however long the world
+    stands still: its estimator needs seconds to settle and its rotors to spool up.
+
+    Parameters
+    ----------
+    simulator, companion
+        The lines to it.
+    setup : Px4Setup
+        As it was set up.
+    seed : int
+        Of the sensors' noise.
+
+    Attributes
+    ----------
+    stage : Stage
+    texts : list of str
+        What it reported, the newest last: rejected set points are among it.
+    origin : (3,) ndarray
+        Where its local frame begins in the world, north-east-down [m].
+    """
+
+    def __init__(
+        self, simulator: Simulator, companion: Companion, setup: Px4Setup, seed: int = 0
+    ) -> None:
+        self._simulator, self._companion = simulator, companion
+        self._writer = companion_writer()
+        self._frames = SensorFrames(companion_writer(), setup.sensors, seed)
+        self._time_us = STEP_US
+        self._asked_us = self._beat_us = 0
+        self._placed_us: int | None = None
+        self._controls: Controls | None = None
+        self._place: Array | None = None
+        self._mode = 0
+        self.stage = Stage.BOOT
+        self.texts: list[str] = []
+        self.origin = np.zeros(3)
+
+    @property
+    def problem(self) -> str:
+        """Why it does not fly, '' if it does."""
+        if self._simulator.is_lost:
+            return 'PX4 has ended or closed the line: start it and this node again'
+        if self.stage is Stage.FLY:
+            return self._loss()
+        texts = [text for text in self.texts[-3:] if 'Arming denied' in text or 'Preflight' in text]
+        return '; '.join([self.stage.value, *texts])
+
+    @property
+    def time_ms(self) -> int:
+        """PX4's time [ms]."""
+        return self._time_us // 1000
+
+    def send(self, name: str, **values: object) -> None:
+        """Send a message to it."""
+        self._companion.send(self._writer.pack(name, **values))
+
+    def step(self, state: FlightState, dt: float, is_placed: bool = True) -> Array | None:
+        """Advance by `dt` [s] to a state; return the shares (16,) of thrust, None without any."""
+        return self._step(state, round(1e6 * dt), is_placed, is_held=False)
+
+    def hold(self, state: FlightState, lift: float) -> Array | None:
+        """Advance by a step of a drone that is held; return the shares, as `step` does.
+
+        `lift` is the sum of shares that carries the drone.
+        """
+        shares = self._step(state, STEP_US, is_placed=True, is_held=True)
+        place = ned(state.position)
+        if self.stage is Stage.BOOT and self._controls is not None:
+            self.stage = Stage.SETTLE
+        elif self.stage is Stage.SETTLE:
+            self._settle(place)
+        elif self.stage is Stage.ARM:
+            self._ask()
+        elif self.stage is Stage.SPOOL and self._controls is not None:
+            if not self._controls.is_armed:
+                self.stage = Stage.ARM
+            elif float(self._controls.shares.sum()) > lift:
+                self.stage = Stage.FLY
+        return shares
+
+    def _step(
+        self, state: FlightState, step_us: int, is_placed: bool, is_held: bool
+    ) -> Array | None:
+        self._time_us += max(step_us, 1)
+        self._beat()
+        frames = self._frames.frames(self._time_us, state, is_placed, is_held)
+        patience = _BOOT if self._controls is None else _ANSWER
+        answer = self._simulator.step(self._time_us, frames, patience)
+        for message in self._companion.messages():
+            self._take(message)
+        if answer is None:
+            return None
+        self._controls = answer
+        return answer.shares
+
+    def _settle(self, place: Array) -> None:
+        if self._place is None:
+            return
+        if self._placed_us is None:
+            self._placed_us = self._time_us
+        if self._time_us - self._placed_us > 1e6 * _SETTLED:
+            self.origin = self._place - place
+            self.stage = Stage.ARM
+
+    def _ask(self) -> None:
+        """Ask for offboard mode and then for arming, again and again."""
+        if self._mode & _ARMED and self._mode >> 24 == _OFFBOARD:
+            self.stage = Stage.SPOOL
+            return
+        if self._time_us - self._asked_us < 1e6 * _ASK_EVERY:
+            return
+        self._asked_us = self._time_us
+        if self._mode >> 24 != _OFFBOARD:
+            self._command(_SET_MODE, _CUSTOM_MODE, _OFFBOARD)
+        else:
+            self._command(_ARM, 1.0)
+
+    def _command(self, command: int, *parameters: float) -> None:
+        values = {f'param{i}': value for i, value in enumerate(parameters, 1)}
+        self.send('COMMAND_LONG', target_system=0, target_component=1, command=command, **values)
+
+    def _beat(self) -> None:
+        if self._time_us - self._beat_us > 1e6 * _HEARTBEAT:
+            self._beat_us = self._time_us
+            self.send('HEARTBEAT', **_COMPANION)
+
+    def _take(self, message: Message) -> None:
+        if message.name == 'HEARTBEAT' and message.component == 1:
+            # Main mode in bits 16 to 23 of the custom mode, above the flags of the base mode.
+            self._mode = (message['custom_mode'] >> 16 & 0xFF) << 24 | message['base_mode']
+        elif message.name == 'LOCAL_POSITION_NED':
+            self._place = np.array([message['x'], message['y'], message['z']])
+        elif message.name == 'STATUSTEXT':
+            self.texts = [*self.texts[1 - _TEXTS :], message['text']]
+
+    def _loss(self) -> str:
+        if self._controls is not None and not self._controls.is_armed:
+            return 'PX4 has disarmed: ' + '; '.join(self.texts[-2:])
+        return ''
+
+
+class Px4FirmwareFlight:
+    """Set points for a PX4, used as a `FlightControl`.
+
+    Rotors in one plane: SET_POSITION_TARGET_LOCAL_NED, its acceleration that of
+    `SetPointAcceleration`; PX4 has all loops. A drone that pushes sideways stays level: PX4's
+    position loop would tilt it, so it gets SET_ATTITUDE_TARGET with its `thrust_body`, the force of
+    a position loop here, with the same gains, and of what the arm does; PX4 has attitude and
+    angular velocity.
+
+    Parameters
+    ----------
+    drone : DroneConfig
+    body : MassProperties
+        Of drone and arm at rest.
+    firmware : Px4Firmware
+    setup : Px4Setup
+        As the firmware was set up.
+    gains : FlightGains
+        Of the position loop here.
+    tilts_ahead : bool
+        Whether set points tilt ahead, by the inverse of PX4's loops.
+    holds_heading : bool
+        Whether set points have a heading; else it is left to itself.
+
+    Attributes
+    ----------
+    problem : str
+        Why the rotors are not commanded, '' if they are.
+    is_settling : bool
+        Whether `settle` leads PX4 on its way into the air.
+    """
+
+    def __init__(
+        self,
+        drone: DroneConfig,
+        body: MassProperties,
+        firmware: Px4Firmware,
+        setup: Px4Setup,
+        gains: FlightGains | None = None,
+        tilts_ahead: bool = True,
+        holds_heading: bool = True,
+    ) -> None:
+        self._firmware = firmware
+        self._gains = FlightGains() if gains is None else gains
+        self._holds_heading = holds_heading
+        self._is_full = drone.is_fully_actuated
+        self._thrust_max = drone.column('thrust_max')
+        self._body = body
+        self._force_unit = force_unit(drone)
+        self._lift = body.mass * GRAVITY / float(np.mean(self._thrust_max * drone.allocation[2]))
+        self._push = np.zeros(3)
+        self._held: FlightState | None = None
+        self._acceleration = SetPointAcceleration()
+        if tilts_ahead:
+            px4 = setup.gains
+            self._acceleration = SetPointAcceleration(
+                px4.mc_att_p,
+                px4.mc_rate_k * px4.mc_rate_p * float(torque_unit(drone)[0]),
+                px4.mc_rate_i / px4.mc_rate_p,
+            )
+        self._shares = np.zeros(drone.n)
+
+    @property
+    def problem(self) -> str:
+        """Why the rotors are not commanded, '' if they are."""
+        return self._firmware.problem
+
+    @property
+    def is_settling(self) -> bool:
+        """Whether `settle` leads PX4 on its way into the air."""
+        return self._held is not None and self._firmware.stage is not Stage.FLY
+
+    def reset(self) -> None:
+        """Forget the integral."""
+        self._push = np.zeros(3)
+
+    def settle(self) -> None:
+        """Let PX4's time go on while the drone is held where it was last seen."""
+        if self._held is None:
+            return
+        if self._firmware.stage in (Stage.ARM, Stage.SPOOL):
+            above = FlightTarget(self._held.position + _ABOVE * _UP, yaw_of(self._held.rotation))
+            self._lead(self._held, above, 0.0, FeedForward.at_rest(self._body))
+        self._note(self._firmware.hold(self._held, self._lift))
+
+    def update(
+        self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
+    ) -> Array:
+        """Return the thrusts (n,) [N] that PX4 commands, after a step of `dt` [s]."""
+        if self._firmware.stage is not Stage.FLY:
+            self._held = state
+            self.settle()
+            return self._thrusts()
+        if dt > 0.0:  # else this state is the one in which it was led into the air
+            self._lead(state, target, dt, FeedForward.at_rest(self._body) if arm is None else arm)
+            self._note(self._firmware.step(state, dt))
+        return self._thrusts()
+
+    def level(self, state: FlightState, dt: float) -> Array:
+        """Return the thrusts (n,) [N] of a PX4 that lost its odometry: its failsafe acts."""
+        self._note(self._firmware.step(state, dt, is_placed=False))
+        return self._thrusts()
+
+    def _note(self, shares: Array | None) -> None:
+        if shares is not None:
+            self._shares = np.clip(shares[: len(self._thrust_max)], 0.0, 1.0)
+
+    def _thrusts(self) -> Array:
+        return np.asarray(self._shares * self._thrust_max)
+
+    def _lead(self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward) -> None:
+        if self._is_full:
+            self._lead_attitude(state, target, dt, arm)
+        else:
+            self._lead_position(state, target, dt, arm)
+
+    def _lead_position(
+        self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward
+    ) -> None:
+        fed = self._acceleration.update(arm, state.rotation, dt)
+        place = ned(target.position) + self._firmware.origin
+        x, y, z = place.tolist()
+        vx, vy, vz = ned(target.velocity).tolist()
+        ax, ay, az = ned(target.acceleration + fed).tolist()
+        self._firmware.send(
+            'SET_POSITION_TARGET_LOCAL_NED', time_boot_ms=self._firmware.time_ms,
+            coordinate_frame=_FRAME_LOCAL_NED,
+            type_mask=_TAKES_YAW if self._holds_heading else _TAKES_YAW_RATE,
+            x=x, y=y, z=z, vx=vx, vy=vy, vz=vz, afx=ax, afy=ay, afz=az,
+            yaw=heading(target.yaw),
+        )  # fmt: skip
+
+    def _lead_attitude(
+        self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward
+    ) -> None:
+        gains, body = self._gains, arm.body
+        frequency = gains.position_frequencies
+        kp, kd = frequency**2, 2.0 * gains.position_damping * frequency
+        error = target.position - state.position
+        error = kd / kp * limited(kp / kd * error, gains.speed_max)
+        push = self._push + gains.position_integral * frequency * kp * dt * error
+        self._push = np.clip(push, -_INTEGRAL, _INTEGRAL)
+        feedback = kp * error + kd * (target.velocity - state.velocity) + self._push
+        level = pin.exp3(yaw_of(state.rotation) * _UP)
+        force = body.mass * (target.acceleration + feedback + GRAVITY * _UP)
+        in_body = frd_to_flu(state.rotation.T @ (force - level @ arm.wrench[:3]))
+        thrust = np.clip(in_body / self._force_unit, -1.0, 1.0)
+        turn = pin.exp3(self._acceleration.turn(arm, dt))
+        rotation = frd_rotation(pin.exp3(target.yaw * _UP) @ turn)
+        x, y, z, w = pin.Quaternion(rotation).coeffs().tolist()
+        self._firmware.send(
+            'SET_ATTITUDE_TARGET', time_boot_ms=self._firmware.time_ms,
+            type_mask=_THRUST_BODY | _NO_RATES, q=(w, x, y, z), thrust_body=thrust.tolist(),
+        )  # fmt: skip
