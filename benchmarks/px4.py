@@ -44,8 +44,8 @@ WAYS = {
 }
 _LEANS = {'acceleration': False}
 GAINS = (1.5, 6.5, 2.0)  # MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K
-# As of motion capture and a good IMU: m/s^2 and rad/s; m, m/s, rad, rad/s.
-NOISE = (('imu_noise', [0.05, 0.002]), ('odometry_noise', [0.001, 0.005, 0.002, 0.002]))
+IMU_NOISE = (0.03, 0.002)  # [m/s^2], [rad/s]
+ODOMETRY_NOISE = (0.0005, 0.003, 0.001, 0.001)  # [m], [m/s], [rad], [rad/s] as of motion capture
 _INSTANCE = 50
 
 
@@ -63,15 +63,20 @@ def fly(
     drone, found = load_drone(name), {}
     setup = Px4Setup(Px4Gains.scaled(*options.gains), options.sensors)
     xy, attitude, rate = options.gains
+    noise = (
+        ('imu_noise', list(options.imu_noise)),
+        ('odometry_noise', list(options.odometry_noise)),
+    )
     for number, way in enumerate(options.ways):
         flight = {
             'loops': 'px4_sitl', 'px4_instance': _INSTANCE + number, 'mpc_xy_p': xy,
             'mc_att_p': attitude, 'mc_rate_k': rate, 'px4_sensors': options.sensors,
-            'hold_heading': options.hold_heading, 'tilt_ahead': _LEANS.get(way, True),
+            'hold_heading': drone.is_fully_actuated if options.hold_heading is None
+            else options.hold_heading, 'tilt_ahead': _LEANS.get(way, True),
             **WAYS[way].switches,
         }  # fmt: skip
         case = FlightCase(
-            drone.mass, 'free', drone=drone, sensors=NOISE, flight=tuple(flight.items()),
+            drone.mass, 'free', drone=drone, sensors=noise, flight=tuple(flight.items()),
             is_told=WAYS[way].is_told, told=(('rate', 1.0),), is_touched=False,
         )  # fmt: skip
         begin = time.monotonic()
@@ -107,7 +112,16 @@ def main() -> int:
     parser.add_argument('--gains', nargs=3, type=float, default=GAINS,
                         metavar=('XY_P', 'ATT_P', 'RATE_K'))  # fmt: skip
     parser.add_argument('--sensors', choices=SENSORS, default=VISION)
-    parser.add_argument('--hold-heading', action=argparse.BooleanOptionalAction, default=True)
+    parser.add_argument('--imu-noise', nargs=2, type=float, default=IMU_NOISE, metavar='DEVIATION',
+                        help='of IMU, m/s^2 and rad/s')  # fmt: skip
+    parser.add_argument('--odometry-noise', nargs=4, type=float, default=ODOMETRY_NOISE,
+                        metavar='DEVIATION', help='of odometry, m, m/s, rad and rad/s')  # fmt: skip
+    parser.add_argument(
+        '--hold-heading',
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help='whether set points have a heading; by default not for rotors in one plane',
+    )
     options = parser.parse_args()
     build = find_px4()
     if build is None:

@@ -47,6 +47,7 @@ _DEFINITIONS = """
 113 HIL_GPS: uint64_t time_usec, uint8_t fix_type, int32_t lat, int32_t lon, int32_t alt, uint16_t
     eph, uint16_t epv, uint16_t vel, int16_t vn, int16_t ve, int16_t vd, uint16_t cog, uint8_t
     satellites_visible; uint8_t id, uint16_t yaw
+111 TIMESYNC: int64_t tc1, int64_t ts1; uint8_t target_system, uint8_t target_component
 253 STATUSTEXT: uint8_t severity, char[50] text; uint16_t id, uint8_t chunk_seq
 331 ODOMETRY: uint64_t time_usec, uint8_t frame_id, uint8_t child_frame_id, float x, float y, float
     z, float[4] q, float vx, float vy, float vz, float rollspeed, float pitchspeed, float yawspeed,
@@ -56,6 +57,7 @@ _DEFINITIONS = """
 """
 _CODES = {
     'uint64_t': 'Q', 'uint32_t': 'I', 'uint16_t': 'H', 'uint8_t': 'B',
+    'int64_t': 'q',
     'int32_t': 'i', 'int16_t': 'h', 'int8_t': 'b', 'float': 'f', 'char': 's',
 }  # fmt: skip
 _TURNED = bytes(int(f'{byte:08b}'[::-1], 2) for byte in range(256))

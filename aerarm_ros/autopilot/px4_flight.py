@@ -1,5 +1,6 @@
 """A drone that PX4's firmware flies (SITL), led by set points with what the arm's motion takes."""
 
+import time
 from enum import Enum
 
 import numpy as np
@@ -9,7 +10,7 @@ from aerarm_ros.autopilot.mavlink import Message
 from aerarm_ros.autopilot.px4 import frd_rotation, heading, ned, torque_unit
 from aerarm_ros.autopilot.px4_link import Companion, Controls, Simulator, companion_writer
 from aerarm_ros.autopilot.px4_sensors import SensorFrames
-from aerarm_ros.autopilot.px4_setup import Px4Setup, force_unit
+from aerarm_ros.autopilot.px4_setup import GPS, Px4Setup, force_unit
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.base_motion import frd_to_flu
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
@@ -23,9 +24,12 @@ STEP_US = 4000
 
 _UP = np.array([0.0, 0.0, 1.0])
 _BOOT, _ANSWER = 0.004, 2.0  # [s] of this host: before PX4 has ever answered, and since
+_LISTEN = 0.05  # [s]
 _SETTLED = 2.0  # [s] of PX4's time with a position, before it is armed
 _ASK_EVERY = 0.5  # [s] of PX4's time, between two requests to arm
-_ABOVE = 0.5  # [m] that the drone is asked to rise: PX4 takes off for nothing less
+# That far above the held drone its set point is [m], as PX4 takes off for nothing less; it comes
+# down in that time [s]: a step would be a fall, since PX4's thrust is that of a drone that rises.
+_ABOVE, _LOWERING = 0.1, 1.0
 _HEARTBEAT = 0.5  # [s]
 _ARM, _SET_MODE = 400, 176  # MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE
 _CUSTOM_MODE, _OFFBOARD, _ARMED = 1, 6, 128
@@ -78,7 +82,10 @@ class Px4Firmware:
         self._writer = companion_writer()
         self._frames = SensorFrames(companion_writer(), setup.sensors, seed)
         self._time_us = STEP_US
-        self._asked_us = self._beat_us = 0
+        self._asked_us = self._beat_us = self._sent = 0
+        self._is_heard = False
+        self._is_gps = setup.sensors == GPS
+        self._offsets: list[Array] = []
         self._placed_us: int | None = None
         self._controls: Controls | None = None
         self._place: Array | None = None
@@ -133,8 +140,9 @@ class Px4Firmware:
     def _step(
         self, state: FlightState, step_us: int, is_placed: bool, is_held: bool
     ) -> Array | None:
-        self._time_us += max(step_us, 1)
         self._beat()
+        self._await_taken()
+        self._time_us += max(step_us, 1)
         frames = self._frames.frames(self._time_us, state, is_placed, is_held)
         patience = _BOOT if self._controls is None else _ANSWER
         answer = self._simulator.step(self._time_us, frames, patience)
@@ -145,13 +153,30 @@ class Px4Firmware:
         self._controls = answer
         return answer.shares
 
+    def _await_taken(self) -> None:
+        """Wait until PX4 has taken what was sent, which it answers in the order of its coming.
+
+        Its receiver does not take part in the lock-step: on a busy host it would be late.
+        """
+        if not self._is_heard:
+            return
+        self._sent += 1
+        self.send('TIMESYNC', ts1=self._sent)
+        deadline, is_taken = time.monotonic() + _ANSWER, False
+        while not is_taken and time.monotonic() < deadline and not self._simulator.is_lost:
+            for message in self._companion.messages(_LISTEN):
+                is_taken |= message.name == 'TIMESYNC' and message['ts1'] == self._sent
+                self._take(message)
+
     def _settle(self, place: Array) -> None:
         if self._place is None:
             return
         if self._placed_us is None:
             self._placed_us = self._time_us
+        self._offsets.append(self._place - place)
         if self._time_us - self._placed_us > 1e6 * _SETTLED:
-            self.origin = self._place - place
+            if self._is_gps:  # else its frame is that of the odometry
+                self.origin = np.mean(self._offsets[len(self._offsets) // 2 :], axis=0)
             self.stage = Stage.ARM
 
     def _ask(self) -> None:
@@ -177,6 +202,7 @@ class Px4Firmware:
             self.send('HEARTBEAT', **_COMPANION)
 
     def _take(self, message: Message) -> None:
+        self._is_heard = True
         if message.name == 'HEARTBEAT' and message.component == 1:
             # Main mode in bits 16 to 23 of the custom mode, above the flags of the base mode.
             self._mode = (message['custom_mode'] >> 16 & 0xFF) << 24 | message['base_mode']
@@ -242,6 +268,7 @@ class Px4FirmwareFlight:
         self._force_unit = force_unit(drone)
         self._lift = body.mass * GRAVITY / float(np.mean(self._thrust_max * drone.allocation[2]))
         self._push = np.zeros(3)
+        self._above = _ABOVE
         self._held: FlightState | None = None
         self._acceleration = SetPointAcceleration()
         if tilts_ahead:
@@ -272,8 +299,8 @@ class Px4FirmwareFlight:
         if self._held is None:
             return
         if self._firmware.stage in (Stage.ARM, Stage.SPOOL):
-            above = FlightTarget(self._held.position + _ABOVE * _UP, yaw_of(self._held.rotation))
-            self._lead(self._held, above, 0.0, FeedForward.at_rest(self._body))
+            here = FlightTarget.here(self._held)
+            self._lead(self._held, here, 0.0, FeedForward.at_rest(self._body))
         self._note(self._firmware.hold(self._held, self._lift))
 
     def update(
@@ -311,7 +338,8 @@ class Px4FirmwareFlight:
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward
     ) -> None:
         fed = self._acceleration.update(arm, state.rotation, dt)
-        place = ned(target.position) + self._firmware.origin
+        self._above *= float(np.exp(-dt / _LOWERING))
+        place = ned(target.position + self._above * _UP) + self._firmware.origin
         x, y, z = place.tolist()
         vx, vy, vz = ned(target.velocity).tolist()
         ax, ay, az = ned(target.acceleration + fed).tolist()

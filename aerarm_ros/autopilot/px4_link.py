@@ -57,8 +57,8 @@ class Companion(Protocol):
     def send(self, frame: bytes) -> None:
         """Send a frame."""
 
-    def messages(self) -> list[Message]:
-        """Return what came since the last call."""
+    def messages(self, patience: float = 0.0) -> list[Message]:
+        """Return what came since the last call, after up to `patience` [s] if nothing did."""
 
     def close(self) -> None:
         """Close the line."""
@@ -185,9 +185,10 @@ class CompanionLink:
         except (ConnectionRefusedError, BlockingIOError):
             return
 
-    def messages(self) -> list[Message]:
-        """Return the messages that came since the last call."""
+    def messages(self, patience: float = 0.0) -> list[Message]:
+        """Return what came since the last call, after up to `patience` [s] if nothing did."""
         found = []
+        select.select([self._line], [], [], patience)
         while True:
             try:
                 found += self._reader.feed(self._line.recv(_CHUNK))

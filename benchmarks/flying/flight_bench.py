@@ -15,6 +15,7 @@ from flying.flight_listener import PATIENCE, FlightListener
 from flying.flight_program import PAYLOAD, FlightProgram
 from flying.flight_record import LOST, FlightRecord
 from flying.scaled_drone import scaled_drone, write_drone
+from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -94,6 +95,8 @@ class FlightBench:
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
         self._world = AsyncParameterClient(node, 'fake_hardware')
+        topic = topics.FLIGHT_SET_POINT
+        self._places = node.create_publisher(topic.type, topic.name, topic.qos)
         # A late odometry comes once the world runs, which it does not before the arm is enabled.
         self._is_late = 'odometry_delay' in dict(case.sensors)
         self._get_ready(is_flying=bool(case.mass))
@@ -123,6 +126,8 @@ class FlightBench:
         ValueError
             If the arm does not follow: a drone under an arm that stopped is a still one.
         """
+        place = PoseStamped()  # else the drone stays where its first, noisy odometry was
+        self._places.publish(place)
         begin = self.wait_until_still() + QUICK_LEAD
         names, motion = load_arm_config().joint_names, program.motion
         self.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
