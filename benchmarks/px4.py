@@ -47,6 +47,7 @@ GAINS = (1.5, 6.5, 2.0)  # MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K
 IMU_NOISE = (0.03, 0.002)  # [m/s^2], [rad/s]
 ODOMETRY_NOISE = (0.0005, 0.003, 0.001, 0.001)  # [m], [m/s], [rad], [rad/s] as of motion capture
 _INSTANCE = 50
+_SETTLING = 15.0  # [s] PX4's height integrator and hover thrust estimator are slow
 
 
 def at_rest(drone: DroneConfig, arm: ArmModel) -> MassProperties:
@@ -89,6 +90,7 @@ def fly(
                 stack.enter_context(program)
                 bench = FlightBench(stack, node, place, case, arm)
                 ready = time.monotonic() - begin
+                bench.settling = _SETTLING
                 record = bench.fly(FlightProgram(parts=options.parts))
                 found[way] = record
                 print(

@@ -4,20 +4,18 @@ import time
 from enum import Enum
 
 import numpy as np
-import pinocchio as pin
 
 from aerarm_ros.autopilot.mavlink import Message
-from aerarm_ros.autopilot.px4 import frd_rotation, heading, ned, torque_unit
+from aerarm_ros.autopilot.px4 import ned
 from aerarm_ros.autopilot.px4_link import Companion, Controls, Simulator, companion_writer
 from aerarm_ros.autopilot.px4_sensors import SensorFrames
-from aerarm_ros.autopilot.px4_setup import GPS, Px4Setup, force_unit
-from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
-from aerarm_ros.control.base.base_motion import frd_to_flu
+from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
+from aerarm_ros.autopilot.px4_setup import GPS, Px4Setup
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
 from aerarm_ros.flight.flight_control import FlightGains
-from aerarm_ros.flight.flight_state import FlightState, FlightTarget, yaw_of
-from aerarm_ros.motion.signals import Array, limited
+from aerarm_ros.flight.flight_state import FlightState, FlightTarget
+from aerarm_ros.motion.signals import Array
 
 STEP_US = 4000
 """Between two samples of the sensors while PX4 gets ready [us]."""
@@ -29,16 +27,12 @@ _SETTLED = 2.0  # [s] of PX4's time with a position, before it is armed
 _ASK_EVERY = 0.5  # [s] of PX4's time, between two requests to arm
 # That far above the held drone its set point is [m], as PX4 takes off for nothing less; it comes
 # down in that time [s]: a step would be a fall, since PX4's thrust is that of a drone that rises.
-_ABOVE, _LOWERING = 0.1, 1.0
+_ABOVE, _LOWERING = 0.03, 1.0
 _HEARTBEAT = 0.5  # [s]
 _ARM, _SET_MODE = 400, 176  # MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE
 _CUSTOM_MODE, _OFFBOARD, _ARMED = 1, 6, 128
-_TAKES_YAW_RATE, _TAKES_YAW = 1 << 10, 1 << 11  # of the masks: the other one is ignored
-_FRAME_LOCAL_NED = 1
-_THRUST_BODY, _NO_RATES = 32, 7
 _COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
 _TEXTS = 50  # of PX4's that are kept
-_INTEGRAL = 3.0  # [m/s^2] at most
 
 
 class Stage(Enum):
@@ -218,13 +212,7 @@ class Px4Firmware:
 
 
 class Px4FirmwareFlight:
-    """Set points for a PX4, used as a `FlightControl`.
-
-    Rotors in one plane: SET_POSITION_TARGET_LOCAL_NED, its acceleration that of
-    `SetPointAcceleration`; PX4 has all loops. A drone that pushes sideways stays level: PX4's
-    position loop would tilt it, so it gets SET_ATTITUDE_TARGET with its `thrust_body`, the force of
-    a position loop here, with the same gains, and of what the arm does; PX4 has attitude and
-    angular velocity.
+    """Set points for a PX4 of this host, used as a `FlightControl`.
 
     Parameters
     ----------
@@ -235,7 +223,7 @@ class Px4FirmwareFlight:
     setup : Px4Setup
         As the firmware was set up.
     gains : FlightGains
-        Of the position loop here.
+        Of the position loop on this side, for a drone that pushes sideways.
     tilts_ahead : bool
         Whether set points tilt ahead, by the inverse of PX4's loops.
     holds_heading : bool
@@ -260,24 +248,13 @@ class Px4FirmwareFlight:
         holds_heading: bool = True,
     ) -> None:
         self._firmware = firmware
-        self._gains = FlightGains() if gains is None else gains
-        self._holds_heading = holds_heading
-        self._is_full = drone.is_fully_actuated
         self._thrust_max = drone.column('thrust_max')
-        self._body = body
-        self._force_unit = force_unit(drone)
+        self._at_rest = FeedForward.at_rest(body)
         self._lift = body.mass * GRAVITY / float(np.mean(self._thrust_max * drone.allocation[2]))
-        self._push = np.zeros(3)
         self._above = _ABOVE
         self._held: FlightState | None = None
-        self._acceleration = SetPointAcceleration()
-        if tilts_ahead:
-            px4 = setup.gains
-            self._acceleration = SetPointAcceleration(
-                px4.mc_att_p,
-                px4.mc_rate_k * px4.mc_rate_p * float(torque_unit(drone)[0]),
-                px4.mc_rate_i / px4.mc_rate_p,
-            )
+        tilt = setup.gains if tilts_ahead else None
+        self._set_points = Px4SetPoints(drone, gains, tilt, holds_heading)
         self._shares = np.zeros(drone.n)
 
     @property
@@ -292,15 +269,14 @@ class Px4FirmwareFlight:
 
     def reset(self) -> None:
         """Forget the integral."""
-        self._push = np.zeros(3)
+        self._set_points.reset()
 
     def settle(self) -> None:
         """Let PX4's time go on while the drone is held where it was last seen."""
         if self._held is None:
             return
         if self._firmware.stage in (Stage.ARM, Stage.SPOOL):
-            here = FlightTarget.here(self._held)
-            self._lead(self._held, here, 0.0, FeedForward.at_rest(self._body))
+            self._lead(self._held, FlightTarget.here(self._held), 0.0, self._at_rest)
         self._note(self._firmware.hold(self._held, self._lift))
 
     def update(
@@ -312,7 +288,7 @@ class Px4FirmwareFlight:
             self.settle()
             return self._thrusts()
         if dt > 0.0:  # else this state is the one in which it was led into the air
-            self._lead(state, target, dt, FeedForward.at_rest(self._body) if arm is None else arm)
+            self._lead(state, target, dt, self._at_rest if arm is None else arm)
             self._note(self._firmware.step(state, dt))
         return self._thrusts()
 
@@ -329,47 +305,7 @@ class Px4FirmwareFlight:
         return np.asarray(self._shares * self._thrust_max)
 
     def _lead(self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward) -> None:
-        if self._is_full:
-            self._lead_attitude(state, target, dt, arm)
-        else:
-            self._lead_position(state, target, dt, arm)
-
-    def _lead_position(
-        self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward
-    ) -> None:
-        fed = self._acceleration.update(arm, state.rotation, dt)
         self._above *= float(np.exp(-dt / _LOWERING))
-        place = ned(target.position + self._above * _UP) + self._firmware.origin
-        x, y, z = place.tolist()
-        vx, vy, vz = ned(target.velocity).tolist()
-        ax, ay, az = ned(target.acceleration + fed).tolist()
-        self._firmware.send(
-            'SET_POSITION_TARGET_LOCAL_NED', time_boot_ms=self._firmware.time_ms,
-            coordinate_frame=_FRAME_LOCAL_NED,
-            type_mask=_TAKES_YAW if self._holds_heading else _TAKES_YAW_RATE,
-            x=x, y=y, z=z, vx=vx, vy=vy, vz=vz, afx=ax, afy=ay, afz=az,
-            yaw=heading(target.yaw),
-        )  # fmt: skip
-
-    def _lead_attitude(
-        self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward
-    ) -> None:
-        gains, body = self._gains, arm.body
-        frequency = gains.position_frequencies
-        kp, kd = frequency**2, 2.0 * gains.position_damping * frequency
-        error = target.position - state.position
-        error = kd / kp * limited(kp / kd * error, gains.speed_max)
-        push = self._push + gains.position_integral * frequency * kp * dt * error
-        self._push = np.clip(push, -_INTEGRAL, _INTEGRAL)
-        feedback = kp * error + kd * (target.velocity - state.velocity) + self._push
-        level = pin.exp3(yaw_of(state.rotation) * _UP)
-        force = body.mass * (target.acceleration + feedback + GRAVITY * _UP)
-        in_body = frd_to_flu(state.rotation.T @ (force - level @ arm.wrench[:3]))
-        thrust = np.clip(in_body / self._force_unit, -1.0, 1.0)
-        turn = pin.exp3(self._acceleration.turn(arm, dt))
-        rotation = frd_rotation(pin.exp3(target.yaw * _UP) @ turn)
-        x, y, z, w = pin.Quaternion(rotation).coeffs().tolist()
-        self._firmware.send(
-            'SET_ATTITUDE_TARGET', time_boot_ms=self._firmware.time_ms,
-            type_mask=_THRUST_BODY | _NO_RATES, q=(w, x, y, z), thrust_body=thrust.tolist(),
-        )  # fmt: skip
+        above = target._replace(position=target.position + self._above * _UP)
+        name, values = self._set_points.message(state, above, dt, arm, self._firmware.origin)
+        self._firmware.send(name, time_boot_ms=self._firmware.time_ms, **values)

@@ -41,6 +41,11 @@ FLYING = 'flying'  # the drone's status
 class FlightBench:
     """Processes of one case, ready to move.
 
+    Attributes
+    ----------
+    settling : float
+        World time for which the drone is waited for to hover still [s].
+
     Raises
     ------
     ValueError, TimeoutError, ArmClientError
@@ -51,6 +56,7 @@ class FlightBench:
         self, stack: ExitStack, node: Node, folder: Path, case: FlightCase, arm: ArmModel
     ) -> None:
         self.folder, self.node = folder, node
+        self.settling = SETTLING
         rotors: tuple[str, ...] = ()
         world = {'seed': arm.seed, 'pace': 'lockstep', 'encoders': 'absolute', **dict(case.sensors)}
         law: dict[str, object] = {
@@ -156,7 +162,7 @@ class FlightBench:
         self.listener.forget()
         begin, _ = self.listener.next()
         now, looked = begin, begin
-        while now < begin + SETTLING:
+        while now < begin + self.settling:
             now, _ = self.listener.next()
             if now > looked + 0.1:
                 looked = now
