@@ -44,6 +44,8 @@ WAYS = {
 }
 _LEANS = {'acceleration': False}
 GAINS = (1.5, 6.5, 2.0)  # MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K
+# The position loop of a drone that pushes sideways, on this side.
+POSITION = {'position_frequency': 5.0, 'height_frequency': 5.0}
 IMU_NOISE = (0.03, 0.002)  # [m/s^2], [rad/s]
 ODOMETRY_NOISE = (0.0005, 0.003, 0.001, 0.001)  # [m], [m/s], [rad], [rad/s] as of motion capture
 _INSTANCE = 50
@@ -74,6 +76,7 @@ def fly(
             'mc_att_p': attitude, 'mc_rate_k': rate, 'px4_sensors': options.sensors,
             'hold_heading': drone.is_fully_actuated if options.hold_heading is None
             else options.hold_heading, 'tilt_ahead': _LEANS.get(way, True),
+            **POSITION,
             **WAYS[way].switches,
         }  # fmt: skip
         case = FlightCase(

@@ -21,13 +21,14 @@ STEP_US = 4000
 """Between two samples of the sensors while PX4 gets ready [us]."""
 
 _UP = np.array([0.0, 0.0, 1.0])
-_BOOT, _ANSWER = 0.004, 2.0  # [s] of this host: before PX4 has ever answered, and since
+_BOOT, _ANSWER = 0.02, 2.0  # [s] of this host: before PX4 has ever answered, and since
 _LISTEN = 0.05  # [s]
 _SETTLED = 2.0  # [s] of PX4's time with a position, before it is armed
 _ASK_EVERY = 0.5  # [s] of PX4's time, between two requests to arm
-# That far above the held drone its set point is [m], as PX4 takes off for nothing less; it comes
-# down in that time [s]: a step would be a fall, since PX4's thrust is that of a drone that rises.
-_ABOVE, _LOWERING = 0.03, 1.0
+# While it is held its set point is that far above it [m], as PX4 takes off for nothing less. PX4
+# takes the lift of a drone that does not rise for its hover thrust, so the lift must soon exceed the
+# weight. Then the set point comes down in that time [s]: a step would be a fall.
+_ABOVE, _LOWERING = 0.3, 2.0
 _HEARTBEAT = 0.5  # [s]
 _ARM, _SET_MODE = 400, 176  # MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE
 _CUSTOM_MODE, _OFFBOARD, _ARMED = 1, 6, 128

@@ -61,9 +61,11 @@ class Px4SetPoints:
         self._force_unit = force_unit(drone)
         self._acceleration = SetPointAcceleration()
         if tilt is not None:
-            rate_gain = tilt.mc_rate_k * tilt.mc_rate_p * float(torque_unit(drone)[0])
+            unit = torque_unit(drone)
+            rate_gain = tilt.mc_rate_k * tilt.mc_rate_p * float(unit[0])
+            yaw_gain = tilt.mc_yaw_p * tilt.mc_yawrate_p * float(unit[2])
             lasting = tilt.mc_rate_i / tilt.mc_rate_p
-            self._acceleration = SetPointAcceleration(tilt.mc_att_p, rate_gain, lasting)
+            self._acceleration = SetPointAcceleration(tilt.mc_att_p, rate_gain, lasting, yaw_gain)
         self.reset()
 
     @property

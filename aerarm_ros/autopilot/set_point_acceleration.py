@@ -11,6 +11,7 @@ from aerarm_ros.model.inertia import cross
 from aerarm_ros.motion.signals import Array
 
 _UP = np.array([0.0, 0.0, 1.0])
+_TURN_MAX = 0.5  # [rad] of the heading
 _LEAN_MAX = 0.35  # [rad] that may be asked for besides what the force takes
 
 
@@ -37,6 +38,8 @@ class SetPointAcceleration:
         k [Nm s/rad]; 0 where it is not known.
     integral_rate : float
         Of the integral over k [1/s].
+    yaw_gain : float
+        Moment about the vertical per error of the heading [Nm/rad], for `turn` alone.
 
     Raises
     ------
@@ -45,11 +48,16 @@ class SetPointAcceleration:
     """
 
     def __init__(
-        self, attitude_gain: float = 0.0, rate_gain: float = 0.0, integral_rate: float = 0.0
+        self,
+        attitude_gain: float = 0.0,
+        rate_gain: float = 0.0,
+        integral_rate: float = 0.0,
+        yaw_gain: float = 0.0,
     ) -> None:
         self._attitude_gain = non_negative_number('attitude_gain', attitude_gain)
         self._rate_gain = non_negative_number('rate_gain', rate_gain)
         self._integral_rate = non_negative_number('integral_rate', integral_rate)
+        self._yaw_gain = non_negative_number('yaw_gain', yaw_gain)
         self._lasting: Array | None = None
 
     def update(self, arm: FeedForward, rotation: Array, dt: float) -> Array:
@@ -81,7 +89,10 @@ class SetPointAcceleration:
         thrust = body.mass * GRAVITY * _UP - arm.wrench[:3]
         about_centre = arm.wrench[3:] - cross(body.centre, arm.wrench[:3])
         moment = self._passing(cross(body.centre, thrust) - about_centre, dt)
-        return _bounded(moment / (self._rate_gain * self._attitude_gain))
+        turn = _bounded(moment / (self._rate_gain * self._attitude_gain))
+        if self._yaw_gain > 0.0:
+            turn[2] = min(max(moment[2] / self._yaw_gain, -_TURN_MAX), _TURN_MAX)
+        return turn
 
     def _lean(self, arm: FeedForward, dt: float) -> Array:
         """Return the turn (3,) that is asked for besides that of the force, in level axes."""
