@@ -121,11 +121,13 @@ class MavlinkAutopilot:
         if now - self._beat >= _HEARTBEAT:
             self._beat = now
             self.send('HEARTBEAT', **_COMPANION)
-        if self.is_linked(now) and now - self._asked >= _ASK:
-            self._asked = now
+        if not self.is_linked(now):
+            self._asked = -np.inf  # it may have restarted, and forgotten the rates
+        elif now - self._asked >= _ASK:
+            is_first, self._asked = self._asked == -np.inf, now
             for number, name in _STREAMS.items():
                 rate = self._rates.get(name, 0.0)
-                if rate > 0.0 and now - self._times.get(number, -np.inf) > _ASK:
+                if rate > 0.0 and (is_first or now - self._times.get(number, -np.inf) > _ASK):
                     self._command(_SET_INTERVAL, float(number), 1e6 / rate)
 
     def send(self, name: str, **values: object) -> None:

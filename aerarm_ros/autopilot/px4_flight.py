@@ -26,8 +26,8 @@ _LISTEN = 0.05  # [s]
 _SETTLED = 2.0  # [s] of PX4's time with a position, before it is armed
 _ASK_EVERY = 0.5  # [s] of PX4's time, between two requests to arm
 # While it is held its set point is that far above it [m], as PX4 takes off for nothing less. PX4
-# takes the lift of a drone that does not rise for its hover thrust, so the lift must soon exceed the
-# weight. Then the set point comes down in that time [s]: a step would be a fall.
+# takes the lift of a drone that does not rise for its hover thrust, so the lift must exceed the
+# weight soon. Then the set point comes down in that time [s], as a step would be a fall.
 _ABOVE, _LOWERING = 0.3, 2.0
 _HEARTBEAT = 0.5  # [s]
 _ARM, _SET_MODE = 400, 176  # MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE
