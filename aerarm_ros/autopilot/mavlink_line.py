@@ -1,5 +1,6 @@
 """Lines to an autopilot that speaks MAVLink: UDP or serial."""
 
+import errno
 import os
 import select
 import socket
@@ -10,6 +11,7 @@ from typing import Protocol
 from aerarm_ros.autopilot.mavlink import FrameReader, Message
 
 _CHUNK = 65536
+_PORTS = 65535
 _UDP, _SERIAL = 'udp', 'serial'
 _FORMS = 'udp:PORT to listen, udp:HOST:PORT to send first, or serial:DEVICE:BAUD'
 
@@ -143,8 +145,8 @@ class SerialLine:
         """Send a frame; one that the device has no room for is dropped whole or in part."""
         try:
             os.write(self._file, frame)
-        except BlockingIOError:
-            return
+        except OSError:
+            return  # `messages` reports a device that is gone
 
     def messages(self, patience: float = 0.0) -> list[Message]:
         """Return what came; raises OSError if the device is gone."""
@@ -156,7 +158,7 @@ class SerialLine:
             except BlockingIOError:
                 return found
             if not data:
-                return found
+                raise OSError(errno.EIO, 'the device is gone')
             found += self._reader.feed(data)
 
     def close(self) -> None:
@@ -180,7 +182,8 @@ def open_line(text: str) -> UdpLine | SerialLine:
     """
     kind, _, rest = text.partition(':')
     place, _, number = rest.rpartition(':')
-    if kind not in (_UDP, _SERIAL) or not number.isdigit() or (kind == _SERIAL and not place):
+    is_whole = number.isdigit() and (kind == _UDP and int(number) <= _PORTS or kind == _SERIAL)
+    if not is_whole or (kind == _SERIAL and not place):
         raise ValueError(f'connection {text!r}: give {_FORMS}')
     try:
         if kind == _SERIAL:
@@ -188,7 +191,7 @@ def open_line(text: str) -> UdpLine | SerialLine:
         if place in ('', '0.0.0.0'):
             return UdpLine(None, (place or '127.0.0.1', int(number)))
         return UdpLine((place, int(number)), ('0.0.0.0', 0))
-    except (OSError, OverflowError) as error:
+    except OSError as error:
         reason = getattr(error, 'strerror', None) or str(error)
         raise ValueError(
             f'connection {text!r}: {reason}: check name, rights and that no other program uses it'
