@@ -28,7 +28,7 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup develop demo experiment energy calibration flight world view test attacks same commissioning lint fuzz mutants compiled-test bench clean
+.PHONY: help setup develop demo experiment energy calibration flight world view test attacks same commissioning lint fuzz mutants compiled-test bench docs pictures clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
@@ -49,6 +49,8 @@ help:
 	@echo 'make mutants     mutation testing of what stands between a command and a motor'
 	@echo 'make compiled-test  the tests of the hardware room with the cycle as machine code'
 	@echo 'make bench       benchmarks beside a baseline or a peer'
+	@echo 'make docs        the documentation site, into output/docs'
+	@echo 'make pictures    the graphs and the moving picture in docs/images (graphviz, chromium)'
 	@echo 'make setup       only install into $(VENV) what all of it needs but tests and benchmarks'
 	@echo 'make develop     that, and what tests and benchmarks need'
 	@echo 'make clean       remove what make and the tests leave'
@@ -130,6 +132,19 @@ compiled-test: develop
 
 bench: develop
 	$(BIN)/python benchmarks/run.py
+
+docs: $(VENV)/.documented
+	$(BIN)/python docs/generate_parameters.py >/dev/null
+	$(BIN)/python -m sphinx -W --keep-going --quiet docs output/docs
+	@echo 'file://$(CURDIR)/output/docs/index.html'
+
+$(VENV)/.documented: $(VENV)/.ready
+	@$(PIP) --quiet --editable '.[$(EXTRAS),docs]'
+	@touch $@
+
+pictures: setup
+	for graph in docs/images/*.dot; do dot -Tsvg $$graph -o $${graph%.dot}.svg || exit 1; done
+	$(BIN)/python docs/moving_picture.py
 
 clean:
 	rm -rf .venv .venv-jazzy build install log mutants output .pytest_cache .mypy_cache .ruff_cache

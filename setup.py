@@ -43,6 +43,15 @@ ROS_WHEELS = [
     'ros-jazzy-rmw-fastrtps-cpp>=8.4,<8.5',
 ]
 
+# The documentation site (`make docs`).
+DOCS = [
+    'furo>=2024.8.6',
+    'myst-parser>=4,<6',
+    'numpydoc>=1.8,<2',
+    'sphinx>=8,<9',
+    'sphinx-copybutton>=0.5.2,<1',
+]
+
 EXECUTABLES = [
     'arm',
     'base_reaction',
@@ -175,10 +184,12 @@ setup(
         'fleet': ['pyarrow>=14,<27'],
         'ray': ['ray>=2.9,<3'],
         'view': VIEW,
+        'docs': DOCS,
         'mutants': ['mutmut>=3.8,<4'],
         'test': ['hypothesis', 'pytest'],
         'dev': [
             *VIEW,
+            *DOCS,
             'example-robot-data>=4,<7',
             'hypothesis>=6,<7',
             'mypy>=1.8,<3',

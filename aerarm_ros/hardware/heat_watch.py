@@ -148,7 +148,7 @@ class MotorTemperature:
 
 
 # Answers in a row beyond a limit that are no noise: as many milliseconds at 1 kHz.
-_IN_ROW = 10
+_IN_ROW = 10  # decision 81
 # A warning comes at this share inside the limits, and stays for a time [s] that a person reads in.
 _WARNING_SHARE = 0.05
 _SHOWN = 5.0

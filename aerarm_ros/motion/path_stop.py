@@ -14,7 +14,7 @@ from aerarm_ros.motion.signals import Array, JointReference
 # Shares of the time that the limits need from the speed at the beginning: the braking rises
 # within the first and fades within the second. A stop on a line takes 1.33 times the least
 # distance with these, and 1.2 times the least time.
-RISE, FADE = 0.3, 0.8
+RISE, FADE = 0.3, 0.8  # decision 85
 # Shorter stops [s] are not distinguished: a joint that hardly moves stops within a few cycles.
 SHORTEST = 0.01
 _STEPS = 40  # in the time that the limits need

@@ -25,7 +25,7 @@ PARAMETERS = set_point_parameters(
     'setpoint_raw/local',
     '/mavros/setpoint_raw/local',
     '/mavros/imu/data',
-    Parameter('autopilot', PX4, 'whose rules the set points follow; ardupilot has no tilt ahead, '
+    Parameter('firmware', PX4, 'whose rules the set points follow; ardupilot has no tilt ahead, '
               'as its loops are not known', choices=(PX4, ARDUPILOT)),
 )  # fmt: skip
 
@@ -61,15 +61,15 @@ class MavrosFeedforward(SetPointNode):
         self, set_point: Any, acceleration: NDArray[np.float64], now_ns: int
     ) -> Any:
         """Return a PositionTarget with an acceleration added; raises RejectedInputError."""
-        return add_acceleration(set_point, acceleration, now_ns, self.values.autopilot)
+        return add_acceleration(set_point, acceleration, now_ns, self.values.firmware)
 
     def tilts_ahead(self, values: SimpleNamespace) -> bool:
         """Return whether PX4's cascade flies."""
-        return bool(values.autopilot == PX4)
+        return bool(values.firmware == PX4)
 
 
 def add_acceleration(
-    set_point: Any, acceleration: NDArray[np.float64], now_ns: int, autopilot: str = PX4
+    set_point: Any, acceleration: NDArray[np.float64], now_ns: int, firmware: str = PX4
 ) -> Any:
     """Return a PositionTarget with an acceleration (3,), east-north-up, added [m/s^2].
 
@@ -83,11 +83,11 @@ def add_acceleration(
     RejectedInputError
         If the autopilot takes no set point in that frame, or if it asks for a force.
     """
-    frames = _FRAMES[autopilot]
+    frames = _FRAMES[firmware]
     if set_point.coordinate_frame not in frames:
         raise RejectedInputError(
             f'set point: coordinate_frame is {set_point.coordinate_frame}, and with an '
-            f'acceleration {autopilot} takes {" or ".join(frames.values())}'
+            f'acceleration {firmware} takes {" or ".join(frames.values())}'
         )
     if set_point.type_mask & _IS_FORCE:
         raise RejectedInputError('set point: it asks for a force, not for an acceleration')
@@ -96,7 +96,7 @@ def add_acceleration(
         (set_point.type_mask & bits) == 0 for bits in (_POSITION, _VELOCITY, _ACCELERATION)
     )
     takes = position | velocity | wanted
-    if autopilot == ARDUPILOT:
+    if firmware == ARDUPILOT:
         takes = np.full(3, position.all() or velocity.all() or wanted.all())
         if takes[0] and not velocity.all() and position.all():
             _fill(added.velocity, velocity)

@@ -79,7 +79,7 @@ class CycleSlack:
         self._begun.wait(_PATIENCE)
 
 
-# How fast the clock follows corrections of the system time: 500 ppm, what NTP slews at most.
+# How fast the clock follows the system time: 500 ppm, what NTP slews at most (decision 9).
 _SLEW = 500e-6
 # A larger correction is the clock being set, as on a board without a clock of its own that
 # has just found a time server: to follow it slowly would take too long.

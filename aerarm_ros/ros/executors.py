@@ -308,7 +308,7 @@ def _exists(entity: WaitedEntity | WaitedWaitable) -> bool:
 SWITCH_INTERVAL = 50e-6
 # Work that begins in the slack of a cycle may end there, and the cycle is not disturbed by a
 # thread that wakes only to wait for the slack.
-SWITCH_INTERVAL_IN_SLACK = 500e-6
+SWITCH_INTERVAL_IN_SLACK = 500e-6  # decision 16
 WAIT = 5.0  # [s] each time it ends costs the loop beside it half a millisecond
 
 

@@ -114,7 +114,7 @@ MODES = (NONE, ATTITUDE, FULL)
 _CALM_TIME = 0.1
 # Low-pass of what is told of the next milliseconds [Hz]: a drone sways at 1 Hz or less, and below
 # this corner the prediction gains more than the IMU's noise costs.
-_TREND_CUTOFF = 3.0
+_TREND_CUTOFF = 3.0  # decision 20
 
 
 class BaseMotionEstimator:

@@ -12,7 +12,7 @@ from aerarm_ros.motion.signals import Array
 _POSTURES = 200
 # A loop whose gain is below one at every frequency is stable whatever its delay (small gain). The
 # prediction of trends raises that of the IMU's path to 1.15; the margin is 1.3.
-LARGEST_GAIN = 0.67
+LARGEST_GAIN = 0.67  # decision 28
 
 
 def largest_feedback_gain(whole: WholeBodyDynamics) -> float:
@@ -70,7 +70,7 @@ def largest_delay(gain: float, kp: float, kd: float) -> float:
 
 # What is slower is the drone's flight or the arm's motion [Hz]. The loop's own frequency is half
 # the inverse of its delay: 125 Hz with an IMU of 250 Hz, 30 Hz if that is 10 ms late.
-_CUTOFF = 8.0
+_CUTOFF = 8.0  # decision 34
 _WINDOW = 0.1  # [s]
 _SAMPLES = 25  # in the window at least: fewer agree by chance
 _TORQUE = 0.25  # RMS over effort_max; noise of a cheap IMU makes less

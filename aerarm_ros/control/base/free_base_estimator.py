@@ -48,7 +48,7 @@ _WARM_UP = 1.0  # [s] of samples before anything is believed
 _BIAS_TIME = 5.0  # [s] a drone that accelerates goes on for less
 _BAND_TOP = 3.0  # [Hz] of the motion by which the trust is learned
 _TRUST_TIME = 10.0  # [s] over which it is learned
-_TRUST_MAX = 1.3
+_TRUST_MAX = 1.3  # decision 28
 # Acceleration below which there is nothing to learn [m/s^2], [rad/s^2]: slow motion under a heavy
 # drone is little more, and a prediction that is wrong there costs more than none.
 _TRUST_FLOOR = np.repeat([0.03, 0.05], 3)

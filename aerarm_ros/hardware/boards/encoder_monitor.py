@@ -219,7 +219,8 @@ _JUMPS_MAX = 2  # that may each have been one wrong reading
 # the friction, and as much again because the friction is not known well.
 _FRICTION_FACTOR = 4.0
 _LOAD_SHARE = 0.2  # a gear's friction grows by a tenth of the torque that it transmits, either way
-# What a joint at rest carries, over gravity's largest share: base and other joints accelerate.
+# What a joint at rest carries, over gravity's largest share: base and other joints accelerate
+# (decision 19).
 _LOAD_FACTOR = 1.5
 # Over the speed before a jump: a joint may brake harder, and a count more or less is a speed too.
 _SPEED_FACTOR = 1.5

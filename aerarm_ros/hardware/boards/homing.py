@@ -149,7 +149,7 @@ def _in_words(names: Sequence[str], angles: Sequence[float]) -> str:
 
 
 # Of a motor turn: a pulse farther than this from where it is expected belongs to no known turn.
-RESIDUAL_MAX = 1.0 / 3.0
+RESIDUAL_MAX = 1.0 / 3.0  # decision 76
 
 _SPEED = 0.25  # [rad/s] at the joint, while its zero is unknown
 _RETURN_SPEED, _RETURN_GAIN = 0.3, 15.0  # [rad/s] at the joint, [1/s]

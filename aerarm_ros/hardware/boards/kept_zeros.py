@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # which is made of this
 
 # Longest time without an answer after which a board's clock, which repeats every 65.5 s, still
 # shows that it went on [s].
-AWAY_MAX = 60.0
+AWAY_MAX = 60.0  # decision 74, as all that follows
 # What a board's clock may be off the host's: a tick, a frame's age, a host that is held up [s],
 _TICKS = 0.01
 _DRIFT = 5e-4  # ... and of the time away; crystals are five times better

@@ -90,7 +90,7 @@ class BridgeSettings:
     period: float = 1e-3
     command_timeout: float = 0.05
     stamp_age_max: float = 0.05
-    board_timeout: float = 0.04
+    board_timeout: float = 0.04  # decision 32
     bad_frames_max: int = 10
     lost_commands_max: int = 10
     lost_commands_warning: float = 0.01

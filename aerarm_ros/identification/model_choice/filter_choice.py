@@ -32,7 +32,7 @@ _SETTLED = 5e-5  # [s]
 _LEAST = 1e-3  # [s]: less is within what stamps and filters do
 # Longer ones are no delays: friction that lags behind the velocity, as in gears that give way,
 # looks like 20 to 100 ms in joints whose torque is mostly friction.
-_MOST = 0.015  # [s]
+_MOST = 0.015  # [s], decision 40
 _HOPELESS = 0.2  # [s]
 _CLEAR = 2.0  # standard errors of a delay, and of how much better held-out parts are predicted
 
