@@ -11,7 +11,8 @@ import os
 import sys
 import tempfile
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -59,43 +60,55 @@ def at_rest(drone: DroneConfig, arm: ArmModel) -> MassProperties:
     return MassProperties.of(drone, *MovingBaseDynamics(robot).composite_inertia(rest))
 
 
-def fly(
-    node: Node, build: Path, name: str, arm: ArmModel, options: argparse.Namespace
-) -> dict[str, FlightRecord | str]:
-    """Return what the drone did in some ways, or why it did not; each begins with a new start."""
-    drone, found = load_drone(name), {}
-    setup = Px4Setup(Px4Gains.scaled(*options.gains), options.sensors)
+def flight_case(
+    drone: DroneConfig, way: str, instance: int, options: argparse.Namespace
+) -> FlightCase:
+    """Return what is flown, and how."""
     xy, attitude, rate = options.gains
     noise = (
         ('imu_noise', list(options.imu_noise)),
         ('odometry_noise', list(options.odometry_noise)),
     )
+    holds = drone.is_fully_actuated if options.hold_heading is None else options.hold_heading
+    flight = {
+        'loops': 'px4_sitl', 'px4_instance': instance, 'mpc_xy_p': xy, 'mc_att_p': attitude,
+        'mc_rate_k': rate, 'px4_sensors': options.sensors, 'hold_heading': holds,
+        'tilt_ahead': _LEANS.get(way, True), **POSITION, **WAYS[way].switches,
+    }  # fmt: skip
+    return FlightCase(
+        drone.mass, 'free', drone=drone, sensors=noise, flight=tuple(flight.items()),
+        is_told=WAYS[way].is_told, told=(('rate', 1.0),), is_touched=False,
+    )  # fmt: skip
+
+
+@contextmanager
+def flying(
+    node: Node, build: Path, drone: DroneConfig, way: str, arm: ArmModel,
+    options: argparse.Namespace, number: int = 0,
+) -> Iterator[tuple[FlightBench, Path]]:  # fmt: skip
+    """Lead a drone into the air, by a PX4 that is started for it; yield its bench and PX4's log."""
+    setup = Px4Setup(Px4Gains.scaled(*options.gains), options.sensors)
+    instance = _INSTANCE + number
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        place, body = Path(folder), at_rest(drone, arm)
+        program = Px4Program(build, place, drone, body, setup, instance)
+        stack.enter_context(program)
+        bench = FlightBench(stack, node, place, flight_case(drone, way, instance, options), arm)
+        bench.settling = _SETTLING
+        yield bench, program.log
+
+
+def fly(
+    node: Node, build: Path, name: str, arm: ArmModel, options: argparse.Namespace
+) -> dict[str, FlightRecord | str]:
+    """Return what the drone did in some ways, or why it did not; each begins with a new start."""
+    found: dict[str, FlightRecord | str] = {}
     for number, way in enumerate(options.ways):
-        flight = {
-            'loops': 'px4_sitl', 'px4_instance': _INSTANCE + number, 'mpc_xy_p': xy,
-            'mc_att_p': attitude, 'mc_rate_k': rate, 'px4_sensors': options.sensors,
-            'hold_heading': drone.is_fully_actuated if options.hold_heading is None
-            else options.hold_heading, 'tilt_ahead': _LEANS.get(way, True),
-            **POSITION,
-            **WAYS[way].switches,
-        }  # fmt: skip
-        case = FlightCase(
-            drone.mass, 'free', drone=drone, sensors=noise, flight=tuple(flight.items()),
-            is_told=WAYS[way].is_told, told=(('rate', 1.0),), is_touched=False,
-        )  # fmt: skip
         begin = time.monotonic()
         try:
-            with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-                place = Path(folder)
-                program = Px4Program(
-                    build, place, drone, at_rest(drone, arm), setup, _INSTANCE + number
-                )
-                stack.enter_context(program)
-                bench = FlightBench(stack, node, place, case, arm)
+            with flying(node, build, load_drone(name), way, arm, options, number) as (bench, _):
                 ready = time.monotonic() - begin
-                bench.settling = _SETTLING
-                record = bench.fly(FlightProgram(parts=options.parts))
-                found[way] = record
+                record = found[way] = bench.fly(FlightProgram(parts=options.parts))
                 print(
                     f'{name}, {way}: {"lost" if record.is_lost else "flown"}, let go after '
                     f'{ready:.0f} s, ended after {time.monotonic() - begin:.0f} s', flush=True,
@@ -103,6 +116,19 @@ def fly(
         except (ValueError, TimeoutError, ArmClientError) as error:
             found[way] = ' '.join(str(error).split())[:160]
     return found
+
+
+def options_of(parser: argparse.ArgumentParser) -> None:
+    """Add what all flights with PX4 share."""
+    parser.add_argument('--gains', nargs=3, type=float, default=GAINS,
+                        metavar=('XY_P', 'ATT_P', 'RATE_K'))  # fmt: skip
+    parser.add_argument('--sensors', choices=SENSORS, default=VISION)
+    parser.add_argument('--imu-noise', nargs=2, type=float, default=IMU_NOISE, metavar='DEVIATION',
+                        help='of IMU, m/s^2 and rad/s')  # fmt: skip
+    parser.add_argument('--odometry-noise', nargs=4, type=float, default=ODOMETRY_NOISE,
+                        metavar='DEVIATION', help='of odometry, m, m/s, rad and rad/s')  # fmt: skip
+    parser.add_argument('--hold-heading', action=argparse.BooleanOptionalAction, default=None,
+                        help='default: unless the rotors are in one plane')  # fmt: skip
 
 
 def main() -> int:
@@ -114,19 +140,7 @@ def main() -> int:
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
     parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
-    parser.add_argument('--gains', nargs=3, type=float, default=GAINS,
-                        metavar=('XY_P', 'ATT_P', 'RATE_K'))  # fmt: skip
-    parser.add_argument('--sensors', choices=SENSORS, default=VISION)
-    parser.add_argument('--imu-noise', nargs=2, type=float, default=IMU_NOISE, metavar='DEVIATION',
-                        help='of IMU, m/s^2 and rad/s')  # fmt: skip
-    parser.add_argument('--odometry-noise', nargs=4, type=float, default=ODOMETRY_NOISE,
-                        metavar='DEVIATION', help='of odometry, m, m/s, rad and rad/s')  # fmt: skip
-    parser.add_argument(
-        '--hold-heading',
-        action=argparse.BooleanOptionalAction,
-        default=None,
-        help='whether set points have a heading; by default not for rotors in one plane',
-    )
+    options_of(parser)
     options = parser.parse_args()
     build = find_px4()
     if build is None:

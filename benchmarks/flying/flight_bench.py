@@ -24,6 +24,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
+from aerarm_ros.motion.signals import JointMotion
 from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
@@ -45,6 +46,8 @@ class FlightBench:
     ----------
     settling : float
         World time for which the drone is waited for to hover still [s].
+    processes : dict
+        By executable.
 
     Raises
     ------
@@ -57,6 +60,7 @@ class FlightBench:
     ) -> None:
         self.folder, self.node = folder, node
         self.settling = SETTLING
+        self.processes: dict[str, NodeProcess] = {}
         rotors: tuple[str, ...] = ()
         world = {'seed': arm.seed, 'pace': 'lockstep', 'encoders': 'absolute', **dict(case.sensors)}
         law: dict[str, object] = {
@@ -132,13 +136,8 @@ class FlightBench:
         ValueError
             If the arm does not follow: a drone under an arm that stopped is a still one.
         """
-        place = PoseStamped()  # else the drone stays where its first, noisy odometry was
-        self._places.publish(place)
-        begin = self.wait_until_still() + QUICK_LEAD
-        names, motion = load_arm_config().joint_names, program.motion
-        self.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
-        self.listener.forget()
-        now = -np.inf
+        motion = program.motion
+        begin, now = self.begin(motion), -np.inf
         # As it is told is when it acts, some milliseconds later.
         payloads = list(zip(program.carrying, (PAYLOAD, []), strict=False))
         while now < begin + motion.duration and self.listener.farthest < LOST:
@@ -151,6 +150,16 @@ class FlightBench:
         if not record.is_lost and (off := record.largest_joint_error(motion)) > FOLLOWED:
             raise ValueError(f'the arm is {off:.2f} rad off its motion: {self._bridge.tail(1)}')
         return record
+
+    def begin(self, motion: JointMotion) -> float:
+        """Send the arm a motion once the drone hovers; return when it begins [s]."""
+        # Without a set point the drone stays where its first, noisy odometry was.
+        self._places.publish(PoseStamped())
+        begin = self.wait_until_still() + QUICK_LEAD
+        names = load_arm_config().joint_names
+        self.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
+        self.listener.forget()
+        return begin
 
     def tell_world(self, name: str, numbers: list[float]) -> None:
         """Change a parameter of the emulated world, and do not wait for it."""
@@ -210,7 +219,9 @@ class FlightBench:
     ) -> NodeProcess:
         """Start a node."""
         log = self.folder / f'{name}.log'
-        return stack.enter_context(NodeProcess(name, arguments, values, log=log))
+        process = stack.enter_context(NodeProcess(name, arguments, values, log=log))
+        self.processes[name] = process
+        return process
 
     def _wait_for_pilot(self) -> None:
         """Wait until the flight controller is there, and answers if it can, as in every run."""
