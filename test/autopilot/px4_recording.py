@@ -19,7 +19,7 @@ import numpy as np
 
 from aerarm_ros.autopilot.mavlink import LAYOUTS, FrameReader, Message
 from aerarm_ros.autopilot.px4 import Px4Gains
-from aerarm_ros.autopilot.px4_flight import Px4Firmware, Px4FirmwareFlight, Stage
+from aerarm_ros.autopilot.px4_flight import Px4Firmware, Px4FirmwareFlight
 from aerarm_ros.autopilot.px4_link import CompanionLink, Controls, SimulatorLink
 from aerarm_ros.autopilot.px4_setup import Px4Setup
 from aerarm_ros.description.drone_config import load_drone_config
@@ -42,9 +42,11 @@ def pushed(step: int) -> FeedForward:
     return FeedForward(BODY, wrench, wrench, np.array([0.1, 0.0, 0.0]), np.zeros(3))
 
 
-def flight(simulator: SimulatorLink, companion: CompanionLink) -> Px4FirmwareFlight:
+def flight(
+    simulator: SimulatorLink, companion: CompanionLink, setup: Px4Setup = SETUP
+) -> Px4FirmwareFlight:
     """Return the flight that is recorded and replayed."""
-    return Px4FirmwareFlight(DRONE, BODY, Px4Firmware(simulator, companion, SETUP), SETUP)
+    return Px4FirmwareFlight(DRONE, BODY, Px4Firmware(simulator, companion, setup), setup)
 
 
 @dataclass
@@ -269,6 +271,3 @@ def fly(control: Px4FirmwareFlight, steps: list[Step] | None = None, flown: int 
 
 if __name__ == '__main__':
     record()
-
-
-__all__ = ['RECORDING', 'ScriptedPx4', 'Stage', 'fly', 'flight', 'load']
