@@ -47,6 +47,8 @@ _LEANS = {'acceleration': False}
 GAINS = (1.5, 6.5, 2.0)  # MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K
 # The position loop of a drone that pushes sideways, on this side.
 POSITION = {'position_frequency': 5.0, 'height_frequency': 5.0}
+# Tilted rotors give ten times the moment about the vertical: at PX4's defaults its loop oscillates.
+_FULL_YAW = {'mc_yawrate_p': 0.08, 'mc_yaw_tq_cutoff': 10.0}
 IMU_NOISE = (0.03, 0.002)  # [m/s^2], [rad/s]
 ODOMETRY_NOISE = (0.0005, 0.003, 0.001, 0.001)  # [m], [m/s], [rad], [rad/s] as of motion capture
 _INSTANCE = 50
@@ -74,6 +76,7 @@ def flight_case(
         'loops': 'px4_sitl', 'px4_instance': instance, 'mpc_xy_p': xy, 'mc_att_p': attitude,
         'mc_rate_k': rate, 'px4_sensors': options.sensors, 'hold_heading': holds,
         'tilt_ahead': _LEANS.get(way, True), **POSITION, **WAYS[way].switches,
+        **(_FULL_YAW if drone.is_fully_actuated else {}),
     }  # fmt: skip
     return FlightCase(
         drone.mass, 'free', drone=drone, sensors=noise, flight=tuple(flight.items()),
@@ -87,7 +90,8 @@ def flying(
     options: argparse.Namespace, number: int = 0,
 ) -> Iterator[tuple[FlightBench, Path]]:  # fmt: skip
     """Lead a drone into the air, by a PX4 that is started for it; yield its bench and PX4's log."""
-    setup = Px4Setup(Px4Gains.scaled(*options.gains), options.sensors)
+    yaw = _FULL_YAW if drone.is_fully_actuated else {}
+    setup = Px4Setup(Px4Gains.scaled(*options.gains, **yaw), options.sensors)
     instance = _INSTANCE + number
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         place, body = Path(folder), at_rest(drone, arm)

@@ -88,6 +88,14 @@ FLIGHT_PARAMETERS = (
             'mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K and MC_PITCHRATE_K', '', 0.1, 30.0
         ),
         Parameter(
+            'mc_yawrate_p', Px4Gains.mc_yawrate_p, 'MC_YAWRATE_P; tilted rotors give much more '
+            'moment about the vertical and need less', '', 0.001, 10.0,
+        ),
+        Parameter(
+            'mc_yaw_tq_cutoff', Px4Gains.mc_yaw_tq_cutoff, 'MC_YAW_TQ_CUTOFF; 0 for no filter',
+            'Hz', 0.0, 10.0,
+        ),
+        Parameter(
             'tilt_ahead', True, "tilt ahead of the arm's motion by the inverse of PX4's loops"
         ),
         Parameter(
@@ -124,7 +132,13 @@ def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProper
     """
     gains = {name: getattr(values, name) for name in vars(_GAINS)}
     if values.loops in (PX4, PX4_SITL):
-        px4 = Px4Gains.scaled(values.mpc_xy_p, values.mc_att_p, values.mc_rate_k)
+        px4 = Px4Gains.scaled(
+            values.mpc_xy_p,
+            values.mc_att_p,
+            values.mc_rate_k,
+            values.mc_yawrate_p,
+            values.mc_yaw_tq_cutoff,
+        )
         if values.loops == PX4_SITL:
             return _px4_firmware(values, drone, body, px4, FlightGains(**gains))
         if drone.is_fully_actuated:
