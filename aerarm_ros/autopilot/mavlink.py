@@ -267,9 +267,11 @@ class FrameReader:
     def _message(self, frame: bytes) -> list[Message] | None:
         """Return the message of a frame, [] for one that is not known, None for a damaged one."""
         if frame[0] == _START_2:
-            head, number, sender = _HEAD_2, int.from_bytes(frame[7:10], 'little'), frame[5:7]
+            head, number = _HEAD_2, int.from_bytes(frame[7:10], 'little')
+            system, component = frame[5:7]
         else:
-            head, number, sender = _HEAD_1, frame[5], frame[3:5]
+            head, number = _HEAD_1, frame[5]
+            system, component = frame[3:5]
         layout = _BY_NUMBER.get(number)
         if layout is None:
             return []
@@ -278,7 +280,7 @@ class FrameReader:
         if checksum(frame[1:end] + bytes([layout.seed])) != given:
             self.damaged += 1
             return None
-        return [Message(layout.name, *sender, layout.unpack(frame[head:end]))]
+        return [Message(layout.name, system, component, layout.unpack(frame[head:end]))]
 
 
 def _next_start(buffer: bytearray, at: int) -> int:

@@ -88,7 +88,7 @@ class UdpLine:
 
     def messages(self, patience: float = 0.0) -> list[Message]:
         """Return what came, of the first sender alone."""
-        found = []
+        found: list[Message] = []
         select.select([self._socket], [], [], patience)
         while True:
             try:
@@ -150,7 +150,7 @@ class SerialLine:
 
     def messages(self, patience: float = 0.0) -> list[Message]:
         """Return what came; raises OSError if the device is gone."""
-        found = []
+        found: list[Message] = []
         select.select([self._file], [], [], patience)
         while True:
             try:
