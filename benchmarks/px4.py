@@ -51,7 +51,7 @@ POSITION = {'position_frequency': 5.0, 'height_frequency': 5.0}
 _FULL_YAW = {'mc_yawrate_p': 0.08, 'mc_yaw_tq_cutoff': 10.0}
 IMU_NOISE = (0.03, 0.002)  # [m/s^2], [rad/s]
 ODOMETRY_NOISE = (0.0005, 0.003, 0.001, 0.001)  # [m], [m/s], [rad], [rad/s] as of motion capture
-_INSTANCE = 50
+_INSTANCE = 10 + os.getpid() % 200  # its ports are free while others fly, too
 _SETTLING = 15.0  # [s] PX4's height integrator and hover thrust estimator are slow
 
 

@@ -100,6 +100,11 @@ class Px4Firmware:
         return '; '.join([self.stage.value, *texts])
 
     @property
+    def is_led(self) -> bool:
+        """Whether it follows set points; where they stop, its failsafe acts after COM_OF_LOSS_T."""
+        return self._mode >> 24 == _OFFBOARD
+
+    @property
     def time_ms(self) -> int:
         """PX4's time [ms]."""
         return self._time_us // 1000
@@ -176,13 +181,13 @@ class Px4Firmware:
 
     def _ask(self) -> None:
         """Ask for offboard mode and then for arming, again and again."""
-        if self._mode & _ARMED and self._mode >> 24 == _OFFBOARD:
+        if self._mode & _ARMED and self.is_led:
             self.stage = Stage.SPOOL
             return
         if self._time_us - self._asked_us < 1e6 * _ASK_EVERY:
             return
         self._asked_us = self._time_us
-        if self._mode >> 24 != _OFFBOARD:
+        if not self.is_led:
             self._command(_SET_MODE, _CUSTOM_MODE, _OFFBOARD)
         else:
             self._command(_ARM, 1.0)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.autopilot.px4 import Px4Gains, torque_unit
+from aerarm_ros.autopilot.px4_flight import Px4Firmware, Px4FirmwareFlight
 from aerarm_ros.autopilot.px4_link import CompanionLink, SimulatorLink
 from aerarm_ros.autopilot.px4_setup import Px4Setup, force_unit, hover_share
 from aerarm_ros.description.drone_config import GRAVITY, load_drone_config
@@ -20,7 +21,7 @@ from aerarm_ros.flight.arm_load import MassProperties
 
 sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
 from flying.px4_program import HOW, Px4Program, find_px4
-from px4_recording import BODY, DRONE, SETUP, flight, fly
+from px4_recording import BODY, DRONE, SETUP, STILL, flight, fly
 
 TILTED = load_drone_config(resource('config', 'drones', 'tilted_hexarotor.yaml'))
 LIMIT = 60.0  # [s] of a busy host
@@ -146,3 +147,25 @@ def test_the_firmware_is_led_into_the_air(sensors: str, tmp_path: Path) -> None:
         companion.close()
     assert 'Takeoff detected' in log
     assert 'invalid' not in log
+
+
+@pytest.mark.skipif(find_px4() is None, reason=HOW)
+def test_a_link_that_is_lost_for_a_second_is_borne_and_then_the_failsafe_acts(
+    tmp_path: Path,
+) -> None:
+    build = find_px4()
+    assert build is not None
+    with Px4Program(build, tmp_path, DRONE, BODY, SETUP, 8) as program:
+        simulator, companion = SimulatorLink(4568), CompanionLink(14548, 14588)
+        firmware = Px4Firmware(simulator, companion, SETUP)
+        control = Px4FirmwareFlight(DRONE, BODY, firmware, SETUP)
+        fly(control)
+        for _ in range(225):  # 0.9 s without set points
+            firmware.step(STILL, 0.004)
+        assert firmware.is_led
+        for _ in range(275):
+            firmware.step(STILL, 0.004)
+        assert not firmware.is_led
+        assert 'Failsafe activated' in program.log.read_text()
+        simulator.close()
+        companion.close()
