@@ -63,7 +63,7 @@ $(VENV)/.ready: setup.py pyproject.toml setup.cfg
 	@$(PYTHON) -c 'import sys; v = "%d.%d" % sys.version_info[:2]; sys.exit(0 if v in "$(PYTHONS)".split() else "$(PYTHON) is Python " + v + ", make takes $(PYTHONS)$(WHY): set PYTHON, as in make PYTHON=python3.12 ...")'
 	@echo 'Installing into $(VENV), once: $(SIZE)'
 	@# Made anew for another Python: one laid over the other is neither.
-	@[ "$$($(BIN)/python -c '$(WHICH)' 2>&1)" = "$$($(PYTHON) -c '$(WHICH)')" ] || { rm -f $(VENV)/.developed; $(PYTHON) -m venv --clear $(VENV_FLAGS) $(VENV); }
+	@[ "$$($(BIN)/python -c '$(WHICH)' 2>&1)" = "$$($(PYTHON) -c '$(WHICH)')" ] || { rm -f $(VENV)/.developed $(VENV)/.documented; $(PYTHON) -m venv --clear $(VENV_FLAGS) $(VENV); }
 	@$(PIP) --editable '.[$(EXTRAS)]'
 	@$(BIN)/python -c 'import pinocchio' || { echo 'Pinocchio is missing: with the ROS of apt it comes from there, sudo apt install ros-jazzy-pinocchio'; exit 1; }
 	@$(PIP) --quiet 'spidev>=3.5,<4' || echo 'spidev was not built (C compiler, Python headers?): its tests are skipped'

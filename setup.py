@@ -152,7 +152,7 @@ def share(*parts: str) -> str:
 
 setup(
     name=PACKAGE,
-    version='0.2.0',
+    version='0.3.0',
     description='ROS 2 suite for a light four-joint aerial manipulator',
     license='Apache-2.0',
     author='aerarm_ros developers',

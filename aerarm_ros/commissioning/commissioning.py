@@ -180,6 +180,11 @@ class TurnStep(CommissioningStep):
         offset = pulse_offset(self._config, self._joint, self._home_angle, report)
         if offset is not None:
             self.measured['pulse_offset'] = offset
+        elif not findings:
+            self.findings.append(
+                f'{self._name}: no index pulse was seen between two frames in order, homing needs '
+                'its place: turn the joint slowly, check what else the host does, and repeat'
+            )
 
     def _ask(self) -> None:
         self.prompt = self._prompts[self._stage]

@@ -65,6 +65,11 @@ class JointRecord:
         """Whether nothing is wrong."""
         return not self.findings
 
+    @property
+    def has_pulse_offset(self) -> bool:
+        """Whether the place of the joint's index pulses was measured."""
+        return 'pulse_offset' in self.measured
+
 
 @dataclass(frozen=True)
 class CommissioningRecord:
@@ -101,6 +106,9 @@ class CommissioningRecord:
         if failed:
             finding = self.joints[failed[0]].findings[0]
             return f'{", ".join(failed)} did not pass the commissioning ({finding}): {_ADVICE}'
+        bare = [name for name in names if not self.joints[name].has_pulse_offset]
+        if bare:
+            return f'the record has no pulse_offset of {", ".join(bare)}: {_ADVICE}'
         for joint in config.joints:
             key = self.changed_key(joint)
             if key:
@@ -124,21 +132,22 @@ class CommissioningRecord:
             for i, joint in enumerate(config.joints)
             if joint.name not in self.joints
             or not self.joints[joint.name].passed
+            or not self.joints[joint.name].has_pulse_offset
             or self.changed_key(joint)
         ]
 
-    def pulse_offset(self, config: ArmConfig) -> NDArray[np.float64] | None:
+    def pulse_offset(self, config: ArmConfig) -> NDArray[np.float64]:
         """Return the motors' angles of the index pulses modulo a turn, (n,) [rad].
 
-        None if a joint has none, or its drive is another in the configuration by now.
+        0 for a joint without one, or whose drive has changed in the configuration; `problem` names
+        it.
         """
-        offsets = []
-        for joint in config.joints:
+        offsets = np.zeros(config.n)
+        for i, joint in enumerate(config.joints):
             entry = self.joints.get(joint.name)
-            if entry is None or 'pulse_offset' not in entry.measured or self.changed_key(joint):
-                return None
-            offsets.append(entry.measured['pulse_offset'])
-        return np.array(offsets)
+            if entry is not None and entry.has_pulse_offset and not self.changed_key(joint):
+                offsets[i] = entry.measured['pulse_offset']
+        return offsets
 
     def with_prefix(self, prefix: str) -> CommissioningRecord:
         """Return the record by the names that the arm's joints have on topics."""

@@ -17,7 +17,7 @@ from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.boards.homing import EncoderZeros, ZeroSearch
 from aerarm_ros.hardware.boards.kept_zeros import KeptZeros, ZeroRecall
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
-from aerarm_ros.hardware.bridge_modes import Answer
+from aerarm_ros.hardware.bridge_modes import Answer, to_switch_on
 from aerarm_ros.hardware.fault_watch import FaultWatch, LoadWatch, way_out
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
@@ -278,7 +278,8 @@ class BridgeCycle:
     def hold(self) -> Answer:
         """Hold the arm once commands end, as who ends them asks: else it would be damped."""
         if self.mode not in ('ready', 'running', 'damping'):
-            return Answer(False, f'arm_mode is {self.mode}: there is nothing to hold')
+            first = "'arm clear_fault'" if self.gate.stop else to_switch_on(self.mode)
+            return Answer(False, f'arm_mode is {self.mode}: run {first} first')
         self.intake.conclude(self._now)
         when = ' once no more commands come' if self.intake.is_fresh(self._now) else ''
         return Answer(True, f'the arm is held where it is{when}')

@@ -41,6 +41,8 @@ class StoppedArm:
         Whether all its encoders know their angles after a power cycle.
     latched
         Whether the stop is still latched; without it the arm is off, and its zero unknown.
+    hot
+        What to wait for before a motor may be driven again, '' if none is too warm.
     """
 
     boards: Sequence[tuple[int, str]] = ()
@@ -50,6 +52,7 @@ class StoppedArm:
     zero_unknown: bool = False
     absolute: bool = False
     latched: bool = True
+    hot: str = ''
 
 
 def way_out(arm: StoppedArm, emulated: bool) -> str:
@@ -64,7 +67,7 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
     if not arm.latched:
         return "'arm home'" if emulated else "bring the arm to its home configuration, 'arm home'"
     steps = []
-    through_idle = bool(arm.boards) or arm.violation or arm.zero_unknown
+    through_idle = bool(arm.boards) or arm.violation or arm.zero_unknown or bool(arm.hot)
     restarts = bool(arm.boards) and (emulated or arm.until_power_cycle)
     homes = (arm.zero_unknown or restarts) and not (arm.absolute and restarts)
     if through_idle:
@@ -79,6 +82,8 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
         steps.append('bring the arm to its home configuration')
     elif not emulated and arm.violation:
         steps.append('move the arm inside its limits by hand')
+    if arm.hot:
+        steps.append(arm.hot)
     steps.append("'arm clear_fault'")
     if homes:
         steps.append("'arm home'")
@@ -209,6 +214,7 @@ class FaultWatch:
             self._zeros.are_lost,
             all(self._zeros.absolute),
             bool(self._gate.stop),
+            self._heat.wait,
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import exp, inf, sqrt
 
 from aerarm_ros.description.arm_config import ArmConfig, PowerStageConfig
@@ -291,6 +292,7 @@ class ThermalLimit:
         '_stops',
         '_sum',
         '_temperature_max',
+        '_worst',
         'continuous_current',
         'effort_limit',
         'is_sinking',
@@ -317,11 +319,22 @@ class ThermalLimit:
         self._square = 0.0  # mean of some seconds
         self._sum = self._duration = 0.0
         self._is_warm = self._stops = False
+        self._worst = 0  # stage of the worst warning since the motor was cool
 
     @property
     def is_reduced(self) -> bool:
         """Whether the joint has less than its whole torque."""
         return self.effort_limit < self._effort_max
+
+    def recall(self, winding: float, housing: float, away: float) -> None:
+        """Take temperatures [degC] of a motor that has been off for a time [s], if it is warmer."""
+        motor, most = self.motor, self._temperature_max + _KEPT_MAX
+        before = motor.winding, motor.housing
+        motor.winding, motor.housing = min(winding, most), min(housing, most)
+        for _ in range(_COOLINGS):
+            motor.update(0.0, away / _COOLINGS)
+        motor.winding = max(motor.winding, before[0])
+        motor.housing = max(motor.housing, before[1])
 
     def add(self, current: float, duration: float) -> None:
         """Take a current [A] that flowed for a time [s]."""
@@ -370,15 +383,28 @@ class ThermalLimit:
             f'temperature is {self._temperature_max:.0f}: support the arm, disable it, let it cool'
         )
 
-    def refusal(self) -> str:
-        """Return why the motor may not be driven yet, or ''."""
+    @property
+    def wait(self) -> str:
+        """What to wait for before the motor may be driven again, or ''."""
         cool = self._temperature_max - _REDUCTION
         if self.motor.winding <= cool:
             return ''
+        return f'wait until the motor of {self._name} has cooled to {cool:.0f} degC'
+
+    def refusal(self) -> str:
+        """Return why the motor may not be driven yet, or ''."""
+        if not self.wait:
+            return ''
         return (
-            f'the motor of {self._name} has {self.motor.winding:.0f} degC (estimated): '
-            f'wait until it has cooled to {cool:.0f}'
+            f'{self._name} has {self.motor.winding:.0f} degC (estimated) in its motor: {self.wait}'
         )
+
+    def new_warning(self) -> str:
+        """Return the warning if it is a worse one than since the motor was last cool, or ''."""
+        stage = sum((self._is_warm, self.is_reduced, self.is_sinking, self.lets_down))
+        rises = stage > self._worst
+        self._worst = max(stage, self._worst) if stage else 0
+        return self.warning() if rises else ''
 
     def warning(self) -> str:
         """Return what is to be said of the motor, or ''."""
@@ -415,6 +441,26 @@ class ThermalLimit:
         self.effort_limit = min(limit, self._effort_max)
 
 
+# A kept temperature counts up to this much [K] above the largest one: no file keeps an arm off.
+_KEPT_MAX = 30.0
+_COOLINGS = 100  # steps of the time in which no bridge ran
+
+
+@dataclass(frozen=True)
+class KeptHeat:
+    """Temperatures that a bridge estimated at a time [s, monotonic].
+
+    Attributes
+    ----------
+    windings, housings
+        One per joint, in the arm's order [degC].
+    """
+
+    time: float
+    windings: tuple[float, ...]
+    housings: tuple[float, ...]
+
+
 # One motor's temperatures are updated in a cycle, each once in so many; forecasts are rarer.
 _CYCLES = 20
 _FORECASTS = 50
@@ -440,7 +486,9 @@ class HeatWatch:
     Attributes
     ----------
     limits
-        One `ThermalLimit` a joint.
+        One `ThermalLimit` per joint.
+    news
+        Warnings that are worse than the ones before, for the log; who logs one removes it.
     supplies
         One `SupplyWatch` a board; none where frames carry no supply voltage.
     unknown
@@ -468,6 +516,7 @@ class HeatWatch:
         self._references = references
         self._places = [(links[joint.board], joint.channel) for joint in config.joints]
         self._board_timeout = settings.board_timeout
+        self.news: list[str] = []
         self._cycle = self._turns = 0
         self._cycles = max(_CYCLES, config.n)
         unknown = {joint.motor.name for joint in config.joints if joint.motor.thermal is None}
@@ -488,8 +537,10 @@ class HeatWatch:
         for limit, current, (link, _) in zip(limits, currents, self._places, strict=True):
             if current != current:
                 continue  # no board has answered yet
-            if link.monitor.mode is BoardMode.ALIGNING:
+            if link.is_damped_unheard or link.monitor.mode is BoardMode.ALIGNING:
                 current = limit.continuous_current  # a board that aligns reports none
+            elif link.monitor.is_silent:
+                current = 0.0  # its last answer says nothing of a motor that is off
             limit.add(current, driven)
             if elapsed > driven:
                 limit.add(0.0, elapsed - driven)
@@ -498,6 +549,24 @@ class HeatWatch:
             self._take_turn(self._cycle, enabled)
         if self.supplies:
             self._look_at_supplies(elapsed, enabled)
+
+    def keep(self, now: float) -> KeptHeat:
+        """Return the estimates at a time [s]."""
+        motors = [limit.motor for limit in self.limits]
+        windings = tuple(motor.winding for motor in motors)
+        return KeptHeat(now, windings, tuple(motor.housing for motor in motors))
+
+    def recall(self, kept: KeptHeat, now: float) -> None:
+        """Begin with what a bridge before this one estimated, motors off since then, if warmer."""
+        away = max(now - kept.time, 0.0)
+        rows = zip(self.limits, kept.windings, kept.housings, strict=False)
+        for limit, winding, housing in rows:
+            limit.recall(winding, housing, away)
+
+    @property
+    def wait(self) -> str:
+        """What to wait for before the motors may be driven again, or ''."""
+        return ', '.join(filter(None, (limit.wait for limit in self.limits)))
 
     def refusal(self) -> str:
         """Return why the motors may not be driven yet, or ''."""
@@ -529,6 +598,8 @@ class HeatWatch:
         self._references.motors[joint].effort_limit = limit.effort_limit
         barrier.hold_back(limit.is_sinking)
         barrier.lets_down = limit.lets_down
+        if warning := limit.new_warning():
+            self.news.append(warning)
 
     def _look_at_supplies(self, elapsed: float, enabled: bool) -> None:
         for link, supply in zip(self._links, self.supplies, strict=True):

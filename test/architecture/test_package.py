@@ -70,7 +70,14 @@ def test_package_xml_is_format_3_ament_python_of_the_same_version() -> None:
     package = ElementTree.parse(ROOT / 'package.xml').getroot()
     assert package.get('format') == '3'
     assert package.findtext('export/build_type') == 'ament_python'
-    assert f"version='{package.findtext('version')}'" in (ROOT / 'setup.py').read_text()
+    version = package.findtext('version')
+    assert f"version='{version}'" in (ROOT / 'setup.py').read_text()
+    cited = yaml.safe_load((ROOT / 'CITATION.cff').read_text())
+    assert cited['version'] == version
+    (released, date), *_ = re.findall(
+        r'^## (\d+\.\d+\.\d+) - (\S+)$', (ROOT / 'CHANGELOG.md').read_text(), flags=re.MULTILINE
+    )
+    assert (released, date) == (version, str(cited['date-released']))
 
 
 def test_scripts_go_where_ros2_run_looks() -> None:

@@ -3,6 +3,7 @@
 import json
 from datetime import UTC, datetime
 
+import numpy as np
 import pytest
 from commissioning_campaign import CommissionedArm
 
@@ -198,6 +199,22 @@ def test_a_request_that_makes_no_sense_is_rejected(text):
         ProbeRequest.parse(text)
 
 
+def test_a_turn_without_a_clear_pulse_does_not_pass():
+    step = TurnStep(CONFIG, ROBOT, 3)
+    turned = 0.5 * np.pi / CONFIG.joints[3].gear.ratio
+    arrays = {'joints': CONFIG.joint_names, 'boards': ('',) * 4, 'pulse_angle': (None,) * 4}
+    counts = {
+        'travel': (0.0, 0.0, 0.0, CONFIG.joints[3].sign * turned),
+        'span': (0.0, 0.0, 0.0, turned),
+        'pulses': (0, 0, 0, round(turned / (2.0 * np.pi))),
+    }
+    report = ProbeReport('me:1', 'watching', '', 'idle', **arrays, **counts)
+    for _ in range(2):
+        step.answer(True)
+        step.update(report)
+    assert [finding for finding in step.findings if 'no index pulse' in finding]
+
+
 def test_messages_are_read_as_they_were_sent():
     arm = CommissionedArm(None)
     request = ProbeRequest('me:1', 'watch')
@@ -208,5 +225,16 @@ def test_messages_are_read_as_they_were_sent():
     for key in ('travel', 'joints'):
         with pytest.raises(ValueError, match='not a commissioning report'):
             ProbeReport.parse(json.dumps({**fields, key: 'x'}))
+    for key, value in (
+        ('current_max', 10**400),
+        ('travel', [10**400] * 4),
+        ('pulse_angle', ['x'] * 4),
+        ('boards', [5] * 4),
+        ('joints', [5] * 4),
+        ('reason', 5),
+        ('strokes', [{'requested': 'a', 'measured': 1.0, 'speed': 1.0}] * 2),
+    ):
+        with pytest.raises(ValueError, match='not a commissioning report'):
+            ProbeReport.parse(json.dumps({**fields, key: value}))
     with pytest.raises(ValueError, match='commissioning message'):
         ProbeReport.parse('[' * 100_000)

@@ -72,18 +72,22 @@ def test_a_configuration_that_changed_needs_the_joint_again(fields, key):
     record, config = commissioned(), changed(**fields)
     assert record.problem(config).startswith(f'{key} of joint2 has changed')
     assert record.open_joints(config) == [1]
-    assert record.pulse_offset(config) is None
+    # The other joints keep theirs.
+    assert record.pulse_offset(config) == pytest.approx([1.25, 0.0, 1.25, 1.25])
 
 
 def test_an_emulated_record_serves_an_emulated_arm():
     assert replace(commissioned(), emulated=True).problem(CONFIG, emulated=True) == ''
 
 
-def test_a_joint_without_a_pulse_gives_no_offsets():
+def test_a_joint_without_a_pulse_has_no_offset():
     record = commissioned()
     entry = record.joints['joint3']
     bare = replace(entry, measured={'reduction': 31.0})
-    assert replace(record, joints={**record.joints, 'joint3': bare}).pulse_offset(CONFIG) is None
+    record = replace(record, joints={**record.joints, 'joint3': bare})
+    assert record.pulse_offset(CONFIG) == pytest.approx([1.25, 1.25, 0.0, 1.25])
+    assert record.problem(CONFIG).startswith('the record has no pulse_offset of joint3')
+    assert record.open_joints(CONFIG) == [2]
 
 
 def test_the_names_of_topics_have_the_prefix():

@@ -2,7 +2,7 @@
 
     python test/control/stopping_campaign.py [--preemptions 10000] [--seed 1]
 
-prints the tables of docs/explanation/safety.md, section Stopping. Nothing in it is random but the
+prints the tables of docs/benchmarks_safety.md, section Stopping. Nothing in it is random but the
 preemptions, whose seed is printed. Times are injected; no clock is read.
 """
 

@@ -53,7 +53,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_files_named_in_code_style_exist(page: Path) -> None:
     for name in CODE_FILE.findall(page.read_text()):
-        if name.startswith(('output/', 'first_result/')):
+        if name.startswith(('output/', 'first_result/', 'result/')):
             continue
         assert any((ROOT / room / name).exists() for room in ('', 'aerarm_ros')), name
 
@@ -77,6 +77,16 @@ def test_every_topic_mode_and_service_is_described() -> None:
         assert f'`{name}`' in page, name
     for action in ACTIONS:
         assert f'`~/{action}`' in page
+
+
+def test_the_graphs_name_every_mode_and_existing_nodes(reference: ModuleType) -> None:
+    modes, nodes = ((DOCS / 'images' / f'{name}.svg').read_text() for name in ('modes', 'nodes'))
+    assert {name for name in MODES if f'>{name}</text>' not in modes} == set()
+    drawn = set(
+        re.findall(r'\b[a-z0-9]+_[a-z_]+\b', ' '.join(re.findall(r'>([^<]+)</text>', nodes)))
+    )
+    assert drawn <= {*reference.executables(), *TOPICS, *ACTIONS}
+    assert {'hardware_bridge', 'joint_command'} <= drawn
 
 
 def test_every_launch_file_and_argument_is_described() -> None:

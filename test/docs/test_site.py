@@ -20,8 +20,8 @@ PAGES = sorted([*(ROOT / 'docs').rglob('*.md'), *ROOT.glob('*.md')])
 BLOCK = re.compile(r'^( *)```(\w+)\n(.*?)^ *```$', flags=re.MULTILINE | re.DOTALL)
 # What a host brings; everything else that a page types belongs to this package.
 HOST = {
-    'adduser', 'cd', 'colcon', 'do', 'done', 'echo', 'export', 'for', 'git', 'mkdir', 'pip', 'printf',
-    'python', 'python3', 'ros2', 'rosdep', 'rviz2', 'source', 'sudo', 'usermod',
+    'adduser', 'cd', 'colcon', 'do', 'done', 'echo', 'export', 'for', 'git', 'mkdir', 'pip',
+    'printf', 'python', 'python3', 'ros2', 'rosdep', 'rviz2', 'source', 'sudo', 'usermod',
 }  # fmt: skip
 
 

@@ -73,6 +73,18 @@ def test_an_arm_held_stretched_is_warned_reduced_stopped_and_let_down_before_its
     assert abs(rig.boards.boards[0].motors[1].torque_current) < 0.5
     assert rig.log.speed_ratio(config).max() < 0.2
     assert not rig.bridge.clear_fault().accepted
+    # Each step is news once, and the way back names what to wait for.
+    news = [text for text in rig.bridge.heat.news if 'joint2' in text]
+    steps = (
+        'the motor of joint2',
+        'the torque of joint2',
+        'joint2 sinks',
+        'joint2 is let down',
+    )
+    assert len(news) == len(steps)
+    assert all(step in text for step, text in zip(steps, news, strict=True)), news
+    assert 'wait until the motor of joint2 has cooled to 90 degC, ' in rig.bridge.way_out(True)
+    assert rig.bridge.way_out(True).startswith("'arm disable'")
 
 
 def test_a_warm_arm_can_be_folded_with_its_payload(config, robot):
@@ -136,6 +148,24 @@ def test_a_hot_arm_is_not_enabled_until_it_has_cooled(config, robot):
     assert 'joint1 has 105 degC' in answer.message
     rig.run(2.0)
     assert rig.bridge.enable().accepted
+
+
+@pytest.mark.parametrize('disabled', [True, False])
+def test_the_last_current_of_a_board_without_supply_warms_no_motor(config, robot, disabled):
+    arm = quick(config, 40.0)
+    rig = AttackRig(arm, robot, posture=[0.0, 1.2, 0.0, 0.0], payload=0.2, settings=COLD)
+    rig.bring_up().run(0.05, lambda rig: Offer(effort=[0.0, 9.0, 0.0, 0.0]))
+    assert rig.bridge.motor_current[1] > 10.0
+    rig.inject('dead_board', 0)
+    rig.run(0.05)
+    if disabled:
+        rig.bridge.disable()
+    rig.run(8.0)  # as 5 minutes of the arm as drawn
+    winding = rig.bridge.heat.limits[1].motor.winding
+    if disabled:
+        assert winding < 60.0
+    else:  # the board may hear, and damp its joints
+        assert winding < arm.joints[1].motor.thermal.temperature_max
 
 
 def test_a_critical_temperature_is_the_boards_error(config, robot):

@@ -4,8 +4,9 @@ import time
 
 import pytest
 
-from aerarm_ros.hardware.boards.kept_zeros import ZeroFile
+from aerarm_ros.hardware.boards.kept_zeros import ZeroFile, sealed
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.heat_watch import KeptHeat
 
 
 @pytest.fixture
@@ -42,7 +43,7 @@ def test_zeros_are_written_once_a_second_and_when_one_changes(path, make_rig):
     rig.bridge.zeros.lose([0], 'a jump')
     file.update(rig.bridge, 0.91)
     until(lambda: path.read_text() != first)
-    names = [j['name'] for b in json.loads(path.read_text())['boards'] for j in b['joints']]
+    names = [j['name'] for b in contents(path)['boards'] for j in b['joints']]
     assert names == ['joint2', 'joint3', 'joint4']
     second = path.read_text()
     rig.run(0.01)
@@ -65,14 +66,27 @@ def test_what_is_written_is_read_by_the_next_bridge(path, make_rig):
     assert rig.bridge.mode == 'idle'
 
 
+def contents(path):
+    """Return what the file holds beside its digest."""
+    return json.loads(json.loads(path.read_text())['kept'])
+
+
+def changed(text, old, new):
+    """Return a file's text with something changed and a digest that fits."""
+    return sealed(json.loads(text)['kept'].replace(old, new))
+
+
 @pytest.mark.parametrize(
     ('spoil', 'reason'),
     [
         (lambda text: text[:-20], 'is not whole'),
-        (lambda text: text.replace('"arm": "', '"arm": "0'), 'is of another arm'),
-        (lambda text: text.replace('"boot": "', '"boot": "0'), 'from before the host was started'),
-        (lambda text: text.replace('"time": ', '"time": 9'), 'is newer than now'),
+        (lambda text: text.replace('zero\\": ', 'zero\\": 1', 1), 'is not whole'),
+        (lambda text: changed(text, '"arm": "', '"arm": "0'), 'is of another arm'),
+        (lambda text: changed(text, '"boot": "', '"boot": "0'), 'from before the host was started'),
+        (lambda text: changed(text, '"time": ', '"time": 9'), 'is newer than now'),
         (lambda text: b'\xff\xfe', 'is no text'),
+        (lambda text: changed(text, '"windings": [', '"windings": ["x", '), 'is not whole'),
+        (lambda text: changed(text, '"heat": {', '"heat": 5, "old": {'), 'is not whole'),
     ],
 )
 def test_a_bad_file_gives_unknown_zeros_and_one_warning(path, make_rig, spoil, reason):
@@ -91,6 +105,29 @@ def test_a_bad_file_gives_unknown_zeros_and_one_warning(path, make_rig, spoil, r
     assert rig.bridge.mode == 'unhomed'
     assert [text.count(reason) for text in rig.bridge.faults] == [1]
     assert "('arm home')" in rig.bridge.faults[0]
+
+
+@pytest.mark.parametrize(('away', 'least', 'most'), [(1.0, 100.0, 108.0), (86400.0, 60.0, 60.0)])
+def test_the_next_bridge_knows_how_warm_the_motors_are(path, make_rig, away, least, most):
+    rig = begun(make_rig())
+    for limit in rig.bridge.heat.limits:
+        limit.motor.winding, limit.motor.housing = 108.0, 80.0
+    file = ZeroFile(path, rig.config)
+    assert file.read(rig.now) is None
+    file.update(rig.bridge, rig.now)
+    file.close()
+    kept = ZeroFile(path, rig.config).read(rig.now)
+    bridge = BridgeCycle(rig.config, rig.boards, robot=rig.robot, kept=kept)
+    bridge.heat.recall(kept.heat, rig.now + away)
+    for limit in bridge.heat.limits:
+        assert least <= limit.motor.winding <= most
+    assert ('has cooled to' in bridge.heat.refusal()) == (away < 60.0)
+
+
+def test_a_file_keeps_no_arm_off_for_ever(path, make_rig):
+    rig = begun(make_rig())
+    rig.bridge.heat.recall(KeptHeat(rig.now, (1e9,), (1e9,)), rig.now)
+    assert rig.bridge.heat.limits[0].motor.winding < 150.0
 
 
 def test_no_file_and_one_that_cannot_be_written(tmp_path, make_rig):

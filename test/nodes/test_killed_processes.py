@@ -1,5 +1,6 @@
 """Killed, told to end, or without its device: the arm comes to rest and the boards are off."""
 
+import json
 import os
 import signal
 import subprocess
@@ -137,3 +138,24 @@ def test_when_the_bridge_is_killed_the_boards_switch_off(
     boards.let_pass(0.2 * BOARD_TIMEOUT)
     # Error 2 is the SPI receive time-out.
     assert [(board['enabled'], board['error']) for board in boards.report()] == [(False, 2)] * 2
+
+
+def test_a_bridge_that_is_restarted_knows_how_warm_the_motors_are(
+    boards: SpiBoards, ros_domain: dict[str, str], tmp_path: Path, ros_node: Node
+) -> None:
+    file = tmp_path / 'state.json'
+    parameters = {**UNHURRIED, 'state_file': file}
+
+    def bridge(log: str) -> NodeProcess:
+        return NodeProcess('hardware_bridge', (), parameters, boards.environment, tmp_path / log)
+
+    client = BridgeClient(ros_node, 'hardware_bridge')
+    with bridge('first') as process:
+        client.wait_for_mode('unhomed')
+        assert process.stop(signal.SIGTERM) == 0
+    kept = json.loads(file.read_text())
+    kept['heat'] |= {'windings': [108.0] * 4, 'housings': [95.0] * 4}
+    file.write_text(json.dumps(kept))
+    with bridge('second'):
+        client.wait_for_mode('unhomed')
+        assert 'wait until it has cooled' in client.call('home').message

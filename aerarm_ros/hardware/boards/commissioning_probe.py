@@ -153,9 +153,16 @@ class ProbeReport:
             if not all(isinstance(array, tuple) and len(array) == n for array in arrays):
                 raise ValueError('an array does not have one value per joint')
             numbers = [*report.travel, *report.span, *report.pulses, report.current_max]
+            numbers += [angle for angle in report.pulse_angle if angle is not None]
+            for stroke in report.strokes:
+                numbers += [stroke.requested, stroke.measured, stroke.speed]
             if not all(isfinite(number) for number in numbers):
                 raise ValueError('a number is not finite')
-        except (KeyError, TypeError, AttributeError, ValueError) as error:
+            texts = [report.id, report.phase, report.reason, report.mode]
+            texts += [*report.joints, *report.boards]
+            if not all(isinstance(text, str) for text in texts):
+                raise ValueError('a name or a reason is no text')
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise ValueError(f'not a commissioning report: {error}') from None
         return report
 

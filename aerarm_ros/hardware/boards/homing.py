@@ -126,9 +126,10 @@ class EncoderZeros:
         away = [name for name, part, known in rows if known and part > REST_SHARE]
         if not away:
             return ''
+        be = 'is' if len(away) == 1 else 'are'
         return (
-            f'{", ".join(away)} is not at the home configuration, {self._posture()}: homing would '
-            'take another index pulse for the right one; bring the arm there first'
+            f'{", ".join(away)} {be} not at the home configuration, {self._posture()}: homing '
+            'would take another index pulse for the right one; bring the arm there first'
         )
 
     def expected(self, motor_position: Array) -> Array:

@@ -7,10 +7,10 @@ import json
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite, pi
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,7 @@ from aerarm_ros.description.resources import write_whole
 from aerarm_ros.hardware.boards.board_link import BoardLink
 from aerarm_ros.hardware.boards.homing import EncoderZeros
 from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD
+from aerarm_ros.hardware.heat_watch import KeptHeat
 from aerarm_ros.motion.signals import Array
 
 if TYPE_CHECKING:  # which is made of this
@@ -97,15 +98,19 @@ class HostClock:
 
 @dataclass(frozen=True)
 class KeptZeros:
-    """What a bridge knew of its encoders: of which arm, by which clock, board by board."""
+    """What a bridge knew of its encoders: of which arm, by which clock, board by board.
+
+    With it goes how warm the motors were.
+    """
 
     arm: str
     host: HostClock
     boards: tuple[KeptBoard, ...]
+    heat: KeptHeat | None = None
 
     def text(self) -> str:
-        """Return the zeros as a file holds them."""
-        return json.dumps(self, default=vars)
+        """Return the zeros as a file holds them, with their digest."""
+        return sealed(json.dumps(self, default=vars))
 
     @staticmethod
     def parse(text: str) -> KeptZeros:
@@ -113,7 +118,10 @@ class KeptZeros:
         try:
             if len(text) > LONGEST:
                 raise ValueError
-            document = json.loads(text)
+            envelope = json.loads(text)
+            if sealed(envelope['kept']) != text:
+                raise ValueError
+            document = json.loads(envelope['kept'])
             boards = tuple(
                 KeptBoard(
                     str(board['name']),
@@ -135,8 +143,8 @@ class KeptZeros:
                 for board in document['boards']
             )
             host = HostClock(str(document['host']['boot']), _number(document['host']['suspended']))
-            return KeptZeros(str(document['arm']), host, boards)
-        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+            return KeptZeros(str(document['arm']), host, boards, _heat(document.get('heat')))
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
             raise KeptZerosError('is not whole, or not of this bridge') from None
 
     def check(self, arm: str, host: HostClock, now: float) -> KeptZeros:
@@ -157,9 +165,16 @@ class KeptZeros:
             raise KeptZerosError('is from before the host was started')
         if abs(self.host.suspended - host.suspended) > _SUSPENDED:
             raise KeptZerosError('is from before the host was suspended')
-        if any(board.time > now for board in self.boards):
+        times = [board.time for board in self.boards]
+        times += [self.heat.time] if self.heat else []
+        if any(time > now for time in times):
             raise KeptZerosError('is newer than now')
         return self
+
+
+def sealed(kept: str) -> str:
+    """Return a text with its digest, by which `KeptZeros.parse` knows that nothing is changed."""
+    return json.dumps({'sha256': hashlib.sha256(kept.encode()).hexdigest(), 'kept': kept})
 
 
 def arm_identity(config: ArmConfig) -> str:
@@ -346,6 +361,13 @@ def _to_keep(
     return KeptBoard(link.monitor.name, link.answered_at, state.timestamp, state.error, joints)
 
 
+def _heat(entry: dict[str, Any] | None) -> KeptHeat | None:
+    if entry is None:  # of a bridge that kept none
+        return None
+    rows = [tuple(map(_number, entry[key])) for key in ('windings', 'housings')]
+    return KeptHeat(_number(entry['time']), *rows)
+
+
 def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         raise ValueError
@@ -432,7 +454,7 @@ class ZeroFile:
         if kept is None:
             return
         self._due, self._changes = now + _PERIOD, cycle.zeros.changes
-        self._text = kept.text()
+        self._text = replace(kept, heat=cycle.heat.keep(now)).text()
         self._news.set()
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name='zero_file', daemon=True)

@@ -145,6 +145,9 @@ _RECOVERY_TIME = 1.0
 # the joint beyond this share of its speed limit by then is given with a damping, in the board, that
 # ends it there; with no more [1/s] than the low-pass of the speed that it damps by allows.
 _GAP_SHARE = 1.1
+# Other joints, which a later command may brake with their whole torque while this one goes on, pull
+# at it by up to this share of its torque; then it ends a twentieth of the limit faster.
+_GAP_PULL_SHARE = 0.05
 _GAP_FASTEST = 700.0
 _GAP_ROOM_SHARE = 0.05  # of the speed limit, for a joint that is as fast already
 # A joint beyond its limit is led back at no more than this share of the speed limit.
@@ -210,6 +213,7 @@ class JointBarrier:
         '_effort_max',
         '_fastest',
         '_gain_max',
+        '_gap_pull',
         '_gap_room_min',
         '_gap_speed',
         '_gap_time',
@@ -258,6 +262,7 @@ class JointBarrier:
         self._gap_time = settings.board_timeout
         self._gap_speed = _GAP_SHARE * joint.velocity_max
         self._gap_room_min = _GAP_ROOM_SHARE * joint.velocity_max
+        self._gap_pull = _GAP_PULL_SHARE * joint.effort_max
         self.inertia = inertia_max
         self._gain_max = joint.effort_max / (_FULL_TORQUE_SHARE * joint.velocity_max)
         slowest = min(_FASTEST, self._gain_max / inertia_max)
@@ -418,14 +423,21 @@ class JointBarrier:
                 excess, wanted = excess + margin, wanted + margin
             elif excess < margin:
                 speed, excess, wanted = -speed, margin - excess, margin - wanted
-        room, inertia = self._gap_speed - speed, self.inertia
-        if excess * self._gap_time <= room * inertia:
+        room, inertia, stiffness = self._gap_speed - speed, self.inertia, stiffness * self.inertia
+        pull, slack = self._gap_pull, self._gap_room_min
+        if (excess + pull) * self._gap_time <= room * inertia:
             return 0.0
-        if wanted < room * damping:
-            return 0.0
-        if wanted * wanted < (self._gap_speed + speed) * room * stiffness * inertia:
-            return 0.0
-        return min(excess / max(room, self._gap_room_min), _GAP_FASTEST * inertia)
+        # Alone it ends at the speed meant, with a pull a little above it.
+        needed = 0.0
+        for speed_max, pulled in ((self._gap_speed, 0.0), (self._gap_speed + slack, pull)):
+            room, force, law = speed_max - speed, excess + pulled, wanted + pulled
+            if (
+                force * self._gap_time > room * inertia
+                and law >= room * damping
+                and law * law >= (speed_max + speed) * room * stiffness
+            ):
+                needed = max(needed, force / max(room, slack))
+        return min(needed, _GAP_FASTEST * inertia)
 
     def mean_filtered(self, torque: float) -> float:
         """Return the mean of the board's filtered speed [rad/s] in a cycle under a torque [Nm]."""

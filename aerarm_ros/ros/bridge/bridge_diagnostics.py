@@ -329,9 +329,18 @@ class ModeLog:
         self._noted.append((mode, reasons, way_out))
         self._news.trigger()
 
+    def warn(self, text: str) -> None:
+        """Log a warning between the modes; called from the cycle's thread."""
+        self._noted.append(('', (text,), ''))
+        self._news.trigger()
+
     def _write(self) -> None:
         while self._noted:
-            self._mode, reasons, self._way_out = self._noted.popleft()
+            mode, reasons, way_out = self._noted.popleft()
+            if not mode:
+                self._node.get_logger().warning(reasons[0])
+                continue
+            self._mode, self._way_out = mode, way_out
             has_reason = self._mode in _WITH_REASON and reasons
             self._text = f'{self._mode}: {"; ".join(reasons)}' if has_reason else self._mode
             self._patience.cancel()

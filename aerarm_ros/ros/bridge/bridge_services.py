@@ -142,12 +142,27 @@ class BridgeServices:
         for name, action in actions.items():
             node.create_service(Trigger, f'~/{name}', self._handler(name, action))
 
+    def _twin(self) -> str:
+        """Return what to do about another node of the bridge's name, or ''.
+
+        A request goes to both, and the client takes the first answer.
+        """
+        name, namespace = self._node.get_name(), self._node.get_namespace()
+        if self._node.get_node_names_and_namespaces().count((name, namespace)) < 2:
+            return ''
+        return (
+            f'two nodes are named {self._node.get_fully_qualified_name()}: end one of them, or '
+            'start it with -r __node:=NAME; a killed one is listed for some seconds more'
+        )
+
     def _handler(
         self, name: str, action: Action
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def handle(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             log = self._node.get_logger()
             try:
+                if name not in STOPS and (twin := self._twin()):
+                    raise ValueError(twin)
                 answer = self._ask(action, name in STOPS)
             except NotActiveError as error:
                 # So are all asked that a controller sends while both end: nothing to warn of.

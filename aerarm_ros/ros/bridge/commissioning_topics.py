@@ -76,8 +76,7 @@ class RecordWatch:
     @property
     def pulse_offset(self) -> NDArray[np.float64]:
         """Motor angles of the index pulses (n,) [rad], zeros where they are not recorded."""
-        known = self._record.pulse_offset(self._config)
-        return np.zeros(self._config.n) if known is None else known
+        return self._record.pulse_offset(self._config)
 
     def look(self) -> None:
         """Read the record, and log a problem that is new."""

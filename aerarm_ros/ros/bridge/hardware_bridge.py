@@ -21,7 +21,7 @@ from aerarm_msgs_py.codecs.joint_state_conversion import decode_as_sent
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.hardware.boards.kept_zeros import ZeroFile
+from aerarm_ros.hardware.boards.kept_zeros import KeptZeros, ZeroFile
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
@@ -253,6 +253,7 @@ class HardwareBridge(LifecycleNode):
             self._transport.open()
             kept_in = state_file(self.values, self.get_fully_qualified_name(), self.world.emulated)
             self._zero_file = ZeroFile(kept_in, config)
+            kept = self._zero_file.read(time.monotonic())
             self._record = RecordWatch(self, self.values, config, self.world.emulated)
             self.cycle = BridgeCycle(
                 config,
@@ -260,9 +261,11 @@ class HardwareBridge(LifecycleNode):
                 bridge_settings(self.values),
                 profile,
                 robot=robot,
-                kept=self._zero_file.read(time.monotonic()),
+                kept=kept,
                 pulse_offset=self._record.pulse_offset,
             )
+            if isinstance(kept, KeptZeros) and kept.heat:
+                self.cycle.heat.recall(kept.heat, time.monotonic())
             self.cycle.check_gains(*self._gains())
         except (ValueError, OSError) as error:
             self._problem = f'not configured: {error}'
@@ -449,6 +452,8 @@ class HardwareBridge(LifecycleNode):
         """Look for other nodes and do a piece of the diagnostics; once a cycle."""
         self._watch.poll()
         self._rivals.poll()
+        if self.cycle is not None and (news := self.cycle.heat.news):
+            self._mode_log.warn(news.pop(0))
         # For people, so in their time.
         self._diagnostics.step(time.monotonic())
 

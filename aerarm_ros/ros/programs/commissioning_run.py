@@ -57,7 +57,8 @@ class CommissioningRun:
             client.end()
         passed, text = client.outcome
         if not passed:
-            raise ArmClientError(f"{text}, 'arm commission --resume'")
+            record = f' --record {options.record}' if options.record else ''
+            raise ArmClientError(f"{text}, 'arm commission --resume{record}'")
         print(text, flush=True)
 
     def _find_bridge(self) -> None:

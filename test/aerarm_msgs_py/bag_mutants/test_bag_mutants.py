@@ -1,6 +1,6 @@
 """Mutants of bags end in the right data, in part of it with a figure, or in one error.
 
-The full number is run by `make fuzz`; its counts stand in docs/explanation/safety.md.
+The full number is run by `make fuzz`; its counts stand in docs/benchmarks_safety.md.
 """
 
 import json

@@ -11,6 +11,7 @@ from aerarm_ros.hardware.boards.kept_zeros import (
     KeptZeros,
     KeptZerosError,
     arm_identity,
+    sealed,
 )
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD
@@ -216,12 +217,19 @@ def test_a_file_of_another_arm_host_or_time_is_named(make_rig, config):
 
 def test_a_file_that_is_not_whole_gives_no_zeros(make_rig):
     text = kept_by(homed_elsewhere(make_rig)).text()
-    document = json.loads(text)
+    document = json.loads(json.loads(text)['kept'])
     wrong = [text[:cut] for cut in (0, 1, len(text) // 2, len(text) - 1)]
     for value in (None, 'NaN', True, [], 1e400):
         document['boards'][0]['joints'][0]['zero'] = value
-        wrong.append(json.dumps(document))
-    wrong += ['[]', '{"boards": 3}', '[' * 100_000, text + ' ' * 100_000]
+        wrong.append(sealed(json.dumps(document)))
+    wrong += [
+        '[]',
+        '{"kept": 3}',
+        sealed('[]'),
+        sealed('{"boards": 3}'),
+        '[' * 100_000,
+        text + ' ' * 100_000,
+    ]
     for broken in wrong:
         with pytest.raises(KeptZerosError, match='not whole'):
             KeptZeros.parse(broken)

@@ -1,6 +1,7 @@
 from functools import partial
 
 import pytest
+import rclpy
 from quick_spinning import spin_until
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -28,6 +29,31 @@ def test_a_cycle_that_does_not_answer_is_said_with_where_to_look(ros_node: Node)
     assert not answer.result().success
     expected = 'the cycle did not answer: see the console of the bridge, or view'
     assert answer.result().message == expected
+
+
+def test_only_stops_are_served_while_two_nodes_have_the_same_name(ros_node: Node) -> None:
+    def done(action: Action, is_stop: bool) -> Answer:
+        return Answer(True, 'done')
+
+    actions = {'enable': BridgeCycle.enable, 'e_stop': lambda cycle: cycle.e_stop('')}
+    BridgeServices(ros_node, done, actions)
+    twin = rclpy.create_node(ros_node.get_name())
+    try:
+        same = (ros_node.get_name(), ros_node.get_namespace())
+        listed = ros_node.get_node_names_and_namespaces
+        assert spin_until(ros_node, lambda: listed().count(same) == 2, 60.0)
+        answers = {}
+        for name in actions:
+            client = ros_node.create_client(Trigger, f'~/{name}')
+            assert client.wait_for_service(60.0)
+            answer = client.call_async(Trigger.Request())
+            assert spin_until(ros_node, answer.done, 60.0)
+            answers[name] = answer.result()
+    finally:
+        twin.destroy_node()
+    assert not answers['enable'].success
+    assert 'two nodes are named' in answers['enable'].message
+    assert answers['e_stop'].success
 
 
 def test_an_ending_bridge_answers_without_a_warning(
