@@ -36,7 +36,7 @@ help:
 	@echo 'make energy      100 random moves, planned for least energy beside quintics and trapezoids'
 	@echo 'make flight      how far the arm moves its drone, by what is fed forward, with a replay'
 	@echo '                 (DRONES="hexarotor tilted_hexarotor": one that pushes sideways, too;'
-	@echo '                 AUTOPILOT=betaflight: Betaflight flies it, built beside this in a place of its own)'
+	@echo '                 AUTOPILOT=px4 PX4=<folder of a build> or AUTOPILOT=betaflight: that firmware flies it)'
 	@echo 'make calibration tool error of emulated arms, as drawn and calibrated, on held-out postures'
 	@echo 'make world       how well the tool is held in the world while wind moves the drone, with a replay'
 	@echo 'make view        the running arm in a browser'
@@ -88,8 +88,8 @@ calibration: setup
 	$(BIN)/python benchmarks/calibration.py
 
 flight: setup
-	$(if $(filter-out betaflight,$(AUTOPILOT)),$(error AUTOPILOT=$(AUTOPILOT): only betaflight is known; leave it out for the drone's own controller))
-	$(BIN)/python benchmarks/$(if $(AUTOPILOT),betaflight,flight).py $(if $(DRONES),--drones $(DRONES)) --out output/flight
+	$(if $(filter-out px4 betaflight,$(AUTOPILOT)),$(error AUTOPILOT=$(AUTOPILOT): px4 and betaflight are known; leave it out for the drone's own controller))
+	$(BIN)/python benchmarks/$(or $(AUTOPILOT),flight).py $(if $(DRONES),--drones $(DRONES)) --out output/flight
 
 world: setup
 	$(BIN)/python benchmarks/world.py --out output/world

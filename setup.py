@@ -70,6 +70,7 @@ EXECUTABLES = [
     'identifier',
     'impedance_control',
     'kinematic_control',
+    'mavlink_feedforward',
     'mavros_feedforward',
     'motion_planner',
     'motor_bench',

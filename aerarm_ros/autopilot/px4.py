@@ -113,8 +113,18 @@ class Px4Gains:
     thrust_min: float = 0.12
 
     @classmethod
-    def scaled(cls, mpc_xy_p: float, mc_att_p: float, mc_rate_k: float) -> 'Px4Gains':
-        """Return gains whose horizontal velocity loop is in proportion to the position's."""
+    def scaled(
+        cls,
+        mpc_xy_p: float,
+        mc_att_p: float,
+        mc_rate_k: float,
+        mc_yawrate_p: float = 0.2,
+        mc_yaw_tq_cutoff: float = 2.0,
+    ) -> 'Px4Gains':
+        """Return gains whose horizontal velocity loop is in proportion to the position's.
+
+        The integral gain of the yaw rate is in proportion to its gain, too.
+        """
         share = mpc_xy_p / cls.mpc_xy_p
         return cls(
             mpc_xy_p=mpc_xy_p,
@@ -122,6 +132,9 @@ class Px4Gains:
             mpc_xy_vel_i_acc=share * cls.mpc_xy_vel_i_acc,
             mc_att_p=mc_att_p,
             mc_rate_k=mc_rate_k,
+            mc_yawrate_p=mc_yawrate_p,
+            mc_yawrate_i=cls.mc_yawrate_i / cls.mc_yawrate_p * mc_yawrate_p,
+            mc_yaw_tq_cutoff=mc_yaw_tq_cutoff,
         )
 
     def __post_init__(self) -> None:

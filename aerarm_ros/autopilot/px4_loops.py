@@ -19,7 +19,7 @@ _INTEGRAL_MAX = GRAVITY  # [m/s^2] of the velocity's
 _RATE_INTEGRAL_MAX = 0.3  # MC_RR_INT_LIM
 _YAW_WEIGHT = 0.4  # MC_YAW_WEIGHT
 _VELOCITY_CUTOFF = 5.0  # [Hz] MPC_VELD_LP, of the derivative of the velocity
-_SPIN_CUTOFF = 30.0  # [Hz] IMU_DGYRO_CUTOFF, of the angular acceleration
+_SPIN_CUTOFF = 20.0  # [Hz] IMU_DGYRO_CUTOFF, of the angular acceleration
 
 
 def _low_pass_share(cutoff: float, dt: float) -> float:
@@ -145,7 +145,7 @@ class Px4Loops:
         torque = self._rate_p * off + self._moment - self._rate_d * self._spin
         moment = self._moment + dt * self._rate_i * off
         self._moment = np.clip(moment, -_RATE_INTEGRAL_MAX, _RATE_INTEGRAL_MAX)
-        if self._yaw_torque is not None:
+        if self._yaw_torque is not None and self._gains.mc_yaw_tq_cutoff > 0.0:
             share = _low_pass_share(self._gains.mc_yaw_tq_cutoff, dt)
             torque[2] = self._yaw_torque + share * (torque[2] - self._yaw_torque)
         self._yaw_torque = float(torque[2])

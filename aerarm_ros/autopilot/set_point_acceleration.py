@@ -11,6 +11,7 @@ from aerarm_ros.model.inertia import cross
 from aerarm_ros.motion.signals import Array
 
 _UP = np.array([0.0, 0.0, 1.0])
+_TURN_MAX = 0.5  # [rad] of the heading
 _LEAN_MAX = 0.35  # [rad] that may be asked for besides what the force takes
 
 
@@ -37,6 +38,8 @@ class SetPointAcceleration:
         k [Nm s/rad]; 0 where it is not known.
     integral_rate : float
         Of the integral over k [1/s].
+    yaw_gain : float
+        Moment about the vertical per error of the heading [Nm/rad], for `turn` alone.
 
     Raises
     ------
@@ -45,11 +48,16 @@ class SetPointAcceleration:
     """
 
     def __init__(
-        self, attitude_gain: float = 0.0, rate_gain: float = 0.0, integral_rate: float = 0.0
+        self,
+        attitude_gain: float = 0.0,
+        rate_gain: float = 0.0,
+        integral_rate: float = 0.0,
+        yaw_gain: float = 0.0,
     ) -> None:
         self._attitude_gain = non_negative_number('attitude_gain', attitude_gain)
         self._rate_gain = non_negative_number('rate_gain', rate_gain)
         self._integral_rate = non_negative_number('integral_rate', integral_rate)
+        self._yaw_gain = non_negative_number('yaw_gain', yaw_gain)
         self._lasting: Array | None = None
 
     def update(self, arm: FeedForward, rotation: Array, dt: float) -> Array:
@@ -70,6 +78,22 @@ class SetPointAcceleration:
         lean = self._lean(arm, dt)
         return np.asarray(acceleration + GRAVITY * level @ cross(lean, _UP))
 
+    def turn(self, arm: FeedForward, dt: float) -> Array:
+        """Return the turn (3,) [rad] by which a level attitude brings about the moment alone.
+
+        In level axes, for a drone that pushes sideways and so tilts for no force.
+        """
+        if self._attitude_gain == 0.0 or self._rate_gain == 0.0:
+            return np.zeros(3)
+        body = arm.body
+        thrust = body.mass * GRAVITY * _UP - arm.wrench[:3]
+        about_centre = arm.wrench[3:] - cross(body.centre, arm.wrench[:3])
+        moment = self._passing(cross(body.centre, thrust) - about_centre, dt)
+        turn = _bounded(moment / (self._rate_gain * self._attitude_gain))
+        if self._yaw_gain > 0.0:
+            turn[2] = min(max(moment[2] / self._yaw_gain, -_TURN_MAX), _TURN_MAX)
+        return turn
+
     def _lean(self, arm: FeedForward, dt: float) -> Array:
         """Return the commanded tilt (3,) in addition to that of the force, in level axes."""
         body = arm.body
@@ -81,8 +105,7 @@ class SetPointAcceleration:
             about_centre = arm.wrench[3:] - cross(body.centre, arm.wrench[:3])
             moment = cross(body.centre, thrust) - about_centre
             rate = rate + (body.inertia @ spin + self._passing(moment, dt)) / self._rate_gain
-        lean = rate * [1.0, 1.0, 0.0] / self._attitude_gain
-        return np.asarray(lean * min(1.0, _LEAN_MAX / max(float(np.linalg.norm(lean)), 1e-9)))
+        return _bounded(rate / self._attitude_gain)
 
     def _passing(self, moment: Array, dt: float) -> Array:
         """Return the part of a moment that the autopilot's integral does not compensate."""
@@ -91,3 +114,9 @@ class SetPointAcceleration:
         share = 1.0 - np.exp(-self._integral_rate * dt)
         self._lasting = self._lasting + share * (moment - self._lasting)
         return moment - self._lasting
+
+
+def _bounded(turn: Array) -> Array:
+    """Return the part of a turn about the horizontal axes, within the bound."""
+    tilt = turn * [1.0, 1.0, 0.0]
+    return np.asarray(tilt * min(1.0, _LEAN_MAX / max(float(np.linalg.norm(tilt)), 1e-9)))

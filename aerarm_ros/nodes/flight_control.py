@@ -19,6 +19,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.autopilot.px4_flight import Px4FirmwareFlight
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_estimator import FlightEstimator
 from aerarm_ros.flight.flight_state import FlightPath, FlightTarget, OdometrySample
@@ -102,6 +103,8 @@ class FlightControlNode:
         with StopSignals(self._on_stop), BackgroundExecutor(self.node):
             prepare_thread(self.values, self.node.get_logger())
             while not self._stopping and rclpy.ok():
+                if self._is_settling():
+                    continue
                 if self._stream.wait(_WAIT):
                     self._take()
                 else:
@@ -112,6 +115,15 @@ class FlightControlNode:
         """Destroy the node."""
         self._stream.destroy()
         self.node.destroy_node()
+
+    def _is_settling(self) -> bool:
+        """Lead a firmware on its way into the air, if there is one; its time goes on meanwhile."""
+        law = self._law
+        if not isinstance(law, Px4FirmwareFlight) or not law.is_settling:
+            return False
+        law.settle()
+        self._doing = law.problem
+        return True
 
     def _take(self) -> None:
         samples, odometry = self._stream.imu_samples(), self._stream.newest_odometry()
@@ -125,7 +137,7 @@ class FlightControlNode:
     def _take_odometry(self, stamp_ns: int, sample: OdometrySample | None) -> None:
         if self._stream.answers.again():
             return
-        if sample is not None:
+        if sample is not None and not self._stream.answers.is_resent:
             self._try(partial(self._estimator.offer_odometry, sample))
         self._take_requests()
         self._wait_for_arm()

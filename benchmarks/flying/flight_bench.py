@@ -15,6 +15,7 @@ from flying.flight_listener import PATIENCE, FlightListener
 from flying.flight_program import PAYLOAD, FlightProgram
 from flying.flight_record import LOST, FlightRecord
 from flying.scaled_drone import scaled_drone, write_drone
+from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -23,6 +24,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
+from aerarm_ros.motion.signals import JointMotion
 from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
@@ -40,6 +42,13 @@ FLYING = 'flying'  # the drone's status
 class FlightBench:
     """Processes of one case, ready to move.
 
+    Attributes
+    ----------
+    settling : float
+        World time for which the drone is waited for to hover still [s].
+    processes : dict
+        By executable.
+
     Raises
     ------
     ValueError, TimeoutError, ArmClientError
@@ -50,6 +59,8 @@ class FlightBench:
         self, stack: ExitStack, node: Node, folder: Path, case: FlightCase, arm: ArmModel
     ) -> None:
         self.folder, self.node = folder, node
+        self.settling = SETTLING
+        self.processes: dict[str, NodeProcess] = {}
         rotors: tuple[str, ...] = ()
         world = {'seed': arm.seed, 'pace': 'lockstep', 'encoders': 'absolute', **dict(case.sensors)}
         law: dict[str, object] = {
@@ -94,6 +105,8 @@ class FlightBench:
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
         self._world = AsyncParameterClient(node, 'fake_hardware')
+        topic = topics.FLIGHT_SET_POINT
+        self._places = node.create_publisher(topic.type, topic.name, topic.qos)
         # A late odometry comes once the world runs, which it does not before the arm is enabled.
         self._is_late = 'odometry_delay' in dict(case.sensors)
         self._get_ready(is_flying=bool(case.mass))
@@ -123,11 +136,8 @@ class FlightBench:
         ValueError
             If the arm does not follow: a drone under an arm that stopped is a still one.
         """
-        begin = self.wait_until_still() + QUICK_LEAD
-        names, motion = load_arm_config().joint_names, program.motion
-        self.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
-        self.listener.forget()
-        now = -np.inf
+        motion = program.motion
+        begin, now = self.begin(motion), -np.inf
         # As it is told is when it acts, some milliseconds later.
         payloads = list(zip(program.carrying, (PAYLOAD, []), strict=False))
         while now < begin + motion.duration and self.listener.farthest < LOST:
@@ -141,6 +151,16 @@ class FlightBench:
             raise ValueError(f'the arm is {off:.2f} rad off its motion: {self._bridge.tail(1)}')
         return record
 
+    def begin(self, motion: JointMotion) -> float:
+        """Send the arm a motion once the drone hovers; return when it begins [s]."""
+        # Without a set point the drone stays where its first, noisy odometry was.
+        self._places.publish(PoseStamped())
+        begin = self.wait_until_still() + QUICK_LEAD
+        names = load_arm_config().joint_names
+        self.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
+        self.listener.forget()
+        return begin
+
     def tell_world(self, name: str, numbers: list[float]) -> None:
         """Change a parameter of the emulated world, and do not wait for it."""
         kind = Parameter.Type.DOUBLE_ARRAY
@@ -151,7 +171,7 @@ class FlightBench:
         self.listener.forget()
         begin, _ = self.listener.next()
         now, looked = begin, begin
-        while now < begin + SETTLING:
+        while now < begin + self.settling:
             now, _ = self.listener.next()
             if now > looked + 0.1:
                 looked = now
@@ -199,7 +219,9 @@ class FlightBench:
     ) -> NodeProcess:
         """Start a node."""
         log = self.folder / f'{name}.log'
-        return stack.enter_context(NodeProcess(name, arguments, values, log=log))
+        process = stack.enter_context(NodeProcess(name, arguments, values, log=log))
+        self.processes[name] = process
+        return process
 
     def _wait_for_pilot(self) -> None:
         """Wait until the flight controller is there, and answers if it can, as in every run."""

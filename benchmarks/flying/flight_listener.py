@@ -32,7 +32,7 @@ class FlightListener:
     """
 
     def __init__(self, node: Node, rotors: tuple[str, ...] = ()) -> None:
-        heard = [topics.JOINT_STATES, topics.ODOMETRY, topics.ROTOR_COMMAND]
+        heard = [topics.JOINT_STATES, topics.TRUE_ODOMETRY, topics.ROTOR_COMMAND]
         self._reader = RawReader(node, *heard)
         self._codec = JointStateCdr(load_arm_config().joint_names)
         self._rotor_codec = JointStateCdr(rotors or ('none',))

@@ -7,14 +7,24 @@ from types import SimpleNamespace
 from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight
 from aerarm_ros.autopilot.betaflight_link import BetaflightLink
 from aerarm_ros.autopilot.px4 import Px4Gains
+from aerarm_ros.autopilot.px4_flight import Px4Firmware, Px4FirmwareFlight
+from aerarm_ros.autopilot.px4_link import (
+    COMPANION_PORT,
+    OFFBOARD_PORT,
+    SIMULATOR_PORT,
+    CompanionLink,
+    SimulatorLink,
+)
 from aerarm_ros.autopilot.px4_loops import Px4Flight
+from aerarm_ros.autopilot.px4_setup import SENSORS, VISION, Px4Setup
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
 from aerarm_ros.flight.disturbances import Disturbance, DisturbanceObserver, IncrementalEstimate
 from aerarm_ros.flight.flight_control import FlightControl, FlightGains
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
 
-OWN, PX4, BETAFLIGHT = 'own', 'px4', 'betaflight'
+OWN, PX4, PX4_SITL, BETAFLIGHT = 'own', 'px4', 'px4_sitl', 'betaflight'
+FlightLaw = FlightControl | Px4Flight | Px4FirmwareFlight | BetaflightFlight
 INTEGRAL, OBSERVER, INDI = 'integral', 'observer', 'indi'
 
 _GAINS = FlightGains()
@@ -67,11 +77,16 @@ FLIGHT_PARAMETERS = (
     *grouped(
         'Control loops of PX4',
         Parameter(
-            'loops', OWN, (
-                'control loops that fly the drone: those of this node; of PX4, with the arm as '
-                'acceleration feed-forward; or of a local Betaflight process, which this node '
-                'commands by its sticks'
-            ), choices=(OWN, PX4, BETAFLIGHT),
+            'loops', OWN, "loops that fly the drone: this node's; px4: an imitation of PX4's; "
+            'px4_sitl, betaflight: the firmware as a program of this host',
+            choices=(OWN, PX4, PX4_SITL, BETAFLIGHT),
+        ),
+        Parameter(
+            'px4_instance', 0, 'instance number of the PX4 program (its option -i)', '', 0, 250
+        ),
+        Parameter(
+            'px4_sensors', VISION, "source of PX4's position: external odometry or satellites",
+            choices=SENSORS,
         ),
         Parameter(
             'mpc_xy_p', Px4Gains.mpc_xy_p, (
@@ -84,8 +99,18 @@ FLIGHT_PARAMETERS = (
             'mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K and MC_PITCHRATE_K', '', 0.1, 30.0
         ),
         Parameter(
-            'hold_heading', True,
-                "send a heading in PX4's set points; if false, yaw is NaN",
+            'mc_yawrate_p', Px4Gains.mc_yawrate_p, 'MC_YAWRATE_P; tilted rotors give much more '
+            'moment about the vertical and need less', '', 0.001, 10.0,
+        ),
+        Parameter(
+            'mc_yaw_tq_cutoff', Px4Gains.mc_yaw_tq_cutoff, 'MC_YAW_TQ_CUTOFF; 0 for no filter',
+            'Hz', 0.0, 10.0,
+        ),
+        Parameter(
+            'tilt_ahead', True, "tilt ahead of the arm's motion by the inverse of PX4's loops"
+        ),
+        Parameter(
+            'hold_heading', True, "send a heading in PX4's set points; if false, yaw is NaN",
         ),
     ),
     *grouped(
@@ -112,25 +137,29 @@ FLIGHT_PARAMETERS = (
 )  # fmt: skip
 
 
-def flight_control(
-    values: SimpleNamespace, drone: DroneConfig, body: MassProperties
-) -> FlightControl | Px4Flight | BetaflightFlight:
+def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProperties) -> FlightLaw:
     """Return the controller of a drone with its arm, of the values of `FLIGHT_PARAMETERS`.
 
     Raises
     ------
     ValueError
-        If PX4's loops are to fly a drone that pushes sideways, which they do not know, or
-        Betaflight one that it has no mixer for; or if a port is taken.
+        If the imitated loops of PX4 are to fly a drone that pushes sideways, which they do not
+        know, or Betaflight one that it has no mixer for; or if a port is taken.
     """
-    if values.loops == PX4:
-        if drone.is_fully_actuated:
-            raise ValueError(
-                "loops 'px4': PX4's loops tilt a drone, and this drone pushes sideways"
-            )
-        px4 = Px4Gains.scaled(values.mpc_xy_p, values.mc_att_p, values.mc_rate_k)
-        return Px4Flight(drone, body, px4, holds_heading=values.hold_heading)
     gains = {name: getattr(values, name) for name in vars(_GAINS)}
+    if values.loops in (PX4, PX4_SITL):
+        px4 = Px4Gains.scaled(
+            values.mpc_xy_p,
+            values.mc_att_p,
+            values.mc_rate_k,
+            values.mc_yawrate_p,
+            values.mc_yaw_tq_cutoff,
+        )
+        if values.loops == PX4_SITL:
+            return _px4_firmware(values, drone, body, px4, FlightGains(**gains))
+        if drone.is_fully_actuated:
+            raise ValueError("loops 'px4': PX4's loops tilt a drone, and this one pushes sideways")
+        return Px4Flight(drone, body, px4, values.tilt_ahead, values.hold_heading)
     if values.loops == BETAFLIGHT:
         return BetaflightFlight(drone, body, BetaflightLink(), FlightGains(**gains))
     estimate: Disturbance | None = None
@@ -141,6 +170,22 @@ def flight_control(
     elif values.rejection == INDI:
         estimate = IncrementalEstimate(drone, values.observer_frequency)
     return FlightControl(drone, body, FlightGains(**gains), estimate)
+
+
+def _px4_firmware(
+    values: SimpleNamespace,
+    drone: DroneConfig,
+    body: MassProperties,
+    px4: Px4Gains,
+    gains: FlightGains,
+) -> Px4FirmwareFlight:
+    setup, number = Px4Setup(px4, values.px4_sensors), values.px4_instance
+    simulator = SimulatorLink(SIMULATOR_PORT + number)
+    companion = CompanionLink(COMPANION_PORT + number, OFFBOARD_PORT + number)
+    firmware = Px4Firmware(simulator, companion, setup)
+    return Px4FirmwareFlight(
+        drone, body, firmware, setup, gains, values.tilt_ahead, values.hold_heading
+    )
 
 
 def arm_feed_forward(

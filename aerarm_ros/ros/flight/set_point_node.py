@@ -34,6 +34,13 @@ _REMEMBERED = 5.0  # [s] for which a rejection is a warning
 _CLOCK_TOLERANCE = 0.2
 
 
+FEED_PARAMETERS = (
+    Parameter('feed_lead', 0.03, "from a set point until it acts: where the arm is told of ahead "
+              "of time (base_reaction's lead), that much of it is used", 's', 0.0, 0.06,
+              live=True),
+)  # fmt: skip
+
+
 def set_point_parameters(
     set_points: str, output: str, attitude: str, *others: Parameter
 ) -> ParameterTable:
@@ -48,8 +55,7 @@ def set_point_parameters(
         Parameter('rate', 100.0, 'rate of re-sending the newest set point', 'Hz', 10.0, 500.0),
         Parameter('set_point_timeout', 0.5, 'age after which the node stops re-sending a set '
                   'point, so that the autopilot detects the loss', 's', 0.05, 10.0),
-        Parameter('feed_lead', 0.03, 'delay from a set point to its effect; base_reaction must '
-                  'forecast at least this far (preview time `lead`)', 's', 0.0, 0.06, live=True),
+        *FEED_PARAMETERS,
         *grouped(
             "The autopilot's loops, for the preview of the tilt",
             Parameter('attitude_gain', Px4Gains.mc_att_p, 'angular velocity per attitude error '
@@ -221,7 +227,7 @@ class SetPointNode:
             problem = f'no set points on {values.set_point_topic}: the node sends none'
         elif now - self._attitude_time > _ATTITUDE_AGE:
             problem = f'no attitude on {values.attitude_topic}: the node adds no acceleration'
-        elif ahead is not None and (late := _time_problem(ahead, values.feed_lead)):
+        elif ahead is not None and (late := time_problem(ahead, values.feed_lead)):
             problem = late
         elif now - self._rejected_at < _REMEMBERED:
             problem = f'rejected: {self._rejection}'
@@ -232,7 +238,7 @@ class SetPointNode:
         self._is_stopping = True
 
 
-def _time_problem(ahead: float, lead: float) -> str:
+def time_problem(ahead: float, lead: float) -> str:
     """Return why what is told so far ahead [s] does not serve what needs it `lead` [s] ahead."""
     if -_CLOCK_TOLERANCE <= ahead < lead - HOLD:
         return (

@@ -66,6 +66,11 @@ class Answers:
         self._is_answered = not self._needed
 
     @property
+    def is_resent(self) -> bool:
+        """Whether the newest state came once more."""
+        return self._is_resent
+
+    @property
     def are_kept(self) -> bool:
         """Whether anything was answered since the last withdrawal."""
         return bool(self._kept)

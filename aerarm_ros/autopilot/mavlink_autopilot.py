@@ -1,0 +1,241 @@
+"""An autopilot at the other end of a MAVLink line: its state, streams and commands."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from aerarm_ros.autopilot.mavlink import FrameWriter, Message
+from aerarm_ros.autopilot.mavlink_line import Line
+from aerarm_ros.autopilot.px4 import ned
+from aerarm_ros.control.base.base_motion import (
+    attitude_ned_frd_to_enu_flu,
+    frd_to_flu,
+    rotation_matrix,
+)
+from aerarm_ros.flight.flight_state import FlightState
+from aerarm_ros.motion.signals import Array
+
+LOSS = 1.5  # [s] without a heartbeat
+FRESH = 0.2  # [s] an older attitude or place is none
+_SYSTEM, _COMPONENT = 245, 191
+_AUTOPILOT_COMPONENT = 1
+_HEARTBEAT, _ASK = 1.0, 2.0  # [s] between heartbeats of this side, and requests of streams
+_ARM, _SET_MODE, _SET_INTERVAL = 400, 176, 511  # MAV_CMD
+_CUSTOM_MODE, _ARMED = 1, 128
+_COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
+_PX4 = 12  # MAV_AUTOPILOT_PX4
+_PX4_MODES = {
+    1: 'manual', 2: 'altitude', 3: 'position', 4: 'auto', 5: 'acro', 6: 'offboard',
+    7: 'stabilized', 8: 'rattitude', 9: 'simple', 10: 'termination',
+}  # fmt: skip
+_PX4_AUTO = {1: 'ready', 2: 'takeoff', 3: 'hold', 4: 'mission', 5: 'return', 6: 'land'}
+_OFFBOARD = 6
+_RESULTS = (
+    'accepted', 'temporarily rejected', 'denied', 'unsupported', 'failed', 'in progress',
+    'cancelled',
+)  # fmt: skip
+_STREAMS = {31: 'attitude', 32: 'place', 105: 'imu', 375: 'outputs'}  # by message number
+_NAMES = {
+    'ATTITUDE_QUATERNION': 31, 'LOCAL_POSITION_NED': 32, 'HIGHRES_IMU': 105,
+    'ACTUATOR_OUTPUT_STATUS': 375,
+}  # fmt: skip
+_WORRYING = 4  # MAV_SEVERITY_WARNING, and what is worse
+
+
+class ImuReading(NamedTuple):
+    """What the autopilot's IMU reads, forward-left-up.
+
+    Attributes
+    ----------
+    rate, force : (3,) ndarray
+        Angular velocity [rad/s] and specific force [m/s^2].
+    """
+
+    rate: Array
+    force: Array
+
+
+class MavlinkAutopilot:
+    """Follows an autopilot over a line, and asks it for the streams that the arm needs.
+
+    It sends set points and heartbeats. It arms and changes modes when `arm`, `disarm` or
+    `offboard` is called, and never else. Times `now` are of a monotonic clock [s].
+
+    Parameters
+    ----------
+    line : Line
+    rates : mapping
+        Of the streams asked for [Hz]: `attitude`, `place`, `imu`, `outputs`; 0 asks for none.
+
+    Attributes
+    ----------
+    attitude : (4,) ndarray
+        (x, y, z, w), forward-left-up in east-north-up; None before the first.
+    imu : ImuReading
+        None before the first.
+    outputs : (32,) ndarray
+        Of the motors as the autopilot counts them; None before the first.
+    text : str
+        The last warning or error that it reported.
+    reply : str
+        How it answered the last command, '' before the first answer.
+    """
+
+    def __init__(self, line: Line, rates: dict[str, float]) -> None:
+        self._line, self._rates = line, rates
+        self._writer = FrameWriter(_SYSTEM, _COMPONENT)
+        self._system = 0
+        self._heard = self._beat = self._asked = -np.inf
+        self._times: dict[int, float] = {}
+        self._base_mode = self._custom_mode = self._make = 0
+        self._place, self._velocity = np.zeros(3), np.zeros(3)
+        self.attitude: Array | None = None
+        self.imu: ImuReading | None = None
+        self.outputs: Array | None = None
+        self.text = self.reply = ''
+        self._handlers: dict[str, Callable[[Message, float], None]] = {
+            'HEARTBEAT': self._on_heartbeat,
+            'ATTITUDE_QUATERNION': self._on_attitude,
+            'LOCAL_POSITION_NED': self._on_place,
+            'HIGHRES_IMU': self._on_imu,
+            'ACTUATOR_OUTPUT_STATUS': self._on_outputs,
+            'STATUSTEXT': self._on_text,
+            'COMMAND_ACK': self._on_answer,
+        }
+
+    def take(self, message: Message, now: float) -> bool:
+        """Take a message; return whether it is one of the autopilot that counts here."""
+        handler = self._handlers.get(message.name)
+        if handler is None or message.component != _AUTOPILOT_COMPONENT:
+            return False
+        if self._system not in (0, message.system):
+            return False  # of another vehicle on the same line
+        handler(message, now)
+        if message.name in _NAMES:
+            self._times[_NAMES[message.name]] = now
+        return True
+
+    def tick(self, now: float) -> None:
+        """Send the heartbeat, and ask for the streams that do not come, when it is time."""
+        if now - self._beat >= _HEARTBEAT:
+            self._beat = now
+            self.send('HEARTBEAT', **_COMPANION)
+        if not self.is_linked(now):
+            self._asked = -np.inf  # it may have restarted, and forgotten the rates
+        elif now - self._asked >= _ASK:
+            is_first, self._asked = self._asked == -np.inf, now
+            for number, name in _STREAMS.items():
+                rate = self._rates.get(name, 0.0)
+                if rate > 0.0 and (is_first or now - self._times.get(number, -np.inf) > _ASK):
+                    self._command(_SET_INTERVAL, float(number), 1e6 / rate)
+
+    def send(self, name: str, **values: object) -> None:
+        """Send a message."""
+        self._line.send(self._writer.pack(name, **values))
+
+    def set_point(self, name: str, now: float, **values: object) -> None:
+        """Send a set point to the autopilot alone."""
+        self.send(
+            name, time_boot_ms=round(1e3 * now) % 2**32, target_system=self._system,
+            target_component=_AUTOPILOT_COMPONENT, **values,
+        )  # fmt: skip
+
+    def arm(self) -> None:
+        """Ask it to arm."""
+        self._request(_ARM, 1.0)
+
+    def disarm(self) -> None:
+        """Ask it to disarm, which it denies in flight."""
+        self._request(_ARM, 0.0)
+
+    def offboard(self) -> None:
+        """Ask it to follow set points (PX4's offboard mode)."""
+        self._request(_SET_MODE, _CUSTOM_MODE, _OFFBOARD)
+
+    def is_linked(self, now: float) -> bool:
+        """Return whether its heartbeat comes."""
+        return now - self._heard <= LOSS
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether it said that it is armed."""
+        return bool(self._base_mode & _ARMED)
+
+    @property
+    def mode(self) -> str:
+        """Its mode, by name for PX4."""
+        main, sub = self._custom_mode >> 16 & 0xFF, self._custom_mode >> 24 & 0xFF
+        if self._make != _PX4:
+            return f'custom mode {self._custom_mode}'
+        name = _PX4_MODES.get(main, f'mode {main}')
+        return f'{name} {_PX4_AUTO[sub]}' if sub in _PX4_AUTO and name == 'auto' else name
+
+    def state(self, now: float) -> FlightState | None:
+        """Return place and motion, None if attitude or place is missing or old."""
+        fresh = [now - self._times.get(number, -np.inf) < FRESH for number in (31, 32)]
+        if not all(fresh) or self.attitude is None:
+            return None
+        rotation = rotation_matrix(self.attitude)
+        return FlightState(self._place, self._velocity, rotation, self._rate)
+
+    def has_attitude(self, now: float) -> bool:
+        """Return whether a fresh attitude is known."""
+        return now - self._times.get(31, -np.inf) < FRESH
+
+    def silent(self, now: float) -> list[str]:
+        """Return the streams that were asked for and do not come."""
+        return [
+            name
+            for number, name in _STREAMS.items()
+            if self._rates.get(name, 0.0) and now - self._times.get(number, -np.inf) > _ASK
+        ]
+
+    def _request(self, command: int, *parameters: float) -> None:
+        self.reply = ''
+        self._command(command, *parameters)
+
+    def _command(self, command: int, *parameters: float) -> None:
+        values = {f'param{i}': value for i, value in enumerate(parameters, 1)}
+        self.send(
+            'COMMAND_LONG', target_system=self._system, target_component=_AUTOPILOT_COMPONENT,
+            command=command, **values,
+        )  # fmt: skip
+
+    def _on_heartbeat(self, message: Message, now: float) -> None:
+        self._system, self._heard = message.system, now
+        self._base_mode, self._custom_mode = message['base_mode'], message['custom_mode']
+        self._make = message['autopilot']
+
+    def _on_attitude(self, message: Message, now: float) -> None:
+        w, x, y, z = (message[name] for name in ('q1', 'q2', 'q3', 'q4'))
+        quaternion = attitude_ned_frd_to_enu_flu([x, y, z, w])
+        if not 0.9 < float(np.linalg.norm(quaternion)) < 1.1:  # NaN is not either
+            self.text = 'ATTITUDE_QUATERNION: NaN, or no unit quaternion'
+            return
+        self.attitude = quaternion / np.linalg.norm(quaternion)
+        self._rate = frd_to_flu([message[f'{axis}speed'] for axis in ('roll', 'pitch', 'yaw')])
+
+    def _on_place(self, message: Message, now: float) -> None:
+        place = np.array([message[axis] for axis in 'xyz'])
+        velocity = np.array([message[f'v{axis}'] for axis in 'xyz'])
+        if np.isfinite(place.sum() + velocity.sum()):
+            self._place, self._velocity = ned(place), ned(velocity)
+
+    def _on_imu(self, message: Message, now: float) -> None:
+        rate = frd_to_flu([message[f'{axis}gyro'] for axis in 'xyz'])
+        force = frd_to_flu([message[f'{axis}acc'] for axis in 'xyz'])
+        if np.isfinite(rate.sum() + force.sum()):
+            self.imu = ImuReading(rate, force)
+
+    def _on_outputs(self, message: Message, now: float) -> None:
+        self.outputs = np.array(message['actuator'])
+
+    def _on_text(self, message: Message, now: float) -> None:
+        if message['severity'] <= _WORRYING:
+            self.text = message['text']
+
+    def _on_answer(self, message: Message, now: float) -> None:
+        if message['command'] in (_ARM, _SET_MODE):
+            result = message['result']
+            self.reply = _RESULTS[result] if result < len(_RESULTS) else f'result {result}'

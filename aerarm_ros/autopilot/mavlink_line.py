@@ -1,0 +1,198 @@
+"""Lines to an autopilot that speaks MAVLink: UDP or serial."""
+
+import errno
+import os
+import select
+import socket
+import termios
+import tty
+from typing import Protocol
+
+from aerarm_ros.autopilot.mavlink import FrameReader, Message
+
+_CHUNK = 65536
+_PORTS = 65535
+_UDP, _SERIAL = 'udp', 'serial'
+_FORMS = 'udp:PORT to listen, udp:HOST:PORT to send first, or serial:DEVICE:BAUD'
+
+
+class Line(Protocol):
+    """A line for frames.
+
+    Attributes
+    ----------
+    damaged : int
+        Frames with a wrong checksum.
+    """
+
+    @property
+    def damaged(self) -> int:
+        """Frames with a wrong checksum."""
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame; nothing happens while nobody is at the other end."""
+
+    def messages(self, patience: float = 0.0) -> list[Message]:
+        """Return what came since the last call, after up to `patience` [s] if nothing did.
+
+        Raises
+        ------
+        OSError
+            If the device is gone.
+        """
+
+    def close(self) -> None:
+        """Close the line."""
+
+
+class UdpLine:
+    """UDP, either to a given address, or to whoever sends first to a port.
+
+    Parameters
+    ----------
+    address : tuple
+        Where the autopilot listens; none to wait until it sends.
+    bound : tuple
+        Address and port of this side.
+
+    Raises
+    ------
+    OSError
+        If the port is taken or the host unknown.
+    """
+
+    def __init__(self, address: tuple[str, int] | None, bound: tuple[str, int]) -> None:
+        self._reader = FrameReader()
+        self._peer = address and (socket.gethostbyname(address[0]), address[1])
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind(bound)
+        except OSError:
+            self._socket.close()
+            raise
+
+    @property
+    def damaged(self) -> int:
+        """Frames with a wrong checksum."""
+        return self._reader.damaged
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame, if somebody is known to send it to."""
+        if self._peer is None:
+            return
+        try:
+            self._socket.sendto(frame, self._peer)
+        except (ConnectionRefusedError, BlockingIOError):
+            return
+
+    def messages(self, patience: float = 0.0) -> list[Message]:
+        """Return what came, of the first sender alone."""
+        found: list[Message] = []
+        select.select([self._socket], [], [], patience)
+        while True:
+            try:
+                data, sender = self._socket.recvfrom(_CHUNK)
+            except (BlockingIOError, ConnectionRefusedError):
+                return found
+            if self._peer is None:
+                self._peer = sender
+            if sender == self._peer:
+                found += self._reader.feed(data)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class SerialLine:
+    """A serial device, raw, eight bits, no parity.
+
+    Parameters
+    ----------
+    device : str
+    baud : int
+
+    Raises
+    ------
+    ValueError
+        If this system has no such baud rate.
+    OSError
+        If the device cannot be opened.
+    """
+
+    def __init__(self, device: str, baud: int) -> None:
+        rate = getattr(termios, f'B{baud}', None)
+        if rate is None:
+            raise ValueError(f'{baud} is no baud rate of this system: 57600 and 921600 are usual')
+        self._reader = FrameReader()
+        self._file = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            tty.setraw(self._file)
+            settings = termios.tcgetattr(self._file)
+            settings[4] = settings[5] = rate
+            termios.tcsetattr(self._file, termios.TCSANOW, settings)
+        except termios.error as error:
+            os.close(self._file)
+            raise OSError(f'{device} is no serial device ({error.args[-1]})') from None
+
+    @property
+    def damaged(self) -> int:
+        """Frames with a wrong checksum."""
+        return self._reader.damaged
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame; one that the device has no room for is dropped whole or in part."""
+        try:
+            os.write(self._file, frame)
+        except OSError:
+            return  # `messages` reports a device that is gone
+
+    def messages(self, patience: float = 0.0) -> list[Message]:
+        """Return what came; raises OSError if the device is gone."""
+        found: list[Message] = []
+        select.select([self._file], [], [], patience)
+        while True:
+            try:
+                data = os.read(self._file, _CHUNK)
+            except BlockingIOError:
+                return found
+            if not data:
+                raise OSError(errno.EIO, 'the device is gone')
+            found += self._reader.feed(data)
+
+    def close(self) -> None:
+        """Close the device."""
+        os.close(self._file)
+
+
+def open_line(text: str) -> UdpLine | SerialLine:
+    """Return the line that a text describes.
+
+    Parameters
+    ----------
+    text : str
+        `udp:PORT`, `udp:HOST:PORT` or `serial:DEVICE:BAUD`. UDP listens on this host alone, unless
+        it is `udp:0.0.0.0:PORT`, which listens on every network.
+
+    Raises
+    ------
+    ValueError
+        If it describes none, or the line cannot be opened.
+    """
+    kind, _, rest = text.partition(':')
+    place, _, number = rest.rpartition(':')
+    is_whole = number.isdigit() and (kind == _UDP and int(number) <= _PORTS or kind == _SERIAL)
+    if not is_whole or (kind == _SERIAL and not place):
+        raise ValueError(f'connection {text!r}: give {_FORMS}')
+    try:
+        if kind == _SERIAL:
+            return SerialLine(place, int(number))
+        if place in ('', '0.0.0.0'):
+            return UdpLine(None, (place or '127.0.0.1', int(number)))
+        return UdpLine((place, int(number)), ('0.0.0.0', 0))
+    except OSError as error:
+        reason = getattr(error, 'strerror', None) or str(error)
+        raise ValueError(
+            f'connection {text!r}: {reason}: check name, rights and that no other program uses it'
+        ) from None

@@ -1,0 +1,212 @@
+"""The two lines to a PX4 that runs as a program of this host (SITL).
+
+On the one, TCP, this side is PX4's simulator: sensors go in, shares of thrust come out, and PX4's
+time is the time of the sensors (`src/modules/simulation/simulator_mavlink`). On the other, UDP,
+this side is a companion computer: set points and commands go in, state comes out.
+"""
+
+import select
+import socket
+import time
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from aerarm_ros.autopilot.mavlink import FrameReader, FrameWriter, Message
+from aerarm_ros.motion.signals import Array
+
+SIMULATOR_PORT, COMPANION_PORT, OFFBOARD_PORT = 4560, 14540, 14580
+"""TCP of the simulator, UDP of the companion, UDP of PX4; plus the number of the instance."""
+
+_HOST = '127.0.0.1'
+_SYSTEM, _COMPONENT = 245, 191  # this side: MAV_COMP_ID_ONBOARD_COMPUTER
+_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
+_CHUNK = 65536
+
+
+class Controls(NamedTuple):
+    """What PX4 commands.
+
+    Attributes
+    ----------
+    shares : (16,) ndarray
+        Of each rotor's largest thrust, 0 while it is disarmed.
+    is_armed : bool
+    """
+
+    shares: Array
+    is_armed: bool
+
+
+class Simulator(Protocol):
+    """PX4's simulator, as a flight uses it."""
+
+    is_lost: bool
+
+    def step(self, time_us: int, frames: Sequence[bytes], patience: float) -> Controls | None:
+        """Send frames, the last of them the HIL_SENSOR of a time; return what answers it."""
+
+    def close(self) -> None:
+        """Close the line."""
+
+
+class Companion(Protocol):
+    """The line for set points and commands, as a flight uses it."""
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame."""
+
+    def messages(self, patience: float = 0.0) -> list[Message]:
+        """Return what came since the last call, after up to `patience` [s] if nothing did."""
+
+    def close(self) -> None:
+        """Close the line."""
+
+
+class SimulatorLink:
+    """Listens for a PX4, which connects to its simulator.
+
+    Parameters
+    ----------
+    port : int
+        TCP.
+
+    Attributes
+    ----------
+    is_lost : bool
+        Whether a PX4 that was connected has ended or closed the line.
+    damaged : int
+        Frames with a wrong checksum.
+
+    Raises
+    ------
+    ValueError
+        If the port is taken.
+    """
+
+    def __init__(self, port: int = SIMULATOR_PORT) -> None:
+        self.is_lost = False
+        self._reader = FrameReader()
+        self._line: socket.socket | None = None
+        self._door = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            self._door.bind((_HOST, port))
+            self._door.listen(1)
+        except OSError as error:
+            self._door.close()
+            raise ValueError(_taken('TCP', port, error)) from None
+
+    @property
+    def damaged(self) -> int:
+        """Frames with a wrong checksum."""
+        return self._reader.damaged
+
+    def step(self, time_us: int, frames: Sequence[bytes], patience: float) -> Controls | None:
+        """Send frames; return the controls that answer them, None without within `patience` [s].
+
+        The last frame is the HIL_SENSOR of `time_us`. What precedes it belongs to the moment
+        before, as PX4 stamps every message with the time of its last HIL_SENSOR.
+        """
+        line = self._connected(patience)
+        if line is None:
+            return None
+        try:
+            line.sendall(b''.join(frames))
+            return self._answer(line, time_us, time.monotonic() + patience)
+        except OSError:
+            self._lose()
+            return None
+
+    def close(self) -> None:
+        """Close the line."""
+        self._door.close()
+        if self._line is not None:
+            self._line.close()
+
+    def _connected(self, patience: float) -> socket.socket | None:
+        if self._line is None and not self.is_lost:
+            if not select.select([self._door], [], [], patience)[0]:
+                return None
+            self._line, _ = self._door.accept()
+            self._line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return self._line
+
+    def _answer(self, line: socket.socket, time_us: int, deadline: float) -> Controls | None:
+        while True:
+            left = max(deadline - time.monotonic(), 0.0)
+            if not select.select([line], [], [], left)[0]:
+                return None
+            data = line.recv(_CHUNK)
+            if not data:
+                self._lose()
+                return None
+            for message in self._reader.feed(data):
+                if message.name == 'HIL_ACTUATOR_CONTROLS' and message['time_usec'] >= time_us:
+                    return Controls(np.array(message['controls']), bool(message['mode'] & _ARMED))
+
+    def _lose(self) -> None:
+        self.is_lost = True
+        if self._line is not None:
+            self._line.close()
+        self._line = None
+
+
+class CompanionLink:
+    """A UDP line to PX4's onboard port.
+
+    Parameters
+    ----------
+    port, px4_port : int
+        UDP of this side and of PX4.
+
+    Raises
+    ------
+    ValueError
+        If the port is taken.
+    """
+
+    def __init__(self, port: int = COMPANION_PORT, px4_port: int = OFFBOARD_PORT) -> None:
+        self._reader = FrameReader()
+        self._px4 = _HOST, px4_port
+        self._line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._line.setblocking(False)
+        try:
+            self._line.bind((_HOST, port))
+        except OSError as error:
+            self._line.close()
+            raise ValueError(_taken('UDP', port, error)) from None
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame; nothing happens while PX4 does not listen."""
+        try:
+            self._line.sendto(frame, self._px4)
+        except (ConnectionRefusedError, BlockingIOError):
+            return
+
+    def messages(self, patience: float = 0.0) -> list[Message]:
+        """Return what came since the last call, after up to `patience` [s] if nothing did."""
+        found = []
+        select.select([self._line], [], [], patience)
+        while True:
+            try:
+                found += self._reader.feed(self._line.recv(_CHUNK))
+            except (BlockingIOError, ConnectionRefusedError):
+                return found
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+
+def companion_writer() -> FrameWriter:
+    """Return the writer of this side's frames."""
+    return FrameWriter(_SYSTEM, _COMPONENT)
+
+
+def _taken(kind: str, port: int, error: OSError) -> str:
+    return (
+        f"loops 'px4_sitl': {kind} port {port}: {error.strerror}: end the other flight_control or "
+        'simulator, or give another px4_instance'
+    )

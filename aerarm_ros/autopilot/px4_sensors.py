@@ -1,0 +1,132 @@
+"""What PX4's simulator sends: sensors of a drone, as MAVLink frames."""
+
+import numpy as np
+import pinocchio as pin
+
+from aerarm_ros.autopilot.mavlink import FrameWriter
+from aerarm_ros.autopilot.px4 import frd_rotation, ned
+from aerarm_ros.autopilot.px4_setup import GPS
+from aerarm_ros.control.base.base_motion import frd_to_flu
+from aerarm_ros.description.drone_config import GRAVITY
+from aerarm_ros.flight.flight_state import FlightState
+from aerarm_ros.motion.signals import Array
+
+# Where the emulated world's origin is: latitude, longitude [deg], height [m], and the magnetic
+# field there, north-east-down [gauss], of PX4's own world model in 2026.
+_ORIGIN = 47.397742, 8.545594, 488.0
+_FIELD = np.array([0.2152, 0.0120, 0.4306])
+_EARTH = 6371000.0  # [m], as PX4's projection has it
+_IMU_FIELDS, _MAG_FIELDS, _BARO_FIELDS = 0x3F, 0x1C0, 0x1A00
+_FRAME_LOCAL_NED, _FRAME_BODY_FRD, _ESTIMATOR_VISION = 1, 12, 2
+_GPS_EVERY, _SLOW_EVERY = 25, 5  # HIL_SENSORs: 10 Hz, 50 Hz
+_MAG_NOISE, _PRESSURE_NOISE = 0.002, 0.02  # [gauss], [hPa]
+_VARIANCES = (1e-4, 1e-4, 1e-4)  # position [m^2], attitude [rad^2], velocity [m^2/s^2] of vision
+
+
+class SensorFrames:
+    """Packs what PX4 senses, with the noise of what the emulated world does not emulate.
+
+    Accelerometer, gyroscope and odometry are as noisy as they come. Magnetometer, barometer and
+    satellite receiver have noise of their own. While a drone is held, one sample is repeated, so
+    that `is_held` adds noise to the IMU: PX4 takes equal samples for a sensor that is stuck.
+
+    Parameters
+    ----------
+    writer : FrameWriter
+    sensors : str
+        One of `px4_setup.SENSORS`.
+    seed : int
+    gps_noise : tuple of float
+        Standard deviation of the receiver's position, and of its velocity [m], [m/s].
+    """
+
+    def __init__(
+        self,
+        writer: FrameWriter,
+        sensors: str,
+        seed: int = 0,
+        gps_noise: tuple[float, float] = (0.02, 0.02),
+    ) -> None:
+        self._writer = writer
+        self._is_gps = sensors == GPS
+        self._random = np.random.default_rng(seed)
+        self._gps_noise = gps_noise
+        self._count = 0
+        self._before: FlightState | None = None
+        self._before_us = 0
+
+    def frames(
+        self, time_us: int, state: FlightState, is_placed: bool = True, is_held: bool = False
+    ) -> list[bytes]:
+        """Return the frames of a moment [us]; the place, if it is known, is that before it."""
+        before = self._before
+        frames = []
+        if before is not None and is_placed:
+            if not self._is_gps:
+                frames.append(self._odometry(before))
+            elif self._count % _GPS_EVERY == 0:
+                frames.append(self._gps(before))
+        frames.append(self._sensors(time_us, state, is_held))
+        self._before, self._before_us = state, time_us
+        self._count += 1
+        return frames
+
+    def _noise(self, deviation: float) -> Array:
+        return deviation * self._random.standard_normal(3)
+
+    def _sensors(self, time_us: int, state: FlightState, is_held: bool) -> bytes:
+        level = GRAVITY * state.rotation[2]
+        force = level if state.specific_force is None or is_held else state.specific_force
+        rate = np.zeros(3) if is_held else state.rate
+        if is_held:
+            force, rate = force + self._noise(0.02), rate + self._noise(0.001)
+        acceleration, rate = frd_to_flu(force), frd_to_flu(rate)
+        values: dict[str, float] = dict(
+            zip(('xacc', 'yacc', 'zacc'), acceleration.tolist(), strict=True)
+        )
+        values.update(zip(('xgyro', 'ygyro', 'zgyro'), rate.tolist(), strict=True))
+        fields = _IMU_FIELDS
+        if self._count % _SLOW_EVERY == 0:
+            field = frd_rotation(state.rotation).T @ _FIELD + self._noise(_MAG_NOISE)
+            values.update(zip(('xmag', 'ymag', 'zmag'), field.tolist(), strict=True))
+            height = _ORIGIN[2] + float(state.position[2])
+            pressure = 1013.25 * (1.0 - 2.25577e-5 * height) ** 5.25588
+            values['abs_pressure'] = pressure + float(self._noise(_PRESSURE_NOISE)[0])
+            values['pressure_alt'], values['temperature'] = height, 15.0
+            fields |= _MAG_FIELDS | _BARO_FIELDS
+        return self._writer.pack('HIL_SENSOR', time_usec=time_us, fields_updated=fields, **values)
+
+    def _odometry(self, state: FlightState) -> bytes:
+        x, y, z = ned(state.position).tolist()
+        qx, qy, qz, qw = pin.Quaternion(frd_rotation(state.rotation)).coeffs().tolist()
+        vx, vy, vz = frd_to_flu(state.rotation.T @ state.velocity).tolist()
+        p, q, r = frd_to_flu(state.rate).tolist()
+        place, turn, speed = _VARIANCES
+        return self._writer.pack(
+            'ODOMETRY', time_usec=self._before_us, frame_id=_FRAME_LOCAL_NED,
+            child_frame_id=_FRAME_BODY_FRD, x=x, y=y, z=z, q=(qw, qx, qy, qz), vx=vx, vy=vy,
+            vz=vz, rollspeed=p, pitchspeed=q, yawspeed=r,
+            pose_covariance=_diagonal(place, turn), velocity_covariance=_diagonal(speed, speed),
+            estimator_type=_ESTIMATOR_VISION, quality=100,
+        )  # fmt: skip
+
+    def _gps(self, state: FlightState) -> bytes:
+        place, speed = self._gps_noise
+        north, east, down = (ned(state.position) + self._noise(place)).tolist()
+        vn, ve, vd = (100.0 * (ned(state.velocity) + self._noise(speed))).round().astype(int)
+        latitude, longitude, height = _ORIGIN
+        shrunk = _EARTH * np.cos(np.radians(latitude))
+        return self._writer.pack(
+            'HIL_GPS', time_usec=self._before_us, fix_type=6,
+            lat=round(1e7 * (latitude + np.degrees(north / _EARTH))),
+            lon=round(1e7 * (longitude + np.degrees(east / shrunk))),
+            alt=round(1e3 * (height - down)), eph=round(100 * max(place, 0.01)),
+            epv=round(100 * max(place, 0.01)), vel=int(np.hypot(vn, ve)), vn=int(vn), ve=int(ve),
+            vd=int(vd), cog=65535, satellites_visible=20,
+        )  # fmt: skip
+
+
+def _diagonal(first: float, second: float) -> list[float]:
+    """Return the upper right triangle (21,) of a 6 by 6 matrix with a diagonal."""
+    rows = np.diag([first] * 3 + [second] * 3)
+    return [float(value) for value in rows[np.triu_indices(6)]]

@@ -1,0 +1,122 @@
+"""Set points for PX4, over MAVLink, with what the arm's motion takes."""
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from aerarm_ros.autopilot.px4 import Px4Gains, frd_rotation, heading, ned, torque_unit
+from aerarm_ros.autopilot.px4_setup import force_unit
+from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
+from aerarm_ros.control.base.base_motion import frd_to_flu
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
+from aerarm_ros.flight.arm_load import FeedForward
+from aerarm_ros.flight.flight_control import FlightGains
+from aerarm_ros.flight.flight_state import FlightState, FlightTarget, yaw_of
+from aerarm_ros.motion.signals import Array, limited
+
+_UP = np.array([0.0, 0.0, 1.0])
+_FRAME_LOCAL_NED = 1  # MAV_FRAME_LOCAL_NED
+# Of POSITION_TARGET_TYPEMASK: the bit that ignores the other one.
+_TAKES_YAW_RATE, _TAKES_YAW = 1 << 10, 1 << 11
+_NO_RATES, _THRUST_BODY = 7, 32  # of ATTITUDE_TARGET_TYPEMASK
+_INTEGRAL = 3.0  # [m/s^2] at most
+_STEP_MAX = 0.05  # [s]
+
+
+class Px4SetPoints:
+    """Makes the message of a target, for a drone in a state.
+
+    Rotors in one plane: SET_POSITION_TARGET_LOCAL_NED, its acceleration that of
+    `SetPointAcceleration`; PX4 has all loops. A drone that pushes sideways stays level: PX4's
+    position loop would tilt it, so it gets SET_ATTITUDE_TARGET with its `thrust_body`, the force of
+    a position loop on this side and of what the arm does; PX4 has attitude and angular velocity.
+
+    Parameters
+    ----------
+    drone : DroneConfig
+    gains : FlightGains, optional
+        Of the position loop on this side.
+    tilt : Px4Gains, optional
+        PX4's gains, for set points that tilt ahead; they do not without.
+    holds_heading : bool
+        Whether set points have a heading; else it is left to itself.
+
+    Raises
+    ------
+    ValueError
+        If the rotors give no moment about one of the axes.
+    """
+
+    def __init__(
+        self,
+        drone: DroneConfig,
+        gains: FlightGains | None = None,
+        tilt: Px4Gains | None = None,
+        holds_heading: bool = True,
+    ) -> None:
+        self._gains = FlightGains() if gains is None else gains
+        self._holds_heading = holds_heading
+        self._is_full = drone.is_fully_actuated
+        self._force_unit = force_unit(drone)
+        self._acceleration = SetPointAcceleration()
+        if tilt is not None:
+            unit = torque_unit(drone)
+            rate_gain = tilt.mc_rate_k * tilt.mc_rate_p * float(unit[0])
+            yaw_gain = tilt.mc_yaw_p * tilt.mc_yawrate_p * float(unit[2])
+            lasting = tilt.mc_rate_i / tilt.mc_rate_p
+            self._acceleration = SetPointAcceleration(tilt.mc_att_p, rate_gain, lasting, yaw_gain)
+        self.reset()
+
+    @property
+    def needs_state(self) -> bool:
+        """Whether a message needs the drone's place and attitude."""
+        return self._is_full
+
+    def reset(self) -> None:
+        """Forget the integral."""
+        self._push = np.zeros(3)
+
+    def message(
+        self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward, origin: Array
+    ) -> tuple[str, dict[str, Any]]:
+        """Return name and fields of the message, but its time.
+
+        `dt` [s] is the time since the last one; `origin` (3,) is where the target's frame begins in
+        PX4's local one, north-east-down [m].
+        """
+        if self._is_full:
+            return self._attitude(state, target, dt, arm)
+        fed = self._acceleration.update(arm, state.rotation, dt)
+        x, y, z = (ned(target.position) + origin).tolist()
+        vx, vy, vz = ned(target.velocity).tolist()
+        ax, ay, az = ned(target.acceleration + fed).tolist()
+        mask = _TAKES_YAW if self._holds_heading else _TAKES_YAW_RATE
+        return 'SET_POSITION_TARGET_LOCAL_NED', {
+            'coordinate_frame': _FRAME_LOCAL_NED, 'type_mask': mask, 'x': x, 'y': y, 'z': z,
+            'vx': vx, 'vy': vy, 'vz': vz, 'afx': ax, 'afy': ay, 'afz': az,
+            'yaw': heading(target.yaw),
+        }  # fmt: skip
+
+    def _attitude(
+        self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward
+    ) -> tuple[str, dict[str, Any]]:
+        gains, body = self._gains, arm.body
+        frequency = gains.position_frequencies
+        kp, kd = frequency**2, 2.0 * gains.position_damping * frequency
+        error = target.position - state.position
+        error = kd / kp * limited(kp / kd * error, gains.speed_max)
+        step = gains.position_integral * frequency * kp * min(dt, _STEP_MAX) * error
+        self._push = np.clip(self._push + step, -_INTEGRAL, _INTEGRAL)
+        feedback = kp * error + kd * (target.velocity - state.velocity) + self._push
+        level = pin.exp3(yaw_of(state.rotation) * _UP)
+        force = body.mass * (target.acceleration + feedback + GRAVITY * _UP)
+        in_body = frd_to_flu(state.rotation.T @ (force - level @ arm.wrench[:3]))
+        thrust = np.clip(in_body / self._force_unit, -1.0, 1.0)
+        turn = pin.exp3(self._acceleration.turn(arm, dt))
+        rotation = frd_rotation(pin.exp3(target.yaw * _UP) @ turn)
+        x, y, z, w = pin.Quaternion(rotation).coeffs().tolist()
+        return 'SET_ATTITUDE_TARGET', {
+            'type_mask': _THRUST_BODY | _NO_RATES, 'q': (w, x, y, z),
+            'thrust_body': thrust.tolist(),
+        }  # fmt: skip

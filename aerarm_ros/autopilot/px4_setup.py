@@ -1,0 +1,153 @@
+"""PX4's parameters for a drone: rotors, hover thrust, gains, and where its position comes from."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from aerarm_ros.autopilot.px4 import Px4Gains
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
+from aerarm_ros.flight.arm_load import MassProperties
+from aerarm_ros.motion.signals import Array
+
+VISION, GPS = 'vision', 'gps'
+SENSORS = VISION, GPS
+"""Where PX4's position comes from: odometry as of motion capture, or a satellite receiver."""
+
+ROTORS = 12
+"""PX4's motors at most."""
+
+AIRFRAME = '10016'
+"""none_iris: a multirotor whose simulator is this side; the parameters replace the rest of it."""
+
+_FRD = np.array([1.0, -1.0, -1.0])
+_VISION_PARAMETERS = {
+    'EKF2_EV_CTRL': 15, 'EKF2_HGT_REF': 3, 'EKF2_GPS_CTRL': 0, 'EKF2_BARO_CTRL': 0,
+    'EKF2_MAG_TYPE': 5, 'EKF2_EV_NOISE_MD': 0, 'EKF2_EVP_NOISE': 0.01, 'EKF2_EVV_NOISE': 0.01,
+    'EKF2_EVA_NOISE': 0.05, 'EKF2_EV_DELAY': 0.0, 'SYS_HAS_GPS': 0, 'SYS_HAS_MAG': 0,
+}  # fmt: skip
+_GPS_PARAMETERS = {
+    'EKF2_EV_CTRL': 0, 'EKF2_HGT_REF': 1, 'EKF2_GPS_CTRL': 7, 'EKF2_MAG_TYPE': 0,
+    'EKF2_GPS_DELAY': 0.0, 'EKF2_REQ_GPS_H': 2.0,
+}  # fmt: skip
+# No manual control, no ground station, a battery that does not drain; one IMU. The last of them
+# keeps it armed while it is held.
+_BENCH_PARAMETERS = {
+    'COM_RC_IN_MODE': 4, 'COM_RCL_EXCEPT': 4, 'NAV_DLL_ACT': 0, 'CBRK_SUPPLY_CHK': 894281,
+    'SIM_BAT_DRAIN': 86400.0, 'SENS_IMU_MODE': 1, 'EKF2_MULTI_IMU': 0, 'IMU_GYRO_RATEMAX': 250,
+    'MC_AT_EN': 0, 'SDLOG_MODE': 0, 'SDLOG_PROFILE': 1, 'COM_OBL_RC_ACT': 5,
+    'COM_DISARM_PRFLT': -1.0,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Px4Setup:
+    """What a PX4 is told of the drone that it flies.
+
+    Attributes
+    ----------
+    gains : Px4Gains
+    sensors : str
+        One of `SENSORS`.
+    others : dict
+        Further parameters, by PX4's names; they win.
+
+    Raises
+    ------
+    ValueError
+        If the sensors are unknown.
+    """
+
+    gains: Px4Gains = Px4Gains()
+    sensors: str = VISION
+    others: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the choice of sensors."""
+        if self.sensors not in SENSORS:
+            raise ValueError(f'sensors {self.sensors!r}: give one of {", ".join(SENSORS)}')
+
+    def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
+        """Return PX4's parameters by name.
+
+        Parameters
+        ----------
+        drone : DroneConfig
+        body : MassProperties
+            Of drone and arm at rest: PX4's levers begin at the centre of mass.
+
+        Raises
+        ------
+        ValueError
+            If PX4 has too few motors, or the drone cannot hover on 10 to 80 % of its thrust.
+        """
+        if drone.n > ROTORS:
+            raise ValueError(f'drone: PX4 has {ROTORS} motors at most, {drone.name} has {drone.n}')
+        hover = hover_share(drone, body)
+        if not 0.1 <= hover <= 0.8:
+            raise ValueError(
+                f'drone: it hovers on {100.0 * hover:.0f} % of its thrust, and PX4 takes 10 to 80 %'
+                ' (MPC_THR_HOVER): check mass and thrust_max in the drone file'
+            )
+        by_sensors = {VISION: _VISION_PARAMETERS, GPS: _GPS_PARAMETERS}[self.sensors]
+        return {
+            **_BENCH_PARAMETERS,
+            **by_sensors,
+            **_geometry(drone, body),
+            'MPC_THR_HOVER': hover,
+            **_gains(self.gains),
+            **self.others,
+        }
+
+
+def hover_share(drone: DroneConfig, body: MassProperties) -> float:
+    """Return the share of all rotors' largest thrust that carries drone and arm."""
+    lift = float(np.abs(drone.allocation[2]) @ drone.column('thrust_max'))
+    return body.mass * GRAVITY / lift
+
+
+def force_unit(drone: DroneConfig) -> Array:
+    """Return the forces (3,) along the body's axes [N] of PX4's normalised thrust 1.
+
+    As ControlAllocationPseudoInverse scales its mixer: one over the mean entry of a column, of
+    those that are not zero; an axis without any has the unit of the body's z.
+    """
+    mixer = np.abs(np.linalg.pinv(drone.allocation * drone.column('thrust_max'))[:, :3])
+    counts = np.count_nonzero(mixer > 1e-7, axis=0)
+    means = np.where(counts > 0, mixer.sum(axis=0) / np.maximum(counts, 1), 0.0)
+    return np.array(1.0 / np.where(means > 0.0, means, means[2]))
+
+
+def _geometry(drone: DroneConfig, body: MassProperties) -> dict[str, float]:
+    """Return CA_* and the place of the IMU, forward-right-down from the centre of mass."""
+    found: dict[str, float] = {'CA_AIRFRAME': 0, 'CA_ROTOR_COUNT': drone.n}
+    for i, rotor in enumerate(drone.rotors):
+        place = _FRD * (np.array(rotor.position) - body.centre)
+        axis = _FRD * np.array(rotor.axis) / np.linalg.norm(rotor.axis)
+        names = [f'CA_ROTOR{i}_{key}' for key in ('PX', 'PY', 'PZ', 'AX', 'AY', 'AZ')]
+        found.update(zip(names, np.concatenate([place, axis]).tolist(), strict=True))
+        found[f'CA_ROTOR{i}_CT'] = rotor.thrust_max
+        found[f'CA_ROTOR{i}_KM'] = -rotor.moment_per_thrust
+        found[f'PWM_MAIN_FUNC{i + 1}'] = 101 + i
+    imu = _FRD * np.array(drone.imu.position)
+    names = [f'EKF2_IMU_POS_{axis}' for axis in 'XYZ']
+    found.update(zip(names, imu.tolist(), strict=True))
+    return found
+
+
+def _gains(gains: Px4Gains) -> dict[str, float]:
+    found = {
+        'MPC_XY_P': gains.mpc_xy_p, 'MPC_Z_P': gains.mpc_z_p,
+        'MPC_XY_VEL_P_ACC': gains.mpc_xy_vel_p_acc, 'MPC_Z_VEL_P_ACC': gains.mpc_z_vel_p_acc,
+        'MPC_XY_VEL_I_ACC': gains.mpc_xy_vel_i_acc, 'MPC_Z_VEL_I_ACC': gains.mpc_z_vel_i_acc,
+        'MPC_XY_VEL_D_ACC': gains.mpc_xy_vel_d_acc, 'MPC_Z_VEL_D_ACC': gains.mpc_z_vel_d_acc,
+        'MPC_THR_MIN': gains.thrust_min, 'MPC_TILTMAX_AIR': float(np.degrees(gains.tilt_max)),
+        'MC_YAW_P': gains.mc_yaw_p, 'MC_YAWRATE_P': gains.mc_yawrate_p,
+        'MC_YAWRATE_I': gains.mc_yawrate_i, 'MC_YAW_TQ_CUTOFF': gains.mc_yaw_tq_cutoff,
+    }  # fmt: skip
+    for axis in ('ROLL', 'PITCH'):
+        found[f'MC_{axis}_P'] = gains.mc_att_p
+        found[f'MC_{axis}RATE_K'] = gains.mc_rate_k
+        found[f'MC_{axis}RATE_P'] = gains.mc_rate_p
+        found[f'MC_{axis}RATE_I'] = gains.mc_rate_i
+        found[f'MC_{axis}RATE_D'] = gains.mc_rate_d
+    return found

@@ -1,0 +1,361 @@
+"""Forwards set points to an autopilot over MAVLink, with what the arm's motion takes.
+
+For teams without MAVROS and without a DDS agent. Set points: flight_set_point, sent again and
+again, or flight_trajectory. The node publishes the autopilot's odometry, imu and rotor_command for
+the arm. It neither arms nor changes a mode, but for its services ~/arm, ~/disarm and ~/offboard.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import Imu
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.autopilot.mavlink import Message
+from aerarm_ros.autopilot.mavlink_autopilot import MavlinkAutopilot
+from aerarm_ros.autopilot.mavlink_line import open_line
+from aerarm_ros.autopilot.px4 import Px4Gains
+from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
+from aerarm_ros.control.base.base_motion import quaternion
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.description.drone_urdf import BODY_LINK, IMU_LINK
+from aerarm_ros.flight.arm_load import ArmFeedForward, FeedForward
+from aerarm_ros.flight.flight_state import FlightPath, FlightState, FlightTarget
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.executors import create_steady_timer
+from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone, to_path, to_target
+from aerarm_ros.ros.flight.set_point_node import FEED_PARAMETERS, time_problem
+from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable, grouped
+from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.process_end import StopSignals
+from aerarm_ros.ros.states.arm_clock import ArmClock
+
+NAME = 'mavlink_feedforward'
+_LISTEN = 0.002  # [s] that a look at the line takes at most
+_REMEMBERED = 5.0  # [s] for which a rejection is a warning
+_REPLY = 2.0  # [s] for which a service waits for the autopilot's answer
+_WORLD = 'odom'
+
+PARAMETERS = ParameterTable(
+    *ARM_FILES,
+    DRONE_FILE,
+    *grouped(
+        'The autopilot',
+        Parameter('connection', 'udp:14540', 'line to the autopilot: udp:PORT to listen on this '
+                  'computer, udp:0.0.0.0:PORT to listen on all networks, udp:HOST:PORT to send '
+                  'first, serial:DEVICE:BAUD'),
+        Parameter('imu_rate', 200.0, 'HIGHRES_IMU messages that are asked for; 0 for none', 'Hz',
+                  0.0, 1000.0),
+        Parameter('state_rate', 100.0, 'attitude and position messages that are asked for', 'Hz',
+                  10.0, 500.0),
+        Parameter('output_rate', 100.0, 'ACTUATOR_OUTPUT_STATUS messages that are asked for, for '
+                  'rotor_command; 0 for none', 'Hz', 0.0, 500.0),
+        Parameter('output_range', [1000.0, 2000.0], 'outputs at which a rotor stands and gives '
+                  'thrust_max, thrust in proportion (THR_MDL_FAC 0)', '', 0.0, 20000.0),
+        Parameter('output_channels', [], 'output of each rotor in the order of the drone file, '
+                  'from 1; the first ones if empty', element=int),
+    ),
+    *grouped(
+        'Set points',
+        Parameter('rate', 100.0, 'set points per second', 'Hz', 10.0, 500.0),
+        Parameter('set_point_timeout', 0.5, 'age after which a set point is no longer sent, so '
+                  'that the autopilot notices; 0 keeps the last one', 's', 0.0, 60.0),
+        Parameter('hold_heading', True, 'set points have a heading; if not, yaw is left open'),
+        Parameter('mc_rate_i', Px4Gains.mc_rate_i, 'MC_ROLLRATE_I', '', 0.0, 10.0),
+        Parameter('mc_rate_p', Px4Gains.mc_rate_p, 'MC_ROLLRATE_P', '', 0.01, 10.0),
+        Parameter('mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K', '', 0.01, 30.0),
+        Parameter('mc_att_p', Px4Gains.mc_att_p, 'MC_ROLL_P', '1/s', 0.5, 50.0),
+        Parameter('tilt_ahead', True, "tilt ahead of the arm's motion by the inverse of PX4's "
+                  'loops, whose gains these are'),
+    ),
+    *FEED_PARAMETERS,
+)  # fmt: skip
+
+
+class MavlinkFeedforward:
+    """One line to one autopilot.
+
+    Raises
+    ------
+    ValueError
+        If the line cannot be opened, no drone is given, or its outputs are wrong.
+    """
+
+    def __init__(self) -> None:
+        self.status = 0
+        self.node = rclpy.create_node(NAME)
+        self.values = values = PARAMETERS.declare(self.node, self._on_parameter)
+        config, drone, body = load_flown_drone(values)
+        self._channels = _channels(values, drone.n)
+        self._line = open_line(values.connection)
+        rates = {'attitude': values.state_rate, 'place': values.state_rate,
+                 'imu': values.imu_rate, 'outputs': values.output_rate}  # fmt: skip
+        self._autopilot = MavlinkAutopilot(self._line, rates)
+        self._arm = ArmFeedForward(drone, body, lead=values.feed_lead)
+        gains = Px4Gains(
+            mc_att_p=values.mc_att_p, mc_rate_k=values.mc_rate_k, mc_rate_p=values.mc_rate_p,
+            mc_rate_i=values.mc_rate_i,
+        )  # fmt: skip
+        self._set_points = Px4SetPoints(
+            drone, tilt=gains if values.tilt_ahead else None, holds_heading=values.hold_heading
+        )
+        self._thrust_max = drone.column('thrust_max')
+        self._cdr = JointStateCdr(drone.rotor_names)
+        self._target: FlightTarget | None = None
+        self._path: tuple[float, FlightPath] | None = None
+        self._target_time = self._rejected_at = -np.inf
+        self._rejection = ''
+        self._ahead: float | None = None
+        self._sent = self._rejections = 0
+        self._is_stopping = False
+        self._last = time.monotonic()
+        self._make_topics()
+        ArmTopics(self.node, self._arm, self._on_arm)
+        self._clock = ArmClock(self.node)
+        self._diagnostics = DiagnosticsPublisher(self.node, config.name)
+        create_steady_timer(self.node, 1.0 / values.rate, self._send)
+        create_steady_timer(self.node, PERIOD, self._report)
+
+    def _make_topics(self) -> None:
+        node = self.node
+        for topic, take in (
+            (topics.FLIGHT_SET_POINT, self._on_set_point),
+            (topics.FLIGHT_TRAJECTORY, self._on_trajectory),
+        ):
+            node.create_subscription(topic.type, topic.name, take, topic.qos)
+        self._odometry, self._imu, self._rotors = (
+            node.create_publisher(topic.type, topic.name, topic.offered)
+            for topic in (topics.ODOMETRY, topics.IMU, topics.ROTOR_COMMAND)
+        )
+        group = MutuallyExclusiveCallbackGroup()
+        for name in ('arm', 'disarm', 'offboard'):
+            act = partial(self._on_request, getattr(self._autopilot, name))
+            node.create_service(Trigger, f'~/{name}', act, callback_group=group)
+
+    def run(self) -> None:
+        """Forward until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        executor = SingleThreadedExecutor()
+        executor.add_node(self.node)
+        with StopSignals(self._on_stop):
+            while not self._is_stopping and rclpy.ok():
+                self._listen(_LISTEN)
+                executor.spin_once(timeout_sec=0.0)
+
+    def close(self) -> None:
+        """Destroy the node and close the line."""
+        self.node.destroy_node()
+        self._line.close()
+
+    def _listen(self, patience: float) -> None:
+        """Take what the autopilot sent, and publish it."""
+        try:
+            messages = self._line.messages(patience)
+        except OSError as error:
+            raise ValueError(
+                f'connection {self.values.connection!r}: {error.strerror}: is the device unplugged?'
+            ) from None
+        now = time.monotonic()
+        for message in messages:
+            if self._autopilot.take(message, now):
+                self._publish(message, now)
+        self._autopilot.tick(now)
+
+    def _publish(self, message: Message, now: float) -> None:
+        stamp_ns = self._clock.now_ns()
+        if message.name == 'LOCAL_POSITION_NED' and (state := self._autopilot.state(now)):
+            self._odometry.publish(_odometry(state, stamp_ns))
+        elif message.name == 'HIGHRES_IMU':
+            self._publish_imu(stamp_ns, now)
+        elif message.name == 'ACTUATOR_OUTPUT_STATUS' and self._autopilot.outputs is not None:
+            low, high = self.values.output_range
+            shares = (self._autopilot.outputs[self._channels] - low) / (high - low)
+            thrust = np.clip(shares, 0.0, 1.0) * self._thrust_max
+            self._rotors.publish(self._cdr.pack(stamp_ns, effort=thrust))
+
+    def _publish_imu(self, stamp_ns: int, now: float) -> None:
+        reading = self._autopilot.imu
+        if reading is None:
+            return
+        message = Imu()
+        _stamp(message, stamp_ns, IMU_LINK)
+        attitude = self._autopilot.attitude
+        if attitude is None or not self._autopilot.has_attitude(now):
+            message.orientation_covariance[0] = -1.0
+        else:
+            _fill(message.orientation, 'xyzw', attitude)
+        _fill(message.angular_velocity, 'xyz', reading.rate)
+        _fill(message.linear_acceleration, 'xyz', reading.force)
+        self._imu.publish(message)
+
+    def _send(self) -> None:
+        now = time.monotonic()
+        dt, self._last = now - self._last, now
+        arm = self._arm.at(1e-9 * self._clock.now_ns())
+        state, target = self._autopilot.state(now), self._wanted(now)
+        if target is None or not self._autopilot.is_linked(now):
+            self._set_points.reset()
+            return
+        if state is None:  # nothing of the arm can be added: its axes are not known
+            state = FlightState(np.zeros(3), np.zeros(3), np.eye(3), np.zeros(3))
+            arm = FeedForward.at_rest(arm.body)
+            if self._set_points.needs_state:
+                return
+        name, values = self._set_points.message(state, target, dt, arm, np.zeros(3))
+        self._autopilot.set_point(name, now, **values)
+        self._sent += 1
+
+    def _wanted(self, now: float) -> FlightTarget | None:
+        """Return where the drone shall be, None where nobody says so."""
+        if self._path is not None:
+            begin, path = self._path
+            if now <= begin + path.duration:
+                self._target, self._target_time = path.at(now - begin), now
+        patience = self.values.set_point_timeout
+        if patience and now - self._target_time > patience:
+            return None
+        return self._target
+
+    # Callbacks.
+
+    def _on_set_point(self, message: PoseStamped) -> None:
+        def act() -> None:
+            self._target, self._path = to_target(message, _WORLD), None
+            self._target_time = time.monotonic()
+
+        self._try(act)
+
+    def _on_trajectory(self, message: MultiDOFJointTrajectory) -> None:
+        def act() -> None:
+            now = time.monotonic()
+            state = self._autopilot.state(now)
+            if state is None:
+                raise RejectedInputError('flight_trajectory: the autopilot tells no place yet')
+            stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+            delay = stamp - 1e-9 * self._clock.now_ns() if stamp else 0.0
+            if not -1.0 < delay < 60.0:
+                raise RejectedInputError(
+                    f'flight_trajectory: it is stamped {delay:+.1f} s from now: use a zero stamp '
+                    'for now, and check the clocks'
+                )
+            self._path = now + delay, to_path(message, _WORLD, FlightTarget.here(state))
+
+        self._try(act)
+
+    def _on_request(
+        self, ask: Callable[[], None], _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        if not self._autopilot.is_linked(time.monotonic()):
+            response.message = 'no heartbeat from the autopilot: check connection'
+            return response
+        ask()
+        deadline = time.monotonic() + _REPLY
+        while not self._autopilot.reply and time.monotonic() < deadline:
+            self._listen(_LISTEN)
+            self._send()
+        response.success = self._autopilot.reply == 'accepted'
+        response.message = self._autopilot.reply or f'no answer within {_REPLY:g} s'
+        if not response.success and self._autopilot.text:
+            response.message += f': {self._autopilot.text}'
+        return response
+
+    def _on_arm(self, action: Callable[[], None]) -> None:
+        before = self._arm.newest
+        self._try(action)
+        newest = self._arm.newest
+        if newest is not None and newest != before:
+            ahead = newest - 1e-9 * self._clock.now_ns()
+            self._ahead = ahead if self._ahead is None else max(self._ahead, ahead)
+
+    def _on_parameter(self, _: str, value: Any) -> None:
+        self._arm.lead = value
+
+    def _try(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except RejectedInputError as error:
+            self._rejections += 1
+            self._rejection, self._rejected_at = str(error), time.monotonic()
+            self.node.get_logger().warning(f'rejected: {error}', throttle_duration_sec=1.0)
+
+    def _report(self) -> None:
+        now, autopilot = time.monotonic(), self._autopilot
+        ahead, self._ahead = self._ahead, None
+        problem = ''
+        if not autopilot.is_linked(now):
+            problem = f'no heartbeat from the autopilot on {self.values.connection}: check the line'
+        elif silent := autopilot.silent(now):
+            problem = f'the autopilot does not send {", ".join(silent)}'
+        elif self._wanted(now) is None:
+            problem = 'no set points: nothing is sent'
+        elif ahead is not None and (late := time_problem(ahead, self.values.feed_lead)):
+            problem = late
+        elif now - self._rejected_at < _REMEMBERED:
+            problem = f'rejected: {self._rejection}'
+        values: dict[str, object] = {
+            'armed': autopilot.is_armed,
+            'mode': autopilot.mode,
+            'sent': self._sent,
+            'damaged frames': self._line.damaged,
+            'rejected inputs': self._rejections,
+            "autopilot's last warning": autopilot.text,
+        }
+        self._diagnostics.report(problem, values)
+
+    def _on_stop(self) -> None:
+        self._is_stopping = True
+
+
+def _channels(values: Any, count: int) -> list[int]:
+    """Return the index of each rotor's output; raises ValueError."""
+    given = list(values.output_channels) or list(range(1, count + 1))
+    if len(given) != count or len(set(given)) != count or not all(0 < x <= 32 for x in given):
+        raise ValueError(
+            f'output_channels: {given}: give {count} different numbers from 1 to 32, one per rotor'
+        )
+    low, high = [*values.output_range, 0.0, 0.0][:2]
+    if len(values.output_range) != 2 or not high > low:
+        raise ValueError(f'output_range: {values.output_range}: give two numbers that rise')
+    return [channel - 1 for channel in given]
+
+
+def _stamp(message: Any, stamp_ns: int, frame: str) -> None:
+    message.header.frame_id = frame
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+
+
+def _fill(part: Any, axes: str, values: Any) -> None:
+    for axis, value in zip(axes, values, strict=True):
+        setattr(part, axis, float(value))
+
+
+def _odometry(state: FlightState, stamp_ns: int) -> Odometry:
+    message = Odometry()
+    _stamp(message, stamp_ns, _WORLD)
+    message.child_frame_id = BODY_LINK
+    _fill(message.pose.pose.position, 'xyz', state.position)
+    _fill(message.pose.pose.orientation, 'xyzw', quaternion(state.rotation))
+    _fill(message.twist.twist.linear, 'xyz', state.rotation.T @ state.velocity)
+    _fill(message.twist.twist.angular, 'xyz', state.rate)
+    return message
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(NAME, MavlinkFeedforward, args, PARAMETERS, __doc__)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

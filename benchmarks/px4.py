@@ -1,0 +1,176 @@
+"""How far the arm's motion moves a drone that PX4's firmware flies, by what is fed forward.
+
+The firmware, built as a program of this host (SITL), has estimator, loops and mixer; the emulated
+world is its simulator, in lock-step, so that the figures do not depend on the host.
+`flight_control` is the companion that sends set points. `make flight AUTOPILOT=px4 PX4=<folder of
+a build>` runs it.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from flight import identify, open_ros
+from flying.arm_model import ArmModel
+from flying.flight_bench import FlightBench
+from flying.flight_case import FlightCase
+from flying.flight_page import write_page
+from flying.flight_program import PARTS, FlightProgram
+from flying.flight_record import FlightRecord
+from flying.flight_results import FlightResults
+from flying.flight_way import DRONES, FlightWay, load_drone
+from flying.px4_program import HOW, Px4Program, find_px4
+from rclpy.node import Node
+
+from aerarm_ros.autopilot.px4 import Px4Gains
+from aerarm_ros.autopilot.px4_setup import SENSORS, VISION, Px4Setup
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.flight.arm_load import MassProperties
+from aerarm_ros.ros.requests.arm_client import ArmClientError
+
+WAYS = {
+    'integral': FlightWay('px4'),
+    'acceleration': FlightWay('px4', posture=True, motion=True, lead=0.03),
+    'posture, motion, lead': FlightWay('px4', posture=True, motion=True, lead=0.03),
+}
+_LEANS = {'acceleration': False}
+GAINS = (1.5, 6.5, 2.0)  # MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K
+# The position loop of a drone that pushes sideways, on this side.
+POSITION = {'position_frequency': 5.0, 'height_frequency': 5.0}
+# Tilted rotors give ten times the moment about the vertical: at PX4's defaults its loop oscillates.
+_FULL_YAW = {'mc_yawrate_p': 0.08, 'mc_yaw_tq_cutoff': 10.0}
+IMU_NOISE = (0.03, 0.002)  # [m/s^2], [rad/s]
+ODOMETRY_NOISE = (0.0005, 0.003, 0.001, 0.001)  # [m], [m/s], [rad], [rad/s] as of motion capture
+_INSTANCE = 10 + os.getpid() % 200  # its ports are free while others fly, too
+_SETTLING = 15.0  # [s] PX4's height integrator and hover thrust estimator are slow
+
+
+def at_rest(drone: DroneConfig, arm: ArmModel) -> MassProperties:
+    """Return drone and arm as one body."""
+    config, robot = load_arm_config(), load_robot(arm.law.get('urdf'))
+    rest = np.array(config.rest_position)
+    return MassProperties.of(drone, *MovingBaseDynamics(robot).composite_inertia(rest))
+
+
+def flight_case(
+    drone: DroneConfig, way: str, instance: int, options: argparse.Namespace
+) -> FlightCase:
+    """Return what is flown, and how."""
+    xy, attitude, rate = options.gains
+    noise = (
+        ('imu_noise', list(options.imu_noise)),
+        ('odometry_noise', list(options.odometry_noise)),
+    )
+    holds = drone.is_fully_actuated if options.hold_heading is None else options.hold_heading
+    flight = {
+        'loops': 'px4_sitl', 'px4_instance': instance, 'mpc_xy_p': xy, 'mc_att_p': attitude,
+        'mc_rate_k': rate, 'px4_sensors': options.sensors, 'hold_heading': holds,
+        'tilt_ahead': _LEANS.get(way, True), **POSITION, **WAYS[way].switches,
+        **(_FULL_YAW if drone.is_fully_actuated else {}),
+    }  # fmt: skip
+    return FlightCase(
+        drone.mass, 'free', drone=drone, sensors=noise, flight=tuple(flight.items()),
+        is_told=WAYS[way].is_told, told=(('rate', 1.0),), is_touched=False,
+    )  # fmt: skip
+
+
+@contextmanager
+def flying(
+    node: Node, build: Path, drone: DroneConfig, way: str, arm: ArmModel,
+    options: argparse.Namespace, number: int = 0,
+) -> Iterator[tuple[FlightBench, Path]]:  # fmt: skip
+    """Lead a drone into the air, by a PX4 that is started for it; yield its bench and PX4's log."""
+    yaw = _FULL_YAW if drone.is_fully_actuated else {}
+    setup = Px4Setup(Px4Gains.scaled(*options.gains, **yaw), options.sensors)
+    instance = _INSTANCE + number
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        place, body = Path(folder), at_rest(drone, arm)
+        program = Px4Program(build, place, drone, body, setup, instance)
+        stack.enter_context(program)
+        bench = FlightBench(stack, node, place, flight_case(drone, way, instance, options), arm)
+        bench.settling = _SETTLING
+        yield bench, program.log
+
+
+def fly(
+    node: Node, build: Path, name: str, arm: ArmModel, options: argparse.Namespace
+) -> dict[str, FlightRecord | str]:
+    """Return what the drone did in some ways, or why it did not; each begins with a new start."""
+    found: dict[str, FlightRecord | str] = {}
+    for number, way in enumerate(options.ways):
+        begin = time.monotonic()
+        try:
+            with flying(node, build, load_drone(name), way, arm, options, number) as (bench, _):
+                ready = time.monotonic() - begin
+                record = found[way] = bench.fly(FlightProgram(parts=options.parts))
+                print(
+                    f'{name}, {way}: {"lost" if record.is_lost else "flown"}, let go after '
+                    f'{ready:.0f} s, ended after {time.monotonic() - begin:.0f} s', flush=True,
+                )  # fmt: skip
+        except (ValueError, TimeoutError, ArmClientError) as error:
+            found[way] = ' '.join(str(error).split())[:160]
+    return found
+
+
+def options_of(parser: argparse.ArgumentParser) -> None:
+    """Add what all flights with PX4 share."""
+    parser.add_argument('--gains', nargs=3, type=float, default=GAINS,
+                        metavar=('XY_P', 'ATT_P', 'RATE_K'))  # fmt: skip
+    parser.add_argument('--sensors', choices=SENSORS, default=VISION)
+    parser.add_argument('--imu-noise', nargs=2, type=float, default=IMU_NOISE, metavar='DEVIATION',
+                        help='of IMU, m/s^2 and rad/s')  # fmt: skip
+    parser.add_argument('--odometry-noise', nargs=4, type=float, default=ODOMETRY_NOISE,
+                        metavar='DEVIATION', help='of odometry, m, m/s, rad and rad/s')  # fmt: skip
+    parser.add_argument('--hold-heading', action=argparse.BooleanOptionalAction, default=None,
+                        help='default: unless the rotors are in one plane')  # fmt: skip
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--drones', nargs='*', default=['hexarotor'], choices=list(DRONES))
+    parser.add_argument('--ways', nargs='*', default=['integral', 'posture, motion, lead'],
+                        choices=list(WAYS))  # fmt: skip
+    parser.add_argument('--out', type=Path, help='folder for the page')
+    parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
+    parser.add_argument('--model', choices=('identified', 'true'), default='identified')
+    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    options_of(parser)
+    options = parser.parse_args()
+    build = find_px4()
+    if build is None:
+        print(HOW)
+        return 1
+    arm = ArmModel.true()
+    with tempfile.TemporaryDirectory() as folder:
+        if options.model == 'identified':
+            arm = identify(os.getpid(), Path(folder), options.arm_seed)
+        node = open_ros(os.getpid())
+        try:
+            records = {name: fly(node, build, name, arm, options) for name in options.drones}
+        finally:
+            rclpy.try_shutdown()
+        flown = FlightProgram(parts=options.parts)
+        results = FlightResults(flown, records, arm.law.get('urdf'))
+    note = (
+        f'Drones of 3 kg that carry an arm of 1.5 kg, the arm {arm.name}, flown by PX4 in '
+        f'lock-step, position by {options.sensors}; MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K '
+        f'{", ".join(f"{gain:g}" for gain in options.gains)}.'
+    )
+    print(f'{note}\n{results.text()}')
+    if options.out:
+        write_page(options.out / 'flight_px4.html', results, note)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,104 @@
+"""What becomes of a drone that PX4's firmware flies when something fails while its arm moves.
+
+Each failure happens in slow motion of the arm, all fed forward, in a flight of its own. It prints
+the largest distance from the drone's place before and after it, and what the firmware reported.
+"""
+
+import argparse
+import os
+import re
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from flight import open_ros
+from flying.arm_model import ArmModel
+from flying.arm_swing import ArmSwing
+from flying.flight_bench import FlightBench
+from flying.flight_record import LOST
+from flying.flight_way import load_drone
+from flying.px4_program import HOW, find_px4
+from px4 import flying, options_of
+from rclpy.node import Node
+
+from aerarm_ros.ros.requests.arm_client import ArmClientError
+
+WAY, DRONE = 'posture, motion, lead', 'hexarotor'
+_WHEN, _LENGTH, _RAMP = 3.0, 10.0, 1.0  # [s]
+_AT_TOOL = [0.1, 0.0, 0.0]  # [m]
+# What PX4 prints of a set point that it does not follow, or of a failsafe.
+_TOLD = re.compile(r'invalid|unsupported|not supported|[Ff]ailsafe|denied|rejected')
+
+
+def _kill(*names: str) -> Callable[[FlightBench], None]:
+    def act(bench: FlightBench) -> None:
+        for name in names:
+            bench.processes[name].stop(signal.SIGKILL)
+
+    return act
+
+
+FAILURES: dict[str, Callable[[FlightBench], None]] = {
+    'nothing': lambda bench: None,
+    'nothing fed forward any more': lambda bench: bench.switch(
+        {'feed_posture': False, 'feed_motion': False}
+    ),
+    'base_reaction killed': _kill('base_reaction'),
+    'computed_torque killed: the arm is damped and sinks': _kill('computed_torque'),
+    'both killed': _kill('base_reaction', 'computed_torque'),
+    '0.2 kg picked up': lambda bench: bench.tell_world('payload', [0.2, *_AT_TOOL]),
+    '0.5 kg picked up': lambda bench: bench.tell_world('payload', [0.5, *_AT_TOOL]),
+}
+
+
+def fail(
+    node: Node, build: Path, arm: ArmModel, options: argparse.Namespace, name: str
+) -> str:  # fmt: skip
+    """Return a line on one failure."""
+    with flying(node, build, load_drone(DRONE), WAY, arm, options) as (bench, log):
+        motion = ArmSwing('slow', _LENGTH, _RAMP)
+        begin, now, is_done = bench.begin(motion), -np.inf, False
+        while now < begin + motion.duration and bench.listener.farthest < LOST:
+            now, _ = bench.listener.next()
+            if not is_done and now > begin + _WHEN:
+                FAILURES[name](bench)
+                is_done = True
+        record = bench.listener.record().shifted(begin)
+        told = [line for line in log.read_text().splitlines() if _TOLD.search(line)]
+    away = 1e3 * np.linalg.norm(record.places, axis=1)
+    before = (record.times > 0.0) & (record.times < _WHEN)
+    after = record.times >= _WHEN
+    end = record.times > record.times[-1] - 1.0
+    return (
+        f'{name:52} {away[before].max():6.1f} {away[after].max():6.1f} {away[end].max():6.1f}  '
+        f'{"lost" if record.is_lost else ""} {"; ".join(told)}'
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--failures', nargs='*', default=list(FAILURES), choices=list(FAILURES))
+    options_of(parser)
+    options = parser.parse_args()
+    build = find_px4()
+    if build is None:
+        print(HOW)
+        return 1
+    node = open_ros(os.getpid())
+    print(f'{"distance [mm]":52} before  after    end  reports')
+    try:
+        for name in options.failures:
+            try:
+                print(fail(node, build, ArmModel.true(), options, name), flush=True)
+            except (ValueError, TimeoutError, ArmClientError) as error:
+                print(f'{name}: {" ".join(str(error).split())[:160]}', flush=True)
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

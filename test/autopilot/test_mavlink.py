@@ -1,0 +1,116 @@
+"""Frames against those of MAVLink's own generator, and a stream that is cut and damaged."""
+
+import struct
+
+import pytest
+
+from aerarm_ros.autopilot.mavlink import LAYOUTS, FrameReader, FrameWriter, checksum
+
+# CRC_EXTRA of MAVLink's generated headers (March 2026).
+SEEDS = {
+    'HEARTBEAT': 50, 'ATTITUDE': 39, 'ATTITUDE_QUATERNION': 246, 'LOCAL_POSITION_NED': 185,
+    'SERVO_OUTPUT_RAW': 222, 'COMMAND_LONG': 152, 'COMMAND_ACK': 143, 'SET_ATTITUDE_TARGET': 49,
+    'SET_POSITION_TARGET_LOCAL_NED': 143, 'HIL_ACTUATOR_CONTROLS': 47, 'HIGHRES_IMU': 93,
+    'HIL_SENSOR': 108, 'TIMESYNC': 34, 'HIL_GPS': 124, 'STATUSTEXT': 83, 'ODOMETRY': 91,
+    'ACTUATOR_OUTPUT_STATUS': 251,
+}  # fmt: skip
+# A HIL_SENSOR as pymavlink 2.4.50 packs it, sequence 0, system 1, component 2.
+GOLDEN = bytes.fromhex(
+    'fd3d00000001026b000040e20100000000000000c03f00000000000000000000000000000000000000c000000000000000000000000000000000000000000000000000000000072f78'
+)
+
+
+def test_the_checksum_is_that_of_the_catalogue() -> None:
+    assert checksum(b'123456789') == 0x6F91  # CRC-16/MCRF4XX
+
+
+def test_the_seed_of_every_message_is_that_of_mavlink() -> None:
+    assert {name: layout.seed for name, layout in LAYOUTS.items()} == SEEDS
+
+
+def test_a_frame_is_packed_as_mavlink_packs_it() -> None:
+    frame = FrameWriter(1, 2).pack(
+        'HIL_SENSOR', time_usec=123456, xacc=1.5, zgyro=-2.0, fields_updated=7
+    )
+    assert frame == GOLDEN
+
+
+def test_zeros_at_the_end_of_a_payload_are_left_out_and_found_again() -> None:
+    frame = FrameWriter(1, 1).pack('COMMAND_LONG', command=400, param1=1.0)
+    [message] = FrameReader().feed(frame)
+    assert message.name == 'COMMAND_LONG'
+    assert (message['command'], message['param1'], message['param7']) == (400, 1.0, 0.0)
+    assert len(frame) < 12 + LAYOUTS['COMMAND_LONG'].base_size
+
+
+def test_the_thrust_of_three_axes_is_the_extension_of_an_attitude_target() -> None:
+    frame = FrameWriter(1, 1).pack(
+        'SET_ATTITUDE_TARGET', q=(1, 0, 0, 0), thrust_body=(0.1, -0.2, -0.5), type_mask=39
+    )
+    assert struct.unpack('<3f', frame[-14:-2]) == pytest.approx((0.1, -0.2, -0.5))
+    [message] = FrameReader().feed(frame)
+    assert message['thrust_body'] == pytest.approx((0.1, -0.2, -0.5))
+
+
+def test_text_and_arrays_come_back() -> None:
+    writer, reader = FrameWriter(3, 4), FrameReader()
+    [message] = reader.feed(writer.pack('STATUSTEXT', severity=4, text='Arming denied'))
+    assert (message.system, message.component, message['text']) == (3, 4, 'Arming denied')
+    controls = [0.0625 * i for i in range(16)]
+    [message] = reader.feed(writer.pack('HIL_ACTUATOR_CONTROLS', controls=controls, mode=129))
+    assert list(message['controls']) == controls
+
+
+def test_mavlink_1_is_read_too() -> None:
+    payload = struct.pack('<IBBBBB', 0x60000, 2, 12, 209, 4, 3)
+    checked = bytes([len(payload), 7, 1, 1, 0]) + payload
+    frame = b'\xfe' + checked + checksum(checked + bytes([50])).to_bytes(2, 'little')
+    [message] = FrameReader().feed(frame)
+    assert (message['custom_mode'], message['base_mode']) == (0x60000, 209)
+
+
+def test_a_stream_may_be_cut_anywhere() -> None:
+    writer, reader = FrameWriter(1, 1), FrameReader()
+    stream = b''.join(writer.pack('HIL_SENSOR', time_usec=i, xacc=float(i)) for i in range(1, 6))
+    times = []
+    for byte in stream:
+        times += [message['time_usec'] for message in reader.feed(bytes([byte]))]
+    assert times == [1, 2, 3, 4, 5]
+    assert reader.damaged == 0
+
+
+@pytest.mark.parametrize('place', range(10, 40))
+def test_a_damaged_frame_is_counted_and_those_around_it_are_read(place: int) -> None:
+    writer, reader = FrameWriter(1, 1), FrameReader()
+    frames = [
+        writer.pack('HIL_SENSOR', time_usec=i, xacc=1.0, fields_updated=63) for i in (1, 2, 3)
+    ]
+    frames[1] = frames[1][:place] + bytes([frames[1][place] ^ 0x55]) + frames[1][place + 1 :]
+    times = [message['time_usec'] for message in reader.feed(b''.join(frames) + bytes(300))]
+    assert times == [1, 3]
+    assert reader.damaged >= 1
+
+
+def test_noise_before_a_frame_is_skipped() -> None:
+    frame = FrameWriter(1, 1).pack('HEARTBEAT', type=2)
+    found = FrameReader().feed(b'\x00NSH> \xfd\x40' + frame + bytes(300))
+    assert [message.name for message in found] == ['HEARTBEAT']
+
+
+def test_other_messages_and_signed_frames_are_skipped_whole() -> None:
+    unknown = bytes([0xFD, 4, 0, 0, 0, 1, 1, 0x10, 0x27, 0, 1, 2, 3, 4, 9, 9])
+    heartbeat = bytearray(FrameWriter(1, 1).pack('HEARTBEAT', type=2))
+    heartbeat[2] = 1  # signed: a signature of 13 bytes follows
+    heartbeat[-2:] = checksum(bytes(heartbeat[1:-2]) + bytes([50])).to_bytes(2, 'little')
+    after = FrameWriter(1, 1).pack('HEARTBEAT', type=3)
+    found = FrameReader().feed(unknown + bytes(heartbeat) + bytes(range(100, 113)) + after)
+    assert [message['type'] for message in found] == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ('values', 'reason'),
+    [({'no_such': 1}, 'no field no_such'), ({'type': 256}, 'HEARTBEAT')],
+)
+def test_a_value_that_does_not_fit_is_rejected(values: dict[str, int], reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        FrameWriter(1, 1).pack('HEARTBEAT', **values)

@@ -1,0 +1,202 @@
+"""The node as a process, an autopilot over UDP at its other end, and the arm over topics."""
+
+import select
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from quick_spinning import spin_once
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from aerarm_msgs_py import topics
+from aerarm_ros.autopilot.mavlink import FrameReader, FrameWriter, Message
+from aerarm_ros.description.drone_config import load_drone_config
+from aerarm_ros.ros.process.node_process import NodeProcess
+
+DRONE = load_drone_config()
+LIMIT = 60.0  # [s] of a busy host
+IGNORE_YAW_RATE = 2048
+
+
+class Autopilot:
+    """A PX4 on the ground, as its MAVLink shows it."""
+
+    def __init__(self) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(('127.0.0.1', 0))
+        self.port = int(self._socket.getsockname()[1])
+        self._writer, self._reader = FrameWriter(1, 1), FrameReader()
+        self._peer: tuple[str, int] | None = None
+        self._next = 0.0
+        self.base_mode, self.custom_mode = 81, 3 << 24 | 4 << 16
+        self.is_silent = self.is_damaged = False
+        self.result = 0
+        self.heard: list[Message] = []
+
+    def of(self, name: str) -> list[Message]:
+        """Return what was heard of a name."""
+        return [message for message in self.heard if message.name == name]
+
+    def commands(self) -> list[int]:
+        """Return the commands that were heard, but those for streams."""
+        return [m['command'] for m in self.of('COMMAND_LONG') if m['command'] != 511]
+
+    def tick(self) -> None:
+        """Listen, and speak if it is time."""
+        while select.select([self._socket], [], [], 0.0)[0]:
+            data, self._peer = self._socket.recvfrom(4096)
+            for message in self._reader.feed(data):
+                self.heard.append(message)
+                if message.name == 'COMMAND_LONG':
+                    self._say('COMMAND_ACK', command=message['command'], result=self.result)
+        now = time.monotonic()
+        if now < self._next or self._peer is None or self.is_silent:
+            return
+        self._next = now + 0.01
+        self._say('HEARTBEAT', type=13, autopilot=12, base_mode=self.base_mode,
+                  custom_mode=self.custom_mode)  # fmt: skip
+        self._say('ATTITUDE_QUATERNION', q1=1.0)
+        self._say('LOCAL_POSITION_NED', x=1.0, y=2.0, z=-3.0)
+        self._say('HIGHRES_IMU', zacc=-9.8)
+        self._say('ACTUATOR_OUTPUT_STATUS', active=6, actuator=[1500.0] * 6 + [0.0] * 26)
+
+    def _say(self, name: str, **values: object) -> None:
+        assert self._peer is not None
+        frame = bytearray(self._writer.pack(name, **values))
+        if self.is_damaged:
+            frame[-1] ^= 0xFF
+        self._socket.sendto(bytes(frame), self._peer)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class Bench:
+    """Node, autopilot, and what the node publishes."""
+
+    def __init__(self, node: Node, autopilot: Autopilot) -> None:
+        self.node, self.autopilot = node, autopilot
+        self.received: dict[str, object] = {}
+        self.status: dict[str, str] = {}
+        self.text = ''
+        for topic in (topics.ODOMETRY, topics.IMU, topics.ROTOR_COMMAND):
+            node.create_subscription(topic.type, topic.name, self._keep(topic.name), topic.qos)
+        topic = topics.DIAGNOSTICS
+        node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
+        topic = topics.FLIGHT_SET_POINT
+        self.places = node.create_publisher(topic.type, topic.name, topic.qos)
+
+    def until(self, is_done: object, limit: float = LIMIT) -> bool:
+        """Spin, and let the autopilot live, until something is done."""
+        deadline = time.monotonic() + limit
+        while time.monotonic() < deadline:
+            spin_once(self.node, 0.002)
+            self.autopilot.tick()
+            if is_done():  # type: ignore[operator]
+                return True
+        return False
+
+    def lead(self, x: float) -> None:
+        """Send a set point."""
+        message = PoseStamped()
+        message.pose.position.x = x
+        message.pose.orientation.w = 1.0
+        self.places.publish(message)
+
+    def call(self, name: str) -> Trigger.Response:
+        """Call a service of the node."""
+        client = self.node.create_client(Trigger, f'mavlink_feedforward/{name}')
+        assert self.until(client.service_is_ready)
+        future = client.call_async(Trigger.Request())
+        assert self.until(future.done)
+        return future.result()
+
+    def _keep(self, name: str) -> object:
+        return lambda message: self.received.update({name: message})
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self.text = status.message
+            self.status = {value.key: value.value for value in status.values}
+
+
+@pytest.fixture
+def bench(ros_node: Node, tmp_path: Path) -> Iterator[Bench]:
+    autopilot = Autopilot()
+    parameters = {
+        'drone_file': 'config/drone.yaml',
+        'connection': f'udp:127.0.0.1:{autopilot.port}',
+        'set_point_timeout': 0.5,
+    }
+    with NodeProcess('mavlink_feedforward', parameters=parameters, log=tmp_path / 'log'):
+        yield Bench(ros_node, autopilot)
+    autopilot.close()
+
+
+def test_it_serves_arm_and_autopilot_and_leaves_arming_to_others(bench: Bench) -> None:
+    assert bench.until(lambda: len(bench.received) == 3)
+    odometry, imu, rotors = (bench.received[name] for name in ('odometry', 'imu', 'rotor_command'))
+    place = odometry.pose.pose.position
+    np.testing.assert_allclose([place.x, place.y, place.z], [2.0, 1.0, 3.0])
+    assert imu.linear_acceleration.z == pytest.approx(9.8, rel=1e-6)
+    assert list(rotors.name) == list(DRONE.rotor_names)
+    np.testing.assert_allclose(rotors.effort, 0.5 * DRONE.column('thrust_max'))
+    # Set points: forwarded while they come, and not after that.
+    set_points = 'SET_POSITION_TARGET_LOCAL_NED'
+    assert bench.autopilot.of(set_points) == []
+    deadline = time.monotonic() + LIMIT
+    while len(bench.autopilot.of(set_points)) < 20 and time.monotonic() < deadline:
+        bench.lead(0.5)
+        bench.until(lambda: False, 0.1)
+    last = bench.autopilot.of(set_points)[-1]
+    assert (last['x'], last['y'], last['z']) == pytest.approx((0.0, 0.5, 0.0))
+    assert last['type_mask'] == IGNORE_YAW_RATE  # an acceleration is always with it
+    bench.until(lambda: False, 1.5)
+    count = len(bench.autopilot.of(set_points))
+    bench.until(lambda: False, 1.0)
+    assert len(bench.autopilot.of(set_points)) == count
+    assert bench.autopilot.commands() == []
+
+
+def test_it_arms_and_changes_the_mode_by_name_alone(bench: Bench) -> None:
+    assert bench.until(lambda: bench.status.get('mode') == 'auto hold')
+    response = bench.call('offboard')
+    assert (response.success, response.message) == (True, 'accepted')
+    bench.autopilot.result = 1
+    response = bench.call('arm')
+    assert (response.success, response.message) == (False, 'temporarily rejected')
+    assert set(bench.autopilot.commands()) == {176, 400}
+    bench.autopilot.base_mode, bench.autopilot.custom_mode = 209, 6 << 16
+    assert bench.until(lambda: bench.status.get('mode') == 'offboard')
+    assert bench.until(lambda: bench.status.get('armed') == 'True')
+
+
+def test_a_lost_link_and_damaged_frames_are_on_diagnostics(bench: Bench) -> None:
+    assert bench.until(lambda: bench.text.startswith('no set points'))
+    bench.autopilot.is_damaged = True
+    assert bench.until(lambda: 'no heartbeat' in bench.text)
+    assert int(bench.status['damaged frames']) > 0
+    response = bench.call('arm')
+    assert not response.success
+    assert 'check connection' in response.message
+    assert bench.autopilot.commands() == []
+    bench.autopilot.is_damaged = False
+    assert bench.until(lambda: bench.text.startswith('no set points'))
+    bench.autopilot.is_silent = True
+    assert bench.until(lambda: 'no heartbeat' in bench.text)
+
+
+def test_a_line_that_cannot_be_opened_ends_it_with_one_line(
+    ros_domain: dict[str, str], tmp_path: Path
+) -> None:
+    parameters = {'drone_file': 'config/drone.yaml', 'connection': 'serial:/dev/no_such:57600'}
+    log = tmp_path / 'log'
+    with NodeProcess('mavlink_feedforward', parameters=parameters, log=log) as node:
+        assert node.wait(LIMIT) == 1
+    assert 'No such file' in log.read_text()
