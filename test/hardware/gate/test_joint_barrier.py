@@ -289,10 +289,15 @@ def test_overwhelmed_is_who_the_whole_torque_does_not_brake():
     assert not seen(q=0.0, dq=3.0, load=-8.0).is_overwhelmed
 
 
+PULL = 0.05 * JOINT.effort_max  # of other joints that are braked meanwhile
+
+
 def test_a_torque_that_a_joint_survives_needs_no_damping_for_a_host_that_is_held_up():
-    # Until the board lets go it brings the joint to 1.1 times its limit at most.
+    # Until the board lets go it brings the joint to 1.1 times its limit at most, and to 1.15 times
+    # if other joints pull at it.
     barrier = seen()
-    most = 1.1 * JOINT.velocity_max * INERTIA / SETTINGS.board_timeout
+    per_speed = JOINT.velocity_max * INERTIA / SETTINGS.board_timeout
+    most = min(1.1 * per_speed, 1.15 * per_speed - PULL)
     assert barrier.gap_damping(0.99 * most) == barrier.gap_damping(-0.99 * most) == 0.0
     assert barrier.gap_damping(1.01 * most) > 0.0 < barrier.gap_damping(-1.01 * most)
     loaded = seen(effort=2.0, load=2.0)
@@ -303,9 +308,10 @@ def test_a_torque_that_a_joint_survives_needs_no_damping_for_a_host_that_is_held
 def test_more_torque_ends_by_its_damping_at_little_more_than_the_speed_limit(speed):
     barrier = seen(dq=speed)
     damping = barrier.gap_damping(5.0)
-    at_end = speed + 5.0 / damping
+    at_end, pulled = (speed + torque / damping for torque in (5.0, 5.0 + PULL))
     if damping < 700.0 * INERTIA:
-        assert at_end == pytest.approx(1.1 * JOINT.velocity_max, abs=1e-3)
+        most = max(at_end / 1.1, pulled / 1.15)
+        assert most == pytest.approx(JOINT.velocity_max, abs=1e-3)
     assert at_end < 1.2 * JOINT.velocity_max
     assert seen(dq=-speed).gap_damping(-5.0) == pytest.approx(damping)
     # Braking needs none.
@@ -314,7 +320,7 @@ def test_more_torque_ends_by_its_damping_at_little_more_than_the_speed_limit(spe
 
 def test_no_damping_is_more_than_a_low_passed_speed_allows():
     assert seen(dq=JOINT.velocity_max).gap_damping(9.0) == pytest.approx(700.0 * INERTIA)
-    assert seen(dq=2.0 * JOINT.velocity_max).gap_damping(0.5) == pytest.approx(0.5 / 0.25)
+    assert seen(dq=2.0 * JOINT.velocity_max).gap_damping(0.5) == pytest.approx((0.5 + PULL) / 0.25)
 
 
 @pytest.mark.parametrize('period', [0.5e-3, 1e-3, 4e-3])
