@@ -156,6 +156,8 @@ class RecordedArm:
         With the options of `identifier_options.add_arm_options`.
     paths : sequence of Path
         All bags that will be read, for their names.
+    whole : bool
+        Use all messages of a bag, rest included.
 
     Attributes
     ----------
@@ -173,7 +175,9 @@ class RecordedArm:
         If an option, the URDF or the configuration is wrong.
     """
 
-    def __init__(self, options: argparse.Namespace, paths: Sequence[Path]) -> None:
+    def __init__(
+        self, options: argparse.Namespace, paths: Sequence[Path], whole: bool = False
+    ) -> None:
         self._names = bag_names(paths)
         tables = any(path.suffix.lower() in TABLES for path in paths)
         given = {
@@ -191,7 +195,7 @@ class RecordedArm:
         limits = ReadLimits(_MB * options.bag_part, options.bag_ratio)
         table = TableOptions(options.rate, options.degrees, options.numbered_from)
         self._bags = IdentifierBags(
-            options.topic, self.robot.joint_names, _mapping(options), limits, table
+            options.topic, self.robot.joint_names, _mapping(options), limits, table, whole
         )
         self.messages = self._bags.messages
         self.read: dict[str, RecordedBag] = {}

@@ -114,6 +114,21 @@ def replay_parser(name: str) -> OneLineParser:
     return parser
 
 
+def known_arm(
+    recorded: RecordedArm, options: argparse.Namespace
+) -> tuple[KnownArm, Estimate | None]:
+    """Return the arm of `--model`, or of the URDF, with the estimate it comes from."""
+    robot, config = recorded.robot, recorded.config
+    if options.model is None:
+        rotors = np.zeros(robot.n) if config is None else config.column('reflected_inertia')
+        friction = np.array([robot.viscous, robot.coulomb, robot.load_friction])
+        return KnownArm(robot, rotors, friction), None
+    estimate = read_estimate(options.model, robot)
+    if options.gravity is None:
+        robot = robot.with_gravity(read_gravity(options.model, robot))
+    return KnownArm.identified(robot, estimate), estimate
+
+
 class PayloadReplay:
     """What the command line of a replay asks for.
 
@@ -140,8 +155,7 @@ class PayloadReplay:
         if options.out and not options.model:
             raise IdentificationError('--out writes what the arm is with its payload: give --model')
         self._recorded = RecordedArm(options, options.bag)
-        self._estimate: Estimate | None = None
-        self._arm = self._known_arm()
+        self._arm, self._estimate = known_arm(self._recorded, options)
 
     def execute(self) -> str:
         """Go through the bags, write what was asked for, and return what was found.
@@ -166,18 +180,6 @@ class PayloadReplay:
             model = str(self._options.model)
             directory.write_json(MARKER, {'model': model, 'payload': found})
         return f'{text}\n{directory.target / "payload.yaml"}'
-
-    def _known_arm(self) -> KnownArm:
-        robot, config = self._recorded.robot, self._recorded.config
-        if self._options.model is None:
-            rotors = np.zeros(robot.n) if config is None else config.column('reflected_inertia')
-            return KnownArm(
-                robot, rotors, np.array([robot.viscous, robot.coulomb, robot.load_friction])
-            )
-        self._estimate = read_estimate(self._options.model, robot)
-        if self._options.gravity is None:
-            robot = robot.with_gravity(read_gravity(self._options.model, robot))
-        return KnownArm.identified(robot, self._estimate)
 
     def _found(self) -> tuple[str, OnlineEstimate]:
         estimator = self._arm.estimator(estimator_settings(self._options))
