@@ -215,6 +215,22 @@ class RecordedArm:
         return {name: bag.facts for name, bag in self.read.items()}
 
 
+UNCALIBRATED = 0.1
+"""Relative deviation of torque constants as manufacturers and papers state them."""
+
+
+def gain_deviation(options: argparse.Namespace) -> float:
+    """Return the relative deviation of the effort gains; raises IdentificationError."""
+    given = options.effort_gain_std
+    if given is None:
+        return UNCALIBRATED if options.effort_gain else 0.0
+    if not 0.0 <= given < 1.0:
+        raise IdentificationError(
+            f'--effort-gain-std {given}: give a share from 0 to 1, such as 0.02 for 2 %'
+        )
+    return float(given)
+
+
 def pair(text: str, option: str) -> tuple[str, str]:
     """Return both sides of LEFT=RIGHT; raises IdentificationError for anything else."""
     left, equals, right = text.partition('=')
@@ -391,7 +407,7 @@ class IdentifierRun:
         tell(self._arm.messages[known:])
         result.warnings.extend(self._arm.messages[known:])
         with self._stopwatch.stage('payload'):
-            return identify_payload(result, recordings)
+            return identify_payload(result, recordings, gain_deviation(self._options))
 
     def _write(
         self, result: IdentificationResult, payload: Payload | None, directory: ResultDirectory
@@ -487,7 +503,8 @@ class PayloadRun(IdentifierRun):
                 cutoff=options.cutoff,
                 filter=options.filter,
             )
-            payload = weigh_payload(robot, estimate, recordings, conditioning)
+            deviation = gain_deviation(options)
+            payload = weigh_payload(robot, estimate, recordings, conditioning, deviation)
             directory.write('payload.yaml', payload_yaml(estimate, payload))
             summary = {
                 'model': str(options.model),
