@@ -1,7 +1,8 @@
 """Contact of an arm without a sensor: yes or no, how surely, and what a load explains instead."""
 
 from collections import deque
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -179,7 +180,9 @@ class ContactDetector:
     ) -> None:
         self._external = external
         self._bound = bound
-        self._settings = settings or ContactSettings()
+        given = settings or ContactSettings()
+        share = max(given.rest_share, bound.rest_share)
+        self._settings = replace(given, rest_share=share)
         self._load = LoadTest(external, self._settings)
         self.events: list[ContactEvent] = []
         names = external.dynamics.robot.joint_names
@@ -534,3 +537,37 @@ class LoadTest:
         ):
             self._body, self.found = self._scale * belief.mean, True
             self.mass, self.mass_std = mass, std
+
+
+_REST_SHARES = (0.0, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5)
+
+
+def with_rest_share(
+    bound: ResidualBound,
+    external: Callable[[], ExternalTorque],
+    motion: Callable[[], Iterable[tuple[float, ArmState]]],
+    settings: ContactSettings | None = None,
+) -> ResidualBound:
+    """Return a bound whose share at rest no motion exceeds that begins by itself.
+
+    A drive builds up torque before a joint breaks loose. How much of it shows before the velocity
+    does depends on the arm, so that it is learnt from the same free motion.
+
+    Parameters
+    ----------
+    bound : ResidualBound
+    external : callable
+        Returns a new observer of the arm.
+    motion : callable
+        Returns times [s] and states of the free motion, from the beginning.
+    settings : ContactSettings, optional
+    """
+    tried = bound
+    for share in _REST_SHARES:
+        tried = replace(bound, rest_share=share)
+        detector = ContactDetector(external(), tried, settings)
+        for time, state in motion():
+            detector.update(state, time)
+        if not any(isinstance(event.reference, np.ndarray) for event in detector.events):
+            break
+    return tried

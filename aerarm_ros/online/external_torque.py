@@ -251,6 +251,8 @@ class ResidualBound:
         Other motions leave more than the one that was learnt from.
     friction_spread : float
         By which friction may differ from the model, relative.
+    rest_share : float
+        Change of torque at rest, over dry friction, that motions that begin by themselves reach.
     """
 
     shares: Array
@@ -258,6 +260,7 @@ class ResidualBound:
     gain: float
     margin: float = 1.5
     friction_spread: float = 0.15
+    rest_share: float = 0.0
 
     @classmethod
     def learnt(cls, rows: Iterable[Unexplained], gain: float) -> 'ResidualBound':
@@ -307,6 +310,7 @@ class ResidualBound:
             'observer_gain': self.gain,
             'margin': self.margin,
             'friction_spread': self.friction_spread,
+            'rest_share': self.rest_share,
         }
 
     @classmethod
@@ -326,15 +330,16 @@ class ResidualBound:
         try:
             shares = np.array(values['shares'], dtype=float).reshape(n, len(FEATURES))
             noise = np.array(values['noise'], dtype=float).reshape(n)
-            gain, margin, spread = (
-                float(values[key]) for key in ('observer_gain', 'margin', 'friction_spread')
+            gain, margin, spread, rest = (
+                float(values[key])
+                for key in ('observer_gain', 'margin', 'friction_spread', 'rest_share')
             )
         except (KeyError, TypeError, ValueError):
             raise ValueError(f'{name}: a value is missing or is no number: {advice}') from None
-        numbers = np.concatenate([shares.ravel(), noise, [gain, margin, spread]])
+        numbers = np.concatenate([shares.ravel(), noise, [gain, margin, spread, rest]])
         if not (np.isfinite(numbers).all() and (numbers >= 0.0).all() and gain * margin > 0.0):
             raise ValueError(f'{name}: values must be finite and not negative: {advice}')
-        return cls(shares, noise, gain, margin, spread)
+        return cls(shares, noise, gain, margin, spread, rest)
 
 
 def free_rows(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,12 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState, Array
-from aerarm_ros.online.contact_detector import Cause, ContactDetector, ContactEvent
+from aerarm_ros.online.contact_detector import (
+    Cause,
+    ContactDetector,
+    ContactEvent,
+    with_rest_share,
+)
 from aerarm_ros.online.contact_place import ContactLocator, ContactPlace
 from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
 from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
@@ -180,10 +185,19 @@ class ContactReplay:
         if self._options.residuals is not None:
             return read_residuals(self._options.residuals, self._arm.robot.joint_names)
         gain, rows = self._options.observer_gain, []
-        for path in self._options.free:
-            recording = self._recorded.recording(path)
+        recordings = [self._recorded.recording(path) for path in self._options.free]
+        for recording in recordings:
             rows += list(free_rows(ExternalTorque(self._arm, gain), recording, self._is_stopped))
-        return ResidualBound.learnt(rows, gain)
+        bound = ResidualBound.learnt(rows, gain)
+        for recording in recordings:
+            learnt = with_rest_share(
+                bound,
+                lambda: ExternalTorque(self._arm, gain),
+                lambda recording=recording: _states(recording),
+                contact_settings(self._options),
+            )
+            bound = max(bound, learnt, key=lambda one: one.rest_share)
+        return bound
 
     def _search(self, bound: ResidualBound) -> list[SearchedBag]:
         bags = [
@@ -215,6 +229,14 @@ class ContactReplay:
         return '\n'.join(lines)
 
 
+def _states(recording: Recording) -> Iterator[tuple[float, ArmState]]:
+    """Yield times and states of a recording with velocities."""
+    assert recording.dq is not None
+    rows = zip(recording.time.tolist(), recording.q, recording.dq, recording.tau, strict=True)
+    for time, q, dq, tau in rows:
+        yield time, ArmState(q, dq, tau)
+
+
 def search(
     recording: Recording,
     detector: ContactDetector,
@@ -235,11 +257,10 @@ def search(
         )
     torque = np.zeros_like(recording.q)
     threshold = np.full_like(recording.q, np.nan)
-    rows = zip(recording.time.tolist(), recording.q, recording.dq, recording.tau, strict=True)
-    for row, (time, q, dq, tau) in enumerate(rows):
+    for row, (time, state) in enumerate(_states(recording)):
         if row % 1000 == 0 and is_stopped():
             raise KeyboardInterrupt
-        report = detector.update(ArmState(q, dq, tau), time)
+        report = detector.update(state, time)
         if report is not None:
             torque[row], threshold[row] = report.torque, report.threshold
     places = [
