@@ -28,11 +28,11 @@ _SLOW = 0.05  # [rad/s] below which dry friction may have another direction or b
 _CREEPING = 0.02  # [rad/s] at which the slowly rising part of friction counts as dry
 
 
-class JointFriction:
+class JointFriction(FrictionCompensation):
     """All identified friction of the joints by measured velocity.
 
-    It has the interface of `FrictionCompensation` and adds the terms that the latter leaves out
-    (saturating viscous friction, Stribeck friction, offsets, one-sided and coupled friction).
+    It adds the terms that `FrictionCompensation` leaves out: saturating viscous friction,
+    Stribeck friction, offsets, one-sided and coupled friction.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class JointFriction:
 
     def __init__(self, arm: KnownArm) -> None:
         viscous, coulomb, load = arm.friction
-        self._main = FrictionCompensation(viscous, coulomb, _WIDTH, 1.0, load)
+        super().__init__(viscous, coulomb, _WIDTH, 1.0, load)
         self._dry, self._share = coulomb.copy(), load
         self._others: list[tuple[int, int, JointTerm, float]] = []
         for joint, term, value in arm.others:
@@ -52,9 +52,9 @@ class JointFriction:
             if not term.smooth:
                 self._dry[joint] += abs(value * float(known.basis(_at_creep, _at_creep, None)))
 
-    def torque(self, dq: Array, load: Array) -> Array:
+    def torque(self, dq: Array, load: Array | None = None) -> Array:
         """Return the torque (n,) [Nm] that friction takes at a velocity and a load on the links."""
-        torque = self._main.torque(dq, load)
+        torque = super().torque(dq, load)
         for joint, driver, term, value in self._others:
             speed = dq[driver]
             basis = term.basis(speed, speed, None)

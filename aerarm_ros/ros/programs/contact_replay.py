@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -193,7 +194,7 @@ class ContactReplay:
             learnt = with_rest_share(
                 bound,
                 lambda: ExternalTorque(self._arm, gain),
-                lambda recording=recording: _states(recording),
+                partial(_states, recording),
                 contact_settings(self._options),
             )
             bound = max(bound, learnt, key=lambda one: one.rest_share)
