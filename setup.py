@@ -58,6 +58,7 @@ EXECUTABLES = [
     'base_reaction',
     'calibrator',
     'computed_torque',
+    'contact_estimator',
     'demo',
     'excitation',
     'excitation_designer',

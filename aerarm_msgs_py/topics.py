@@ -16,7 +16,7 @@ from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Bool, Float64, Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 
@@ -140,6 +140,11 @@ MOTION_WRENCH = Topic('base_wrench_motion', WrenchStamped, NEWEST)
 FEEDFORWARD_ACCELERATION = Topic('feedforward_acceleration', AccelStamped, NEWEST)
 # Of what else touches drone or arm.
 CONTACT_WRENCH = Topic('contact_wrench', WrenchStamped, NEWEST)
+# Of an arm on any base: torque beyond drives and model; contact yes or no, its confidence, force.
+EXTERNAL_TORQUE = Topic('external_torque', JointState, NEWEST)
+CONTACT = Topic('contact', Bool, NEWEST)
+CONTACT_CONFIDENCE = Topic('contact_confidence', Float64, NEWEST)
+CONTACT_FORCE = Topic('contact_force', WrenchStamped, NEWEST)
 STATIC_WRENCH = Topic('base_wrench_static', WrenchStamped, NEWEST)
 ROBOT_DESCRIPTION = Topic('robot_description', String, LATCHED)
 RECORDER_STATUS = Topic('recorder_status', String, LATCHED)
@@ -183,6 +188,10 @@ TOPICS = MappingProxyType(
             MOTION_WRENCH,
             FEEDFORWARD_ACCELERATION,
             CONTACT_WRENCH,
+            EXTERNAL_TORQUE,
+            CONTACT,
+            CONTACT_CONFIDENCE,
+            CONTACT_FORCE,
             DISTURBANCE,
             TOOL_PATH,
             ROBOT_DESCRIPTION,

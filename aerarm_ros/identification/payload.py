@@ -1,7 +1,7 @@
 """Identification of a payload from two recordings: its mass, centre and inertia."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,6 +75,17 @@ class Payload:
         slope = np.hstack([-self.centre[:, None], np.eye(3)]) / self.mass
         return np.asarray(np.sqrt(np.diag(slope @ self.covariance[:4, :4] @ slope.T)))
 
+    def with_scale_deviation(self, share: float) -> 'Payload':
+        """Return the payload with the deviation that a scale error of all torques causes.
+
+        Parameters
+        ----------
+        share : float
+            Relative standard deviation of the torque constants that they have in common.
+        """
+        scale = share**2 * np.outer(self.inertial, self.inertial)
+        return replace(self, covariance=self.covariance + scale)
+
 
 _ROUNDS = 3  # the payload decides the load that friction depends on, and the other way round
 _SIZE = 0.1  # [m]: of what an arm carries, to a factor of a few
@@ -104,9 +115,12 @@ class _Residual:
     information: TriangularSystem
     arm: Array
     own: Array
+    joints: tuple[Array, ...]
 
 
-def identify_payload(result: IdentificationResult, recordings: Sequence[Recording]) -> Payload:
+def identify_payload(
+    result: IdentificationResult, recordings: Sequence[Recording], gain_deviation: float = 0.0
+) -> Payload:
     """Identify the payload of the last link, from a motion with and one without it.
 
     Torque that the arm's own model leaves unexplained is linear in the payload's inertial
@@ -118,6 +132,8 @@ def identify_payload(result: IdentificationResult, recordings: Sequence[Recordin
         Of the arm without the payload.
     recordings : sequence of Recording
         Motion with the payload.
+    gain_deviation : float
+        Relative standard deviation of the torque constants, see `Payload.with_scale_deviation`.
 
     Raises
     ------
@@ -132,7 +148,7 @@ def identify_payload(result: IdentificationResult, recordings: Sequence[Recordin
     ]
     fit = result.fit
     arm = _Arm(result.robot, fit.model, result.recommended.estimate.theta, fit.covariance)
-    return _weigh(arm, bags, [fit.noise] * _ROUNDS)
+    return _weigh(arm, bags, [fit.noise] * _ROUNDS, gain_deviation)
 
 
 def weigh_payload(
@@ -140,6 +156,7 @@ def weigh_payload(
     estimate: Estimate,
     recordings: Sequence[Recording],
     options: ConditioningOptions,
+    gain_deviation: float = 0.0,
 ) -> Payload:
     """Identify the payload of the last link with a given arm model, for example from a file.
 
@@ -153,21 +170,39 @@ def weigh_payload(
     recordings : sequence of Recording
         Motion with the payload.
     options : ConditioningOptions
+    gain_deviation : float
+        Relative standard deviation of the torque constants, see `Payload.with_scale_deviation`.
 
     Raises
     ------
     IdentificationError
         If a recording is too short, or shows no payload.
     """
+    arm, bags, noises = _known(robot, estimate, recordings, options)
+    return _weigh(arm, bags, noises, gain_deviation)
+
+
+def _known(
+    robot: Robot,
+    estimate: Estimate,
+    recordings: Sequence[Recording],
+    options: ConditioningOptions,
+) -> tuple[_Arm, Sequence[SampleColumns], Sequence[Noise | None]]:
+    """Return an arm that counts as exact, the bags, and the noise of each round."""
     conditioner = Conditioner(recordings, options)
     bags = choose_filter(Regressor(robot), conditioner, recordings).bags
     tau = np.concatenate([bag.samples.tau for bag in bags])
     rms = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-6)
     arm = _Arm(robot, estimate.model, estimate.theta, None)
-    return _weigh(arm, bags, [Noise(rms, np.ones(robot.n)), *[None] * _ROUNDS])
+    return arm, bags, [Noise(rms, np.ones(robot.n)), *[None] * _ROUNDS]
 
 
-def _weigh(arm: _Arm, bags: Sequence[SampleColumns], noises: Sequence[Noise | None]) -> Payload:
+def _weigh(
+    arm: _Arm,
+    bags: Sequence[SampleColumns],
+    noises: Sequence[Noise | None],
+    gain_deviation: float = 0.0,
+) -> Payload:
     """Fit once for each noise; None is that which the fit before has left."""
     carried = np.zeros(10)
     for noise in noises:
@@ -178,7 +213,14 @@ def _weigh(arm: _Arm, bags: Sequence[SampleColumns], noises: Sequence[Noise | No
     payload = Payload(arm.robot.link_names[-1], carried, _covariance(arm, residual, prior))
     if payload.mass < _SIGNIFICANT * payload.std[0]:
         raise IdentificationError(_nothing(payload.mass, float(payload.std[0])))
-    return payload
+    if gain_deviation == 0.0:
+        return payload
+    # Torque constants differ from their nominal values together, and half as much each by itself.
+    own = posterior_covariance(residual.information, prior)
+    slopes = [own @ (rows[:, :10].T @ rows[:, :10]) @ carried for rows in residual.joints]
+    each = (0.5 * gain_deviation) ** 2 * sum(np.outer(slope, slope) for slope in slopes)
+    payload = replace(payload, covariance=payload.covariance + each)
+    return payload.with_scale_deviation(gain_deviation)
 
 
 def _last_link(model: JointModel) -> slice:
@@ -209,7 +251,14 @@ def _residual(arm: _Arm, bags: Sequence[SampleColumns], carried: Array, noise: N
 
     system, _ = reduced(noise.weights)
     information, whole = reduced(noise.information_weights)
-    return _Residual(system, information, whole.R, whole.R[:, last])
+    joints = tuple(
+        weight
+        * triangular_factor(
+            np.column_stack([factor[:, last], factor[:, -1] - factor[:, :-1] @ theta])
+        )
+        for weight, factor in zip(noise.information_weights, regression.factors, strict=True)
+    )
+    return _Residual(system, information, whole.R, whole.R[:, last], joints)
 
 
 def _unconstrained(system: TriangularSystem) -> Array:
@@ -246,3 +295,93 @@ def _nothing(mass: float, std: float | None) -> str:
         f'no payload found: its mass would be {mass:.3g} kg{spread}; check that --payload '
         'is the recording with the payload and --bag the one without'
     )
+
+
+@dataclass(frozen=True, eq=False)
+class GainCalibration:
+    """Torque constants by a known mass.
+
+    Attributes
+    ----------
+    factors, std : (n,) ndarray
+        What each effort gain has to be multiplied by, and its standard deviation.
+    payload : Payload
+        The known mass with its centre and inertia.
+    """
+
+    factors: Array
+    std: Array
+    payload: Payload
+
+
+_CALIBRATION_STEPS = 30
+
+
+def calibrate_gains(
+    robot: Robot,
+    estimate: Estimate,
+    recordings: Sequence[Recording],
+    options: ConditioningOptions,
+    mass: float,
+    deviation: float,
+) -> GainCalibration:
+    """Find the torque constants from motion with a known mass, whose centre need not be known.
+
+    The arm was identified with the same constants, so that what it leaves of a joint's torque is
+    the payload's, times the same factor: `tau_j - Phi_j theta = c_j Y_j pi` with a known `pi_1`.
+    Constants that the payload's torque tells little of stay near the common factor. Gautier,
+    Briot: Global identification of joint drive gains and dynamic parameters of robots (2014).
+
+    Parameters
+    ----------
+    robot, estimate, recordings, options
+        As for `weigh_payload`.
+    mass : float
+        [kg]
+    deviation : float
+        Relative standard deviation of the constants before.
+
+    Raises
+    ------
+    IdentificationError
+        If the mass is not positive, a recording is too short or shows no payload.
+    """
+    if not (np.isfinite(mass) and mass > 0.0):
+        raise IdentificationError(f'known mass {mass} must be a positive number of kg')
+    arm, bags, noises = _known(robot, estimate, recordings, options)
+    carried = np.zeros(10)
+    for noise in noises:
+        residual = _residual(arm, bags, carried, noise or _noise(arm, bags, carried))
+        prior, limits = _about(_unconstrained(residual.system))
+        carried = solve_semidefinite(residual.system, prior, limits)
+    factors = np.full(robot.n, carried[0] / mass)
+    body = carried * mass / carried[0]
+    wide = _WIDE * mass * np.array([*[_SIZE] * 3, *[_SIZE**2] * 6])
+    common = np.linalg.inv(deviation**2 * (np.ones((robot.n, robot.n)) + 0.25 * np.eye(robot.n)))
+    start = body.copy()
+    for _ in range(_CALIBRATION_STEPS):
+        rows, left = [], []
+        for joint, block in enumerate(residual.joints):
+            slope = np.zeros((len(block), 9 + robot.n))
+            predicted = block[:, :10] @ body
+            slope[:, :9] = factors[joint] * block[:, 1:10]
+            slope[:, 9 + joint] = predicted
+            rows.append(slope)
+            left.append(block[:, 10] - factors[joint] * predicted)
+        slopes = np.vstack(rows)
+        information = slopes.T @ slopes
+        pull = slopes.T @ np.concatenate(left)
+        information[:9, :9] += np.diag(wide**-2.0)
+        pull[:9] -= (body - start)[1:] / wide**2
+        information[9:, 9:] += common
+        pull[9:] -= common @ (factors - 1.0)
+        step = np.linalg.solve(information, pull)
+        body[1:] += step[:9]
+        factors = factors + step[9:]
+        if np.abs(step[9:]).max() < 1e-9:
+            break
+    covariance = np.linalg.inv(information)
+    spread = np.zeros((10, 10))
+    spread[1:, 1:] = covariance[:9, :9]
+    std = np.sqrt(np.diag(covariance)[9:]) / factors**2
+    return GainCalibration(1.0 / factors, std, Payload(arm.robot.link_names[-1], body, spread))

@@ -13,8 +13,8 @@ from aerarm_ros.motion.signals import ArmState, Array
 
 WINDOW = 5e-3
 """[s] after which momentum is taken again: motion is much slower, torque is a mean over it."""
-# Joints slower than this [rad/s] may be held by dry friction, in either direction.
-_SLOW = 0.03
+SLOW = 0.03
+"""[rad/s]: slower joints may be held by dry friction, in either direction."""
 _SETTLED = 6.6  # time constants after which a step has come to 99 %
 _TORQUE, _DOUBT, _MODELLED = -3, -2, -1  # columns
 _NO_SPIN = np.zeros(3)
@@ -179,6 +179,6 @@ class FilteredMotion:
         instant[joints, 10 + n + joints] = sign
         instant[joints, 10 + 2 * n + joints] = sign * load
         instant[:, _TORQUE] = -rigid - known - dry * sign
-        instant[:, _DOUBT] = (self.coulomb + dry) * (np.abs(dq) < _SLOW)
+        instant[:, _DOUBT] = (self.coulomb + dry) * (np.abs(dq) < SLOW)
         instant[:, _MODELLED] = np.abs(rigid)
         return instant

@@ -13,7 +13,7 @@ from aerarm_ros.control.checks import positive
 from aerarm_ros.identification.payload import Payload
 from aerarm_ros.model.inertia import PARAMETER_NAMES
 from aerarm_ros.motion.signals import ArmState, Array
-from aerarm_ros.online.filtered_motion import FilteredMotion, MotionRow
+from aerarm_ros.online.filtered_motion import SLOW, FilteredMotion, MotionRow
 from aerarm_ros.online.information_filter import (
     SPECK,
     Belief,
@@ -363,6 +363,10 @@ class PayloadEstimator:
         if self._found is not None:
             self._decide(rows, row, now)
             return self._tell(now)
+        if self._rests(row):
+            # A push at rest looks like a payload; a payload shows as soon as the arm moves.
+            self._change.reset()
+            return self._tell(now)
         error, square = self._innovation(rows, row)
         if self._change.update(square):
             self._change_found(now)
@@ -377,6 +381,11 @@ class PayloadEstimator:
             self._begin(False, now)
             told = self._tell(now)
         return told
+
+    def _rests(self, row: MotionRow) -> bool:
+        """Whether no joint moves, so that friction and a push explain any torque."""
+        n = self._motion.n
+        return bool(np.abs(row.regressor[:, 10 : 10 + n]).max() < SLOW)
 
     def _rows(self, row: MotionRow) -> Array:
         """Return what the n torques are, by the filter's parameters."""

@@ -70,6 +70,7 @@ class KnownArm:
         return torque
 
 
+_SHORTEST = 1.0  # [s] for which a payload is carried: what is shorter was a knock
 _BETWEEN = 1.0  # [s] between two recordings, as far as the estimator knows
 
 
@@ -149,7 +150,7 @@ class Replay:
                 carries = told.carries
                 changes.append(LoadChange(time, carries))
         self._check(recording, heard)
-        return changes
+        return _without_knocks(changes)
 
     def _check(self, recording: Recording, heard: bool) -> None:
         if self._estimator.problem:
@@ -160,3 +161,20 @@ class Replay:
                 f'{recording.name}: {recording.duration:.2g} s at {1.0 / gap:.3g} Hz are too '
                 'little to learn from: give a longer motion, recorded at 25 Hz or more'
             )
+
+
+def _without_knocks(changes: list[LoadChange]) -> list[LoadChange]:
+    """Return the changes without pick-ups that were put down at once."""
+    kept: list[LoadChange] = []
+    for change in changes:
+        last = kept[-1] if kept else None
+        if (
+            last is not None
+            and last.carries
+            and not change.carries
+            and change.time - last.time < _SHORTEST
+        ):
+            kept.pop()
+        else:
+            kept.append(change)
+    return kept

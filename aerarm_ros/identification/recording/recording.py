@@ -349,6 +349,7 @@ def recording_from_states(
     joint_names: Sequence[str],
     mapping: JointMapping,
     commanded: tuple[slice, str] | None = None,
+    whole: bool = False,
 ) -> Recording:
     """Extract an arm's joints from recorded joint states and check the values.
 
@@ -365,6 +366,8 @@ def recording_from_states(
     commanded : slice and reason, optional
         Messages while the arm followed commands; the others aren't looked at. What lies
         before and after the motion is left out in any case.
+    whole : bool
+        Use all messages, rest included; then no joint has to move.
 
     Raises
     ------
@@ -380,11 +383,9 @@ def recording_from_states(
             'record a longer motion'
         )
     check_stamp_unit(name, states.stamp)
-    part, reason = commanded or (slice(0, len(states.stamp)), 'motion')
-    moving, how = moving_span(states.stamp[part], states.position[part][:, order])
-    if how != 'motion' and commanded is None:
-        reason = how
-    rows = slice(part.start + moving.start, part.start + moving.stop)
+    rows, reason = slice(0, len(states.stamp)), 'whole bag'
+    if not whole:
+        rows, reason = _used_rows(states, order, commanded)
     _check_locked(name, states.names, states.position[rows], mapping)
     kept, warnings = sound_messages(name, states.stamp[rows], float(states.stamp[0]))
     stamp = states.stamp[rows][kept]
@@ -396,9 +397,12 @@ def recording_from_states(
     _check_complete(name, 'effort', tau, joint_names, stamp)
     if mapping.effort_gain:
         tau = tau * np.array([mapping.effort_gain.get(joint, 1.0) for joint in joint_names])
-    dq = _velocity(name, measured_dq, warnings)
+    rests = whole and np.ptp(q, axis=0).max() < _SMALLEST_MOTION
+    dq = measured_dq if rests and not measured_dq.any() else _velocity(name, measured_dq, warnings)
     check_units(name, joint_names, stamp, q, dq)
-    dead = _check_content(name, joint_names, q, tau, warnings)
+    dead = (
+        np.ptp(tau, axis=0) == 0.0 if whole else _check_content(name, joint_names, q, tau, warnings)
+    )
     tau, spikes = without_spikes(name, joint_names, tau)
     saturated, limits = saturated_effort(name, joint_names, q, tau)
     warnings += spikes + limits
@@ -409,6 +413,17 @@ def recording_from_states(
     names = tuple(joint_names)
     told = tuple(warnings)
     return Recording(name, names, time, q, dq, tau, dead, told, start, span, saturated)
+
+
+def _used_rows(
+    states: JointStates, order: Array, commanded: tuple[slice, str] | None
+) -> tuple[slice, str]:
+    """Return the messages of the motion, and what they were chosen by."""
+    part, reason = commanded or (slice(0, len(states.stamp)), 'motion')
+    moving, how = moving_span(states.stamp[part], states.position[part][:, order])
+    if how != 'motion' and commanded is None:
+        reason = how
+    return slice(part.start + moving.start, part.start + moving.stop), reason
 
 
 def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: JointMapping) -> None:

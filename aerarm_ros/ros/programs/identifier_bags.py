@@ -58,6 +58,8 @@ class IdentifierBags:
         What reading a bag may take, whatever it holds.
     table : TableOptions, optional
         What tables don't say of themselves.
+    whole : bool
+        Use all messages of a bag, rest included.
 
     Attributes
     ----------
@@ -77,7 +79,9 @@ class IdentifierBags:
         mapping: JointMapping,
         limits: ReadLimits | None = None,
         table: TableOptions | None = None,
+        whole: bool = False,
     ) -> None:
+        self._whole = whole
         self._table = table or TableOptions()
         self._topic = '/' + topic.lstrip('/')
         self._joint_names = joint_names
@@ -122,7 +126,12 @@ class IdentifierBags:
         told += _check_complete(name, self._topic, contents)
         self.messages += told
         recording = recording_from_states(
-            name, states, self._joint_names, self._mapping, self._commanded(contents)
+            name,
+            states,
+            self._joint_names,
+            self._mapping,
+            self._commanded(contents),
+            self._whole,
         )
         commands = contents.joint_states.get(self._beside(_COMMAND))
         facts = BagFacts(
@@ -136,7 +145,9 @@ class IdentifierBags:
 
     def _read_table(self, path: Path, name: str) -> RecordedBag:
         states = read_table(path, self._joint_names, self._table)
-        recording = recording_from_states(name, states, self._joint_names, self._mapping)
+        recording = recording_from_states(
+            name, states, self._joint_names, self._mapping, whole=self._whole
+        )
         used = recording.span.text if recording.span else 'whole table'
         return RecordedBag(recording, BagFacts(used, columns=states.columns), None)
 

@@ -146,6 +146,12 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         'scale from recorded effort to Nm, for example a torque constant in Nm/A',
     ),
     (
+        '--effort-gain-std',
+        {'type': float, 'metavar': 'SHARE'},
+        'relative standard deviation of the gains, in that of a payload (default: 0.1 with '
+        '--effort-gain, else 0); payload_estimator --known-mass calibrates them',
+    ),
+    (
         '--gravity',
         {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
         'gravity in the base frame [m/s^2]',
@@ -237,7 +243,15 @@ _OF_ARM = (
         '--bag-ratio',
         '--bag-part',
     ),
-    *('--tf-prefix', '--rename', '--lock', '--ignore', '--effort-gain', '--gravity'),
+    *(
+        '--tf-prefix',
+        '--rename',
+        '--lock',
+        '--ignore',
+        '--effort-gain',
+        '--effort-gain-std',
+        '--gravity',
+    ),
 )
 
 

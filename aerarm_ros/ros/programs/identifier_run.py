@@ -160,6 +160,8 @@ class RecordedArm:
         With the options of `identifier_options.add_arm_options`.
     paths : sequence of Path
         All bags that will be read, for their names.
+    whole : bool
+        Use all messages of a bag, rest included.
 
     Attributes
     ----------
@@ -177,7 +179,9 @@ class RecordedArm:
         If an option, the URDF or the configuration is wrong.
     """
 
-    def __init__(self, options: argparse.Namespace, paths: Sequence[Path]) -> None:
+    def __init__(
+        self, options: argparse.Namespace, paths: Sequence[Path], whole: bool = False
+    ) -> None:
         self._names = bag_names(paths)
         tables = any(path.suffix.lower() in TABLES for path in paths)
         given = {
@@ -195,7 +199,7 @@ class RecordedArm:
         limits = ReadLimits(_MB * options.bag_part, options.bag_ratio)
         table = TableOptions(options.rate, options.degrees, options.numbered_from)
         self._bags = IdentifierBags(
-            options.topic, self.robot.joint_names, _mapping(options), limits, table
+            options.topic, self.robot.joint_names, _mapping(options), limits, table, whole
         )
         self.messages = self._bags.messages
         self.read: dict[str, RecordedBag] = {}
@@ -213,6 +217,22 @@ class RecordedArm:
     def facts(self) -> dict[str, BagFacts]:
         """Return how complete the bags are that were read."""
         return {name: bag.facts for name, bag in self.read.items()}
+
+
+UNCALIBRATED = 0.1
+"""Relative deviation of torque constants as manufacturers and papers state them."""
+
+
+def gain_deviation(options: argparse.Namespace) -> float:
+    """Return the relative deviation of the effort gains; raises IdentificationError."""
+    given = options.effort_gain_std
+    if given is None:
+        return UNCALIBRATED if options.effort_gain else 0.0
+    if not 0.0 <= given < 1.0:
+        raise IdentificationError(
+            f'--effort-gain-std {given}: give a share from 0 to 1, such as 0.02 for 2 %'
+        )
+    return float(given)
 
 
 def pair(text: str, option: str) -> tuple[str, str]:
@@ -391,7 +411,7 @@ class IdentifierRun:
         tell(self._arm.messages[known:])
         result.warnings.extend(self._arm.messages[known:])
         with self._stopwatch.stage('payload'):
-            return identify_payload(result, recordings)
+            return identify_payload(result, recordings, gain_deviation(self._options))
 
     def _write(
         self, result: IdentificationResult, payload: Payload | None, directory: ResultDirectory
@@ -487,7 +507,8 @@ class PayloadRun(IdentifierRun):
                 cutoff=options.cutoff,
                 filter=options.filter,
             )
-            payload = weigh_payload(robot, estimate, recordings, conditioning)
+            deviation = gain_deviation(options)
+            payload = weigh_payload(robot, estimate, recordings, conditioning, deviation)
             directory.write('payload.yaml', payload_yaml(estimate, payload))
             summary = {
                 'model': str(options.model),

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import yaml
 
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import payload_yaml, read_estimate, read_gravity
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.payload import calibrate_gains
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.online.friction_trend import FrictionTrend, read_trend
 from aerarm_ros.online.payload_estimator import FRICTION_NAMES, OnlineEstimate
@@ -24,7 +28,12 @@ from aerarm_ros.ros.controllers.friction_log import (
 from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
 from aerarm_ros.ros.process.ros_arguments import OneLineParser, RosArguments, UsageError
 from aerarm_ros.ros.programs.identifier_options import add_arm_options
-from aerarm_ros.ros.programs.identifier_run import RecordedArm
+from aerarm_ros.ros.programs.identifier_run import (
+    UNCALIBRATED,
+    RecordedArm,
+    gain_deviation,
+    pair,
+)
 
 
 def show_trend(name: str, arguments: Sequence[str]) -> int:
@@ -63,7 +72,8 @@ def trend_table(trend: FrictionTrend) -> str:
     return '\n'.join(lines)
 
 
-_FILES = ('payload.yaml', MARKER)
+_GAINS = 'effort_gains.yaml'
+_FILES = ('payload.yaml', _GAINS, MARKER)
 
 
 def replay(name: str, arguments: Sequence[str]) -> int:
@@ -109,6 +119,10 @@ def replay_parser(name: str) -> OneLineParser:
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='folder for payload.yaml; needs --model'
     )
+    parser.add_argument(
+        '--known-mass', type=float, metavar='KG',
+        help='calibrate the effort gains: in all bags the arm moves with this mass; needs --model',
+    )  # fmt: skip
     add_arm_options(parser)
     for parameter in ESTIMATOR_PARAMETERS:
         unit = f' [{parameter.unit}]' if parameter.unit else ''
@@ -117,6 +131,21 @@ def replay_parser(name: str) -> OneLineParser:
             help=f'{parameter.description}{unit} (default: %(default)g)',
         )  # fmt: skip
     return parser
+
+
+def known_arm(
+    recorded: RecordedArm, options: argparse.Namespace
+) -> tuple[KnownArm, Estimate | None]:
+    """Return the arm of `--model`, or of the URDF, with the estimate it comes from."""
+    robot, config = recorded.robot, recorded.config
+    if options.model is None:
+        rotors = np.zeros(robot.n) if config is None else config.column('reflected_inertia')
+        friction = np.array([robot.viscous, robot.coulomb, robot.load_friction])
+        return KnownArm(robot, rotors, friction), None
+    estimate = read_estimate(options.model, robot)
+    if options.gravity is None:
+        robot = robot.with_gravity(read_gravity(options.model, robot))
+    return KnownArm.identified(robot, estimate), estimate
 
 
 class PayloadReplay:
@@ -144,9 +173,13 @@ class PayloadReplay:
                 raise IdentificationError(f'{_option(parameter.name)}{text}')
         if options.out and not options.model:
             raise IdentificationError('--out writes the arm with its payload: pass --model')
+        self._gain_deviation = gain_deviation(options)
+        if options.known_mass is not None and not options.model:
+            raise IdentificationError(
+                '--known-mass calibrates the gains that the arm was identified with: pass --model'
+            )
         self._recorded = RecordedArm(options, options.bag)
-        self._estimate: Estimate | None = None
-        self._arm = self._known_arm()
+        self._arm, self._estimate = known_arm(self._recorded, options)
 
     def execute(self) -> str:
         """Go through the bags, write what was asked for, and return what was found.
@@ -156,6 +189,8 @@ class PayloadReplay:
         IdentificationError, BagError
             If a bag can't be used, or the result can't be written.
         """
+        if self._options.known_mass is not None:
+            return self._calibrate()
         if self._options.out is None:
             return self._found()[0]
         with ResultDirectory(self._options.out, files=_FILES) as directory:
@@ -172,18 +207,6 @@ class PayloadReplay:
             directory.write_json(MARKER, {'model': model, 'payload': found})
         return f'{text}\n{directory.target / "payload.yaml"}'
 
-    def _known_arm(self) -> KnownArm:
-        robot, config = self._recorded.robot, self._recorded.config
-        if self._options.model is None:
-            rotors = np.zeros(robot.n) if config is None else config.column('reflected_inertia')
-            return KnownArm(
-                robot, rotors, np.array([robot.viscous, robot.coulomb, robot.load_friction])
-            )
-        self._estimate = read_estimate(self._options.model, robot)
-        if self._options.gravity is None:
-            robot = robot.with_gravity(read_gravity(self._options.model, robot))
-        return KnownArm.identified(robot, self._estimate)
-
     def _found(self) -> tuple[str, OnlineEstimate]:
         estimator = self._arm.estimator(estimator_settings(self._options))
         replay = Replay(self._arm, estimator, self._is_stopped)
@@ -196,7 +219,46 @@ class PayloadReplay:
             print(f'payload_estimator: {message}', file=sys.stderr)
         last = replay.estimate
         assert last is not None
+        payload = last.payload.with_scale_deviation(self._gain_deviation)
+        last = dataclasses.replace(last, payload=payload)
         return '\n'.join([*lines, *_payload_lines(last), *self._friction_lines(last)]), last
+
+    def _calibrate(self) -> str:
+        """Return the effort gains by the known mass, written if there is a folder."""
+        assert self._estimate is not None
+        recordings = [self._recorded.recording(path) for path in self._options.bag]
+        found = calibrate_gains(
+            self._recorded.robot,
+            self._estimate,
+            recordings,
+            ConditioningOptions(),
+            self._options.known_mass,
+            self._gain_deviation or UNCALIBRATED,
+        )
+        names = self._arm.robot.joint_names
+        before = dict(pair(text, '--effort-gain') for text in self._options.effort_gain)
+        old = np.array([float(before.get(name, 1.0)) for name in names])
+        gains, std = old * found.factors, old * found.std
+        rows = zip(names, old, gains, std, strict=True)
+        lines = ['Effort gains, before -> by the known mass']
+        lines += [f'  {name}: {a:.4g} -> {b:.4g} ± {s:.2g}' for name, a, b, s in rows]
+        values = ' '.join(f'{name}={gain:.5g}' for name, gain in zip(names, gains, strict=True))
+        share = float(np.median(found.std / found.factors))
+        options = f'--effort-gain {values} --effort-gain-std {share:.2g}'
+        centre = ', '.join(f'{value:.4f}' for value in found.payload.centre)
+        lines.append(f'Centre of the mass: ({centre}) m of {found.payload.link}')
+        lines.append(f'Identify the arm again with: {options}')
+        if self._options.out is None:
+            return '\n'.join(lines)
+        with ResultDirectory(self._options.out, files=_FILES) as directory:
+            document = {
+                'effort_gain': dict(zip(names, gains.round(6).tolist(), strict=True)),
+                'standard_deviation': dict(zip(names, std.round(6).tolist(), strict=True)),
+                'known_mass': float(self._options.known_mass),
+            }
+            directory.write(_GAINS, yaml.safe_dump(document, sort_keys=False))
+            directory.write_json(MARKER, {'model': str(self._options.model)})
+        return '\n'.join([*lines, str(directory.target / _GAINS)])
 
     def _friction_lines(self, last: OnlineEstimate) -> list[str]:
         """Return a table of friction as it was known, and as it is at the end."""

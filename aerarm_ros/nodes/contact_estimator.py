@@ -1,0 +1,178 @@
+"""Estimate external joint torque and contact of an arm on any base, without a sensor.
+
+The node compares the measured torque with the identified model, friction included. It publishes
+`external_torque`, `contact` (yes or no), `contact_confidence` and `contact_force`. Thresholds come
+from a recording of free motion: `residuals_file`, which `contact_estimator --free BAG --out DIR`
+writes. With --bag DIR it searches recordings instead (--bag DIR --help lists the options).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from geometry_msgs.msg import Vector3, WrenchStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64
+
+from aerarm_msgs_py import topics
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.identification.files.estimate_file import read_estimate
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.online.contact_detector import Cause, ContactDetector, ContactReport
+from aerarm_ros.online.contact_place import ContactLocator, ContactPlace
+from aerarm_ros.online.external_torque import ExternalTorque
+from aerarm_ros.online.replay import KnownArm
+from aerarm_ros.ros.controllers.contact_parameters import (
+    CONTACT_ESTIMATOR_PARAMETERS,
+    FILE_PARAMETERS,
+    contact_settings,
+    read_residuals,
+)
+from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, load_share
+from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
+from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.states.state_stream import base_header
+
+NAME = 'contact_estimator'
+
+_OFFLINE = {'--bag', '--free'}
+
+PARAMETERS = state_node_parameters(
+    *FILE_PARAMETERS, *CONTACT_ESTIMATOR_PARAMETERS, *ENERGY_PARAMETERS
+)
+
+
+class ContactEstimatorNode(StateNode):
+    """Joint states in; external torque, contact and contact force out."""
+
+    answers_every_state = False
+    # Each has the torque of its cycle: half a second may be caught up with.
+    states_waiting = 500
+
+    def __init__(self) -> None:
+        super().__init__(NAME, PARAMETERS)
+
+    def build(self) -> None:
+        """Make the observer, the detector and the locator."""
+        values, names = self.values, self.arm.robot.joint_names
+        if not values.residuals_file:
+            raise ValueError(
+                'residuals_file is not set: learn thresholds from a recording without contact '
+                '(contact_estimator --free BAG --model estimate.yaml --out DIR) and give '
+                'DIR/residuals.yaml'
+            )
+        self.base = self.arm.measured_base(values)
+        known, dynamics = self._known_arm()
+        self.arm.load(dynamics, values)
+        bound = read_residuals(Path(values.residuals_file), names)
+        external = ExternalTorque(known, bound.gain, dynamics)
+        self._detector = ContactDetector(external, bound, contact_settings(values))
+        self._locator = ContactLocator(known.robot)
+        self._period_ns = round(1e9 / values.rate)
+        self._sent_ns = -self._period_ns
+        self._was_in_contact = False
+        self._place: ContactPlace | None = None
+        self._report: ContactReport | None = None
+
+    def connect(self) -> None:
+        """Advertise the results."""
+        self._torque = self.advertise(topics.EXTERNAL_TORQUE)
+        self._contact = self.advertise(topics.CONTACT)
+        self._confidence = self.advertise(topics.CONTACT_CONFIDENCE)
+        self._force = self.advertise(topics.CONTACT_FORCE)
+
+    def answer(self, stamp_ns: int, state: ArmState) -> None:
+        """Take a state; publish at `rate`, and at once if contact begins or ends."""
+        now = stamp_ns * 1e-9
+        if self.base.problem(now):
+            return
+        report = self._detector.update(state, now, self.base.motion(now))
+        if report is None:
+            return
+        changed = report.in_contact != self._was_in_contact
+        if not changed and 0 <= stamp_ns - self._sent_ns < self._period_ns:
+            return
+        self._sent_ns, self._was_in_contact, self._report = stamp_ns, report.in_contact, report
+        self._send(stamp_ns, state, report)
+        self.count_answer()
+
+    def warning(self) -> str:
+        """Return what keeps contact from being detected."""
+        return super().warning() or self._detector.problem
+
+    def describe(self) -> dict[str, object]:
+        """Return the newest result for diagnostics."""
+        described: dict[str, object] = {
+            **super().describe(),
+            'contacts': sum(event.cause is Cause.CONTACT for event in self._detector.events),
+        }
+        report = self._report
+        if report is None:
+            return {**described, 'contact': 'unknown'}
+        described['contact'] = 'yes' if report.in_contact else 'no'
+        described['confidence'] = round(report.confidence, 3)
+        described['external torque [Nm]'] = report.torque.round(4).tolist()
+        described['threshold [Nm]'] = report.threshold.round(4).tolist()
+        if report.in_contact and self._place is not None:
+            described['touched link'] = self._place.link
+            described['force is determined'] = self._place.is_determined
+        if self._detector.payload_mass is not None:
+            described['undeclared payload [kg]'] = round(self._detector.payload_mass, 4)
+        return described
+
+    def _known_arm(self) -> tuple[KnownArm, MovingBaseDynamics]:
+        """Return the arm as the model file or the URDF describes it."""
+        values, robot = self.values, self.arm.robot
+        if not values.model_file:
+            load = np.zeros(robot.n) + load_share(values, robot)
+            friction = np.array([robot.viscous, robot.coulomb, load])
+            dynamics = self.arm.dynamics(values)
+            return KnownArm(robot, np.zeros(robot.n), friction), dynamics
+        known = KnownArm.identified(robot, read_estimate(Path(values.model_file), robot))
+        return known, MovingBaseDynamics(known.robot, known.rotor_inertia)
+
+    def _send(self, stamp_ns: int, state: ArmState, report: ContactReport) -> None:
+        header = base_header(stamp_ns, self.arm.robot.base_link)
+        names = list(self.arm.config.joint_names)
+        self._torque.publish(JointState(header=header, name=names, effort=report.torque.tolist()))
+        self._contact.publish(Bool(data=report.in_contact))
+        self._confidence.publish(Float64(data=report.confidence))
+        event = self._detector.event
+        if not report.in_contact or event is None:
+            return
+        change = report.torque - event.reference
+        self._place = self._locator.locate(state.q, change, event.threshold)
+        if self._place is None:
+            return
+        force, at = self._place.force, self._place.point_in_base
+        wrench = WrenchStamped(header=header)
+        wrench.wrench.force = _vector(force)
+        wrench.wrench.torque = _vector(np.cross(at, force))
+        self._force.publish(wrench)
+
+
+def _vector(values: npt.NDArray[np.float64]) -> Vector3:
+    x, y, z = values.tolist()
+    return Vector3(x=x, y=y, z=z)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node, or search recordings.
+
+    Return 0, 1 or 2 if there is something to check, 130 if stopped while recordings are searched.
+    """
+    given = list(sys.argv[1:] if args is None else args)
+    if _OFFLINE & {argument.split('=')[0] for argument in given}:
+        # Only now: the node does without the libraries that read bags.
+        from aerarm_ros.ros.programs.contact_replay import contact_replay
+
+        return contact_replay(NAME, given)
+    return run_node(NAME, ContactEstimatorNode, args, PARAMETERS, __doc__)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,573 @@
+"""Contact of an arm without a sensor: yes or no, how surely, and what a load explains instead."""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, replace
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.checks import positive
+from aerarm_ros.model.regressor import MomentumRegressor
+from aerarm_ros.motion.signals import ArmState, Array
+from aerarm_ros.online.external_torque import (
+    LONGEST_GAP,
+    EncoderWatch,
+    ExternalTorque,
+    ResidualBound,
+    Unexplained,
+)
+from aerarm_ros.online.information_filter import InformationFilter
+from aerarm_ros.online.payload_estimator import EffortWatch
+
+
+class Cause(Enum):
+    """What an event was found to be; the value is its name in reports."""
+
+    CONTACT = 'contact'
+    PAYLOAD = 'undeclared payload'
+    MODEL = 'model error'
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """Settings of a `ContactDetector`; all are positive.
+
+    Attributes
+    ----------
+    confirmation : float
+        Time for which the threshold must be exceeded [s]. In it a motion that begins shows in the
+        velocities, which tell it from a push at rest.
+    rest_speed : float
+        Below it every joint counts as resting [rad/s].
+    rest_share : float
+        Change of torque at rest that counts as contact, over the joint's dry friction.
+    payload_mass, payload_size : float
+        Standard deviation of a payload's mass [kg], and its distance from the last joint [m].
+    """
+
+    confirmation: float = 0.02
+    rest_speed: float = 0.005
+    rest_share: float = 0.15
+    payload_mass: float = 2.0
+    payload_size: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for field in fields(self):
+            positive(field.name, getattr(self, field.name))
+
+
+class ContactReport(NamedTuple):
+    """What is known after a state.
+
+    Attributes
+    ----------
+    torque : (n,) ndarray
+        External joint torque [Nm], positive along +q, without what a found payload explains.
+    threshold : (n,) ndarray
+        Which of it free motion may leave [Nm]; infinite where nothing is known.
+    in_contact : bool
+    confidence : float
+        That something touches the arm, 0 to 1.
+    cause : Cause or None
+        Of the event that lasts, None if there is none.
+    """
+
+    torque: Array
+    threshold: Array
+    in_contact: bool
+    confidence: float
+    cause: Cause | None
+
+
+@dataclass(eq=False)
+class ContactEvent:
+    """Something that the model of the arm does not explain.
+
+    Attributes
+    ----------
+    begin, end : float
+        [s]; the end is NaN while it lasts.
+    joint : int
+        Index of the joint whose torque exceeds its threshold most.
+    torque : (n,) ndarray
+        Change of external torque at its largest [Nm].
+    threshold : (n,) ndarray
+        Of the torque at that time [Nm].
+    q : (n,) ndarray
+        Posture at that time [rad].
+    ratio : float
+        Largest torque over its threshold.
+    cause : Cause
+    mass, mass_std : float
+        Of a payload [kg], NaN for another cause.
+    reference : (n,) ndarray or float
+        External torque before the event that `torque` is counted from [Nm].
+    """
+
+    begin: float
+    joint: int
+    torque: Array
+    threshold: Array
+    q: Array
+    ratio: float
+    cause: Cause = Cause.CONTACT
+    end: float = float('nan')
+    mass: float = float('nan')
+    mass_std: float = float('nan')
+    reference: Array | float = 0.0
+
+
+class _Felt(NamedTuple):
+    """One state as the detector sees it; ratios are to the thresholds."""
+
+    state: ArmState
+    now: float
+    dt: float
+    torque: Array
+    threshold: Array
+    ratio: Array
+    change: Array
+    change_ratio: Array
+
+
+_NOISE = 5.0  # deviations of the noise that a change at rest must exceed
+_FOLLOWING = 0.25  # [s] time constant in which the torque at rest may drift
+_SETTLING = 0.4  # [s] in which friction relaxes after a motion
+_REST_TIME = 0.1  # [s] of rest before its torque is the reference
+_AGAINST = 5e-5  # [rad/s] of a motion against the torque, by which that is friction
+_RELEASED = 0.4  # of the largest change, below which a push at rest has ended
+_QUIET = 0.7  # of the threshold, below which a contact has ended
+_QUIET_TIME = 0.1  # [s]
+_STEADY_TIME = 1.0  # [s] of a constant torque that friction can hold
+_SINCE_START = 0.3  # [s]: what is there from the start is no push
+_ONE_OVER = np.log(2.0)  # so that the confidence at the threshold is a half
+_GIVE_UP = 10.0  # [s] of motion with a torque that neither ends nor is a payload's
+
+
+class ContactDetector:
+    """Finds contact in the external torque, and tells it from payload and from a wrong model.
+
+    In motion a joint's external torque counts if it exceeds the bound that was learnt from free
+    motion. While all joints rest, friction hides up to its static size of any force, but the
+    drives' torque is constant: then a change counts that no joint's motion opposes. Friction always
+    opposes motion, so that an arm that begins to move by itself is told from one that is pushed.
+
+    A payload differs from a contact because its torque follows gravity and inertia in all
+    postures. It is reported as such once the last link's ten inertial parameters explain what
+    exceeded the bound in 2 s of motion (`LoadTest`), and is then subtracted.
+
+    Parameters
+    ----------
+    external : ExternalTorque
+    bound : ResidualBound
+    settings : ContactSettings, optional
+
+    Attributes
+    ----------
+    events : list of ContactEvent
+        All so far, the last of them may last.
+    """
+
+    def __init__(
+        self,
+        external: ExternalTorque,
+        bound: ResidualBound,
+        settings: ContactSettings | None = None,
+    ) -> None:
+        self._external = external
+        self._bound = bound
+        given = settings or ContactSettings()
+        share = max(given.rest_share, bound.rest_share)
+        self._settings = replace(given, rest_share=share)
+        self._load = LoadTest(external, self._settings)
+        self.events: list[ContactEvent] = []
+        names = external.dynamics.robot.joint_names
+        self._watches = (EncoderWatch(names), EffortWatch(names))
+        self._first: float | None = None
+        self._last: float | None = None
+        self._rest = _Rest(external.n, self._settings)
+        self._begin()
+
+    @property
+    def event(self) -> ContactEvent | None:
+        """The event that lasts, None if there is none."""
+        last = self.events[-1] if self.events else None
+        return last if last is not None and np.isnan(last.end) else None
+
+    @property
+    def problem(self) -> str:
+        """What keeps contact from being detected, '' if nothing."""
+        event = self.event
+        if event is not None and event.cause is Cause.MODEL:
+            return (
+                f'the model leaves {np.abs(event.torque).max():.3g} Nm of '
+                f'{self._external.dynamics.robot.joint_names[event.joint]} unexplained that is '
+                'neither a contact nor a payload: check that the model is of this arm, or declare '
+                'the payload'
+            )
+        return self._watches[0].problem or self._watches[1].problem
+
+    @property
+    def payload_mass(self) -> float | None:
+        """Mass of the undeclared payload that was found [kg], None if there is none."""
+        return self._load.mass if self._load.is_loaded else None
+
+    def update(
+        self, state: ArmState, now: float, base: BaseMotion | None = None
+    ) -> ContactReport | None:
+        """Take the state of `now` [s]; None for a state that is lost or follows a gap.
+
+        `state.tau` is the drives' torque in the cycle that ends now.
+        """
+        if not np.isfinite(state.q.sum() + state.dq.sum() + state.tau.sum()):
+            return None
+        last, self._last = self._last, now
+        if last is None or not 0.0 < now - last < LONGEST_GAP:
+            self._start_again(now)
+            return None
+        dt = now - last
+        for watch in self._watches:
+            watch.update(state, dt)
+        if any(watch.problem for watch in self._watches):
+            self._start_again(now)
+            return None
+        row = self._external.update(state, dt, base)
+        self._load.update(state, dt, row, self._bound.threshold(row), base)
+        return self._judge(state, now, dt, row)
+
+    def _start_again(self, now: float) -> None:
+        self._external.reset()
+        self._load.pause()
+        self._rest.reset(np.inf)
+        self._begin()
+        self._first = now
+        if self.event is not None:
+            self.event.end = now
+
+    def _begin(self) -> None:
+        self._above = self._below = self._lasting = self._steady = 0.0
+        self._began: float | None = None
+        self._peak = np.zeros(self._external.n)
+
+    def _judge(self, state: ArmState, now: float, dt: float, row: Unexplained) -> ContactReport:
+        assert self._first is not None
+        torque = row.residual - self._load.torque
+        threshold = self._bound.threshold(row)
+        if now - self._first < 5.0 / self._external.gain:
+            return ContactReport(torque, np.full_like(torque, np.inf), False, 0.0, None)
+        is_event = self.event is not None
+        change = self._rest.update(state, torque, dt, row, self._bound.noise, is_event)
+        ratio = np.abs(torque) / threshold
+        felt = _Felt(state, now, dt, torque, threshold, ratio, *change)
+        if self.event is None:
+            self._seek(felt)
+        else:
+            self._follow(self.event, felt)
+        event = self.event
+        if self._load.is_loaded:
+            self._weigh()
+        largest = float(max(ratio.max(), np.linalg.norm(felt.change_ratio)))
+        cause = None if event is None else event.cause
+        confidence = 1.0 - float(np.exp(-_ONE_OVER * largest**2))
+        return ContactReport(torque, threshold, cause is Cause.CONTACT, confidence, cause)
+
+    def _seek(self, felt: '_Felt') -> None:
+        """Begin an event once a threshold is exceeded for long enough."""
+        exceeds = felt.ratio.max() > 1.0
+        rests = not exceeds and bool(np.linalg.norm(felt.change_ratio) > 1.0)
+        self._above = self._above + felt.dt if exceeds or rests else 0.0
+        if self._above == 0.0:
+            self._began = None
+            return
+        if self._began is None:
+            self._began = felt.now
+        if self._above < self._settings.confirmation + 0.5 * felt.dt:
+            return
+        size, value, limit = felt.ratio, felt.torque, felt.threshold
+        if rests:
+            size, value, limit = felt.change_ratio, felt.change, self._rest.limit
+        joint, q = int(np.argmax(size)), felt.state.q.copy()
+        event = ContactEvent(
+            felt.now, joint, value.copy(), limit.copy(), q, float(np.linalg.norm(size))
+        )
+        assert self._first is not None
+        if self._began - self._first < _SINCE_START:
+            event.cause = Cause.MODEL
+        self.events.append(event)
+        self._rest.hold()
+        event.reference = 0.0 if self._rest.held is None else self._rest.held.copy()
+        self._below = self._lasting = self._steady = 0.0
+        self._peak = np.abs(value)
+
+    def _follow(self, event: ContactEvent, felt: '_Felt') -> None:
+        """Follow an event until it ends or its cause is known."""
+        is_rest = self._rest.held is not None
+        value, limit = felt.torque, felt.threshold
+        if is_rest:
+            value, limit = felt.change, self._rest.limit
+        share = np.abs(value) / limit
+        if share.max() > event.ratio:
+            event.torque, event.threshold = value.copy(), limit.copy()
+            event.q, event.joint = felt.state.q.copy(), int(np.argmax(share))
+            event.ratio = float(share.max())
+        self._peak = np.maximum(self._peak, np.abs(value))
+        moves = np.abs(felt.state.dq).max() > self._settings.rest_speed
+        self._lasting += felt.dt if moves else 0.0
+        if self._load.found:
+            event.cause = Cause.PAYLOAD
+            event.mass, event.mass_std = self._load.mass, self._load.mass_std
+            self._end(event, felt.now)
+            return
+        if self._lasting > _GIVE_UP:
+            event.cause = Cause.MODEL
+        within = bool(felt.ratio.max() < _QUIET)
+        released = within and (not is_rest or self._is_released(value))
+        self._below = self._below + felt.dt if released else 0.0
+        self._steady = self._steady + felt.dt if within and self._rest.is_steady else 0.0
+        if self._below > _QUIET_TIME or self._steady > _STEADY_TIME:
+            self._end(event, felt.now)
+
+    def _is_released(self, change: Array) -> bool:
+        """Whether the joints that were pushed most at rest have fallen far below that."""
+        limit = self._rest.limit
+        share = self._peak / limit
+        pushed = share > 0.5 * share.max()
+        falls = np.abs(change) < np.maximum(limit, _RELEASED * self._peak)
+        return bool(falls[pushed].all())
+
+    def _weigh(self) -> None:
+        """Keep the mass of the last payload event up to date."""
+        for event in reversed(self.events):
+            if event.cause is Cause.PAYLOAD:
+                event.mass, event.mass_std = self._load.mass, self._load.mass_std
+                return
+
+    def _end(self, event: ContactEvent, now: float) -> None:
+        event.end = now
+        self._rest.reset(0.0)
+        self._begin()
+
+
+class _Rest:
+    """Change of the external torque while all joints rest.
+
+    The reference is the torque at the beginning of the rest; it follows slow drift. After a motion
+    friction relaxes, so that the limit is larger at first.
+    """
+
+    def __init__(self, n: int, settings: ContactSettings) -> None:
+        self._settings = settings
+        self._n = n
+        self.reset(np.inf)
+
+    def reset(self, since: float) -> None:
+        """Begin a rest; `since` [s] is how long the arm is known to rest already."""
+        self.held: Array | None = None
+        self._reference: Array | None = None
+        self._since = since
+        self._resting = 0.0
+        self._motion = np.zeros(self._n)
+        self._slow: Array | None = None
+        self.is_steady = False
+        self.limit = np.full(self._n, np.inf)
+
+    def hold(self) -> None:
+        """Keep the reference of a rest in which a contact has begun."""
+        self.held = self._reference
+
+    def update(
+        self,
+        state: ArmState,
+        torque: Array,
+        dt: float,
+        row: Unexplained,
+        noise: Array,
+        in_event: bool,
+    ) -> tuple[Array, Array]:
+        """Return the change (n,) [Nm] and its ratio to the limit, zeros in motion."""
+        settings, nothing = self._settings, np.zeros(self._n)
+        least = settings.rest_share * row.dry + _NOISE * noise
+        self._slow = torque if self._slow is None else self._slow
+        self._slow = self._slow + min(1.0, dt / _FOLLOWING) * (torque - self._slow)
+        self.is_steady = bool((np.abs(torque - self._slow) < least).all())
+        self._motion += min(1.0, dt / 0.03) * (state.dq - self._motion)
+        if in_event:
+            self.limit = least
+            return (nothing if self.held is None else torque - self.held), nothing
+        if np.abs(state.dq).max() > settings.rest_speed:
+            self._reference, self._since, self._resting = None, 0.0, 0.0
+            self.limit = least
+            return nothing, nothing
+        self._since += dt
+        self._resting += dt
+        if self._reference is None:
+            if self._resting >= _REST_TIME:
+                self._reference = torque.copy()
+            self.limit = least
+            return nothing, nothing
+        change = torque - self._reference
+        self.limit = least + row.dry * np.exp(-self._since / _SETTLING)
+        ratio = np.abs(change) / self.limit
+        if ratio.max() < 1.0:
+            self._reference = self._reference + dt / _FOLLOWING * change
+        # Friction opposes motion, a push causes it.
+        opposed = np.sign(change) * self._motion < -_AGAINST
+        return change, np.where(opposed, 0.0, ratio)
+
+
+_WINDOW = 2.0  # [s] of motion in which a payload has to explain the torque
+_PERIOD = 0.05  # [s] between rows, which are correlated within it
+_CORRELATED = 4.0  # rows that count as one
+_EXPLAINED = 0.9  # share of the rows that a payload has to explain
+_EXCEEDED = 0.3  # share of them that the bare arm must not explain
+_SIGNIFICANT = 3.0  # standard deviations of a payload's mass
+_MEMORY = 20.0  # [s]
+
+
+class LoadTest:
+    """Tells whether a body on the last link explains the external torque.
+
+    The body's ten parameters follow from a recursive regression whose columns pass the same
+    observer as the torque: `dr/dt = K (d/dt(Y_p pi) + Y_f pi + r)` with `MomentumRegressor`. Its
+    prediction counts before it has seen the torque. So a push is no payload unless it follows
+    gravity and inertia for 2 s of motion.
+
+    Attributes
+    ----------
+    torque : (n,) ndarray
+        External torque of the payload that was found [Nm], zeros if there is none.
+    found : bool
+        Whether the last `update` has found a payload.
+    mass, mass_std : float
+        [kg]
+    """
+
+    def __init__(self, external: ExternalTorque, settings: ContactSettings) -> None:
+        self._gain, self._n = external.gain, external.n
+        self._still = external.dynamics.still
+        self._regressor = MomentumRegressor(external.dynamics.robot)
+        size = settings.payload_size
+        self._scale = settings.payload_mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
+        self._filter = InformationFilter(10)
+        self.torque = np.zeros(self._n)
+        self.found = False
+        self.mass = self.mass_std = float('nan')
+        self._body: Array | None = None
+        self._window: deque[tuple[bool, bool, Array]] = deque(maxlen=round(_WINDOW / _PERIOD))
+        self.pause()
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether a payload was found that is still there."""
+        return self._body is not None
+
+    def pause(self) -> None:
+        """Begin again after a gap; what was found stays."""
+        self._columns = np.zeros((self._n, 10))
+        self._integral: Array | None = None
+        self._due = 0.0
+
+    def update(
+        self,
+        state: ArmState,
+        dt: float,
+        row: Unexplained,
+        threshold: Array,
+        base: BaseMotion | None,
+    ) -> None:
+        """Take a state with what is unexplained of it."""
+        self.found = False
+        motion = self._still if base is None else base
+        momentum, force = self._regressor.evaluate(
+            state.q, state.dq, motion.specific_force, motion.angular_velocity
+        )
+        if self._integral is None:
+            self._integral = momentum
+        integral = self._integral + dt * -force
+        gain = self._gain
+        # The same backward Euler step as in `MomentumObserver`, column by column.
+        self._columns = gain * (momentum - integral) / (1.0 + dt * gain)
+        self._integral = integral + dt * self._columns
+        if self._body is not None:
+            self.torque = -self._columns @ self._body
+        self._due += dt
+        if self._due >= _PERIOD:
+            self._due = 0.0
+            self._learn(state, row, threshold)
+
+    def _learn(self, state: ArmState, row: Unexplained, threshold: Array) -> None:
+        if np.abs(state.dq).max() < 0.02:
+            return
+        rows = -self._columns * self._scale
+        belief = self._filter.belief
+        predicted = rows @ belief.mean
+        by_body = np.abs(row.residual - predicted) / threshold
+        bare = np.abs(row.residual) / threshold
+        self._window.append(
+            (bool(bare.max() > 1.0), bool(by_body.max() < 1.0), predicted / threshold)
+        )
+        variance = _CORRELATED * (threshold / _SIGNIFICANT) ** 2
+        variance = variance * np.maximum(1.0, by_body**2)
+        kept = np.full(10, np.exp(-_PERIOD / _MEMORY))
+        self._filter.update(rows, row.residual, variance, kept)
+        if len(self._window) == self._window.maxlen:
+            self._decide()
+
+    def _decide(self) -> None:
+        exceeded, explained, predicted = zip(*self._window, strict=True)
+        belief = self._filter.belief
+        mass = float(self._scale[0] * belief.mean[0])
+        std = float(self._scale[0] * np.sqrt(belief.covariance[0, 0]))
+        if self._body is not None:
+            self._body = self._scale * belief.mean
+            self.mass, self.mass_std = mass, std
+            if not any(exceeded) and mass < _SIGNIFICANT * std:
+                self._body, self.torque = None, np.zeros(self._n)
+            return
+        varied = np.ptp(np.array(predicted), axis=0).max() > 1.0
+        if (
+            np.mean(exceeded) > _EXCEEDED
+            and np.mean(explained) > _EXPLAINED
+            and varied
+            and mass > _SIGNIFICANT * std
+        ):
+            self._body, self.found = self._scale * belief.mean, True
+            self.mass, self.mass_std = mass, std
+
+
+_REST_SHARES = (0.0, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5)
+
+
+def with_rest_share(
+    bound: ResidualBound,
+    external: Callable[[], ExternalTorque],
+    motion: Callable[[], Iterable[tuple[float, ArmState]]],
+    settings: ContactSettings | None = None,
+) -> ResidualBound:
+    """Return a bound whose share at rest no motion exceeds that begins by itself.
+
+    A drive builds up torque before a joint breaks loose. How much of it shows before the velocity
+    does depends on the arm, so that it is learnt from the same free motion.
+
+    Parameters
+    ----------
+    bound : ResidualBound
+    external : callable
+        Returns a new observer of the arm.
+    motion : callable
+        Returns times [s] and states of the free motion, from the beginning.
+    settings : ContactSettings, optional
+    """
+    tried = bound
+    for share in _REST_SHARES:
+        tried = replace(bound, rest_share=share)
+        detector = ContactDetector(external(), tried, settings)
+        for time, state in motion():
+            detector.update(state, time)
+        if not any(isinstance(event.reference, np.ndarray) for event in detector.events):
+            break
+    return tried

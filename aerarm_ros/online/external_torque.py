@@ -1,0 +1,386 @@
+"""External joint torque from the momentum observer, and how far the model explains it."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import linprog
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks import positive
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.joint_model import JointTerm, TermKind
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.motion.signals import ArmState, Array
+from aerarm_ros.online.replay import KnownArm
+
+FEATURES = ('constant', 'dry friction', 'speed', 'gravity', 'acceleration', 'jerk')
+"""Of the residual's bound, in the order of the columns of `ResidualBound.shares`."""
+
+LONGEST_GAP = 0.1
+"""[s] between two states; after a longer one the observer starts again."""
+
+_WIDTH = 0.01  # [rad/s] over which dry friction changes its direction
+_SLOW = 0.05  # [rad/s] below which dry friction may have another direction or be static
+_CREEPING = 0.02  # [rad/s] at which the slowly rising part of friction counts as dry
+
+
+class JointFriction(FrictionCompensation):
+    """All identified friction of the joints by measured velocity.
+
+    It adds the terms that `FrictionCompensation` leaves out: saturating viscous friction,
+    Stribeck friction, offsets, one-sided and coupled friction.
+
+    Parameters
+    ----------
+    arm : KnownArm
+    """
+
+    def __init__(self, arm: KnownArm) -> None:
+        viscous, coulomb, load = arm.friction
+        super().__init__(viscous, coulomb, _WIDTH, 1.0, load)
+        self._dry, self._share = coulomb.copy(), load
+        self._others: list[tuple[int, int, JointTerm, float]] = []
+        for joint, term, value in arm.others:
+            driver = joint if term.driver is None else term.driver
+            smooth = term.smooth or term.kind is TermKind.STRIBECK or term.width > 0.0
+            known = term if smooth else replace(term, width=_WIDTH)
+            self._others.append((joint, driver, known, value))
+            if not term.smooth:
+                self._dry[joint] += abs(value * float(known.basis(_at_creep, _at_creep, None)))
+
+    def torque(self, dq: Array, load: Array | None = None) -> Array:
+        """Return the torque (n,) [Nm] that friction takes at a velocity and a load on the links."""
+        torque = super().torque(dq, load)
+        for joint, driver, term, value in self._others:
+            speed = dq[driver]
+            basis = term.basis(speed, speed, None)
+            if term.kind is TermKind.STRIBECK:
+                basis = basis * np.tanh(abs(speed) / _WIDTH)
+            torque[joint] += value * float(basis)
+        return torque
+
+    def dry(self, load: Array) -> Array:
+        """Return the dry friction (n,) [Nm] that a joint can take at rest, in either direction."""
+        return np.asarray(self._dry + self._share * np.abs(load))
+
+
+_at_creep = np.asarray(_CREEPING)
+
+
+_FROZEN = 0.2  # [s] in which the position of a moving joint changes
+
+
+class EncoderWatch:
+    """Looks for joints whose velocity says that they move while their position stays the same.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of the joints.
+
+    Attributes
+    ----------
+    problem : str
+        What is wrong, '' if nothing.
+    """
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self._names = names
+        self._before = np.full(len(names), np.nan)
+        self._same = np.zeros(len(names))
+        self.problem = ''
+
+    def update(self, state: ArmState, dt: float) -> None:
+        """Take a state, `dt` [s] after the one before."""
+        stuck = (state.q == self._before) & (np.abs(state.dq) > _SLOW)
+        self._before = np.array(state.q)
+        self._same = np.where(stuck, self._same + dt, 0.0)
+        frozen = np.flatnonzero(self._same > _FROZEN)
+        self.problem = ''
+        if len(frozen):
+            names = ', '.join(self._names[index] for index in frozen)
+            self.problem = (
+                f'position of {names} stays {state.q[frozen[0]]:.4g} rad at '
+                f'{state.dq[frozen[0]]:.2g} rad/s: check the encoder and its cable'
+            )
+
+
+class Unexplained(NamedTuple):
+    """What the model leaves of one state.
+
+    Attributes
+    ----------
+    residual : (n,) ndarray
+        Torque on the joints beyond drives, model and friction [Nm], positive along +q.
+    features : (n, 6) ndarray
+        Of the bound of the residual of free motion, see `FEATURES` [Nm or rad/s].
+    friction : (n,) ndarray
+        Modelled friction, as a magnitude [Nm].
+    dry : (n,) ndarray
+        Dry friction that may act at rest [Nm].
+    """
+
+    residual: Array
+    features: Array
+    friction: Array
+    dry: Array
+
+
+class ExternalTorque:
+    """The momentum observer with what its error depends on.
+
+    An error of friction near zero velocity, of inertia or of the time at which torque was measured
+    stays in the observer for some of its time constants, so features decay as slowly.
+
+    Parameters
+    ----------
+    arm : KnownArm
+    gain : float
+        Of the observer, K [1/s].
+    dynamics : MovingBaseDynamics, optional
+        Of this arm; a new one by default. Give it to add a payload.
+
+    Raises
+    ------
+    ValueError
+        If the gain is not positive.
+    """
+
+    def __init__(
+        self, arm: KnownArm, gain: float, dynamics: MovingBaseDynamics | None = None
+    ) -> None:
+        self.gain = positive('observer_gain', gain)
+        self.dynamics = dynamics or MovingBaseDynamics(arm.robot, arm.rotor_inertia)
+        self.n = arm.robot.n
+        self._friction = JointFriction(arm)
+        self._observer = MomentumObserver(self.dynamics, np.full(self.n, self.gain), self._friction)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all past states."""
+        self._observer.reset()
+        self._momentum: Array | None = None
+        self._lagging = self._change = np.zeros(self.n)
+        self._held = np.zeros((self.n, 3))
+
+    def update(self, state: ArmState, dt: float, base: BaseMotion | None = None) -> Unexplained:
+        """Take the state at the end of a cycle of `dt` [s] and return what is unexplained."""
+        q, dq, _ = state
+        residual = self._observer.update(state, dt, base)
+        momentum = self.dynamics.fixed.inertia_matrix(q) @ dq
+        if self._momentum is None:
+            self._momentum = self._lagging = momentum
+        change = momentum - self._momentum
+        self._lagging = (self._lagging + dt * self.gain * momentum) / (1.0 + dt * self.gain)
+        load = self.dynamics.bias(q, dq, base)
+        dry = self._friction.dry(load)
+        now = np.column_stack(
+            [
+                dry * np.maximum(0.0, 1.0 - np.abs(dq) / _SLOW),
+                self.gain * np.abs(momentum - self._lagging),
+                self.gain * np.abs(change - self._change),
+            ]
+        )
+        self._momentum, self._change = momentum, change
+        self._held = np.maximum(now, np.exp(-0.5 * self.gain * dt) * self._held)
+        slow, acceleration, jerk = self._held.T
+        features = np.column_stack(
+            [np.ones(self.n), slow, np.abs(dq), np.abs(load), acceleration, jerk]
+        )
+        friction = np.abs(self._friction.torque(dq, load))
+        return Unexplained(residual.copy(), features, friction, dry)
+
+    def over(
+        self, recording: Recording, is_stopped: Callable[[], bool] = lambda: False
+    ) -> Iterator[tuple[float, ArmState, Unexplained]]:
+        """Yield time [s], state and result for each sample of a recording of a still base.
+
+        Raises
+        ------
+        IdentificationError
+            If the recording has no velocities.
+        """
+        if recording.dq is None:
+            raise IdentificationError(
+                f'{recording.name}: no velocities, which the observer needs: record them with the '
+                'positions'
+            )
+        self.reset()
+        last = float(recording.time[0])
+        rows = zip(recording.time.tolist(), recording.q, recording.dq, recording.tau, strict=True)
+        for count, (time, q, dq, tau) in enumerate(rows):
+            if count % 1000 == 0 and is_stopped():
+                raise KeyboardInterrupt
+            dt = time - last if count else float(np.median(np.diff(recording.time)))
+            if dt > LONGEST_GAP:
+                self.reset()
+            last, state = time, ArmState(q, dq, tau)
+            yield time, state, self.update(state, dt)
+
+
+_STATIC = 1.25  # static friction over that at creeping speed, at least
+_ASYNCHRONOUS = 1.25  # of the jerk: torque and velocity of a sample may belong to other instants
+_SETTLED = 10.0  # time constants of the observer after which its start has decayed
+_FEWEST = 200  # states to learn from
+_RESTING = 0.005  # [rad/s]
+_FLOOR = 1e-9  # [Nm]
+_LEAST = 0.05  # of the residual's RMS, for the constant part
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualBound:
+    """A bound of what the model leaves unexplained in free motion, by joint and motion.
+
+    `|residual| <= margin (shares @ features) + friction_spread |friction|`. The shares are the
+    smallest that contain every residual of a free motion (a linear program per joint). Friction
+    changes with temperature and time by more than one recording shows: that is the last term.
+
+    Attributes
+    ----------
+    shares : (n, 6) ndarray
+        Not negative, in the order of `FEATURES`.
+    noise : (n,) ndarray
+        RMS of the residual's changes at rest [Nm].
+    gain : float
+        Of the observer that it was learnt with [1/s].
+    margin : float
+        Other motions leave more than the one that was learnt from.
+    friction_spread : float
+        By which friction may differ from the model, relative.
+    rest_share : float
+        Change of torque at rest, over dry friction, that motions that begin by themselves reach.
+    """
+
+    shares: Array
+    noise: Array
+    gain: float
+    margin: float = 1.5
+    friction_spread: float = 0.15
+    rest_share: float = 0.0
+
+    @classmethod
+    def learnt(cls, rows: Iterable[Unexplained], gain: float) -> 'ResidualBound':
+        """Return the tightest bound of a free motion.
+
+        Parameters
+        ----------
+        rows : iterable of Unexplained
+            Of a motion in which nothing touches the arm.
+        gain : float
+            Of the observer [1/s].
+
+        Raises
+        ------
+        IdentificationError
+            If there are too few rows.
+        """
+        kept = list(rows)
+        if len(kept) < _FEWEST:
+            raise IdentificationError(
+                f'{len(kept)} states of free motion are too few to learn thresholds from: give at '
+                f'least {_FEWEST}, and 20 s of motion that covers the workspace'
+            )
+        residual = np.array([row.residual for row in kept])
+        features = np.array([row.features for row in kept])
+        shares = [
+            _tightest(np.abs(residual[:, joint]), features[:, joint])
+            for joint in range(residual.shape[1])
+        ]
+        return cls(np.array(shares), _noise(residual, features[:, :, 2].max(axis=1)), gain)
+
+    def threshold(self, unexplained: Unexplained) -> Array:
+        """Return the largest residual (n,) [Nm] that free motion explains."""
+        features = unexplained.features
+        bound = np.einsum('jf,jf->j', features, self.shares)
+        dry = features[:, 1] * self.shares[:, 1]  # it has its own margin
+        spread = self.friction_spread * unexplained.friction
+        return np.asarray(self.margin * (bound - dry) + dry + spread)
+
+    def to_dict(self, joint_names: tuple[str, ...]) -> dict[str, Any]:
+        """Return plain values for a YAML file."""
+        return {
+            'joint_names': list(joint_names),
+            'features': list(FEATURES),
+            'shares': self.shares.round(6).tolist(),
+            'noise': self.noise.round(9).tolist(),
+            'observer_gain': self.gain,
+            'margin': self.margin,
+            'friction_spread': self.friction_spread,
+            'rest_share': self.rest_share,
+        }
+
+    @classmethod
+    def from_dict(
+        cls, values: Mapping[str, Any], joint_names: tuple[str, ...], name: str
+    ) -> 'ResidualBound':
+        """Return what `to_dict` has described; raises ValueError with what to check."""
+        advice = 'learn it again with contact_estimator --free'
+        if values.get('features') != list(FEATURES):
+            raise ValueError(f'{name}: is no bound of residuals: {advice}')
+        if values.get('joint_names') != list(joint_names):
+            raise ValueError(
+                f'{name}: is of joints {values.get("joint_names")}, not {", ".join(joint_names)}: '
+                f'each arm has its own; {advice}'
+            )
+        n = len(joint_names)
+        try:
+            shares = np.array(values['shares'], dtype=float).reshape(n, len(FEATURES))
+            noise = np.array(values['noise'], dtype=float).reshape(n)
+            gain, margin, spread, rest = (
+                float(values[key])
+                for key in ('observer_gain', 'margin', 'friction_spread', 'rest_share')
+            )
+        except (KeyError, TypeError, ValueError):
+            raise ValueError(f'{name}: a value is missing or is no number: {advice}') from None
+        numbers = np.concatenate([shares.ravel(), noise, [gain, margin, spread, rest]])
+        if not (np.isfinite(numbers).all() and (numbers >= 0.0).all() and gain * margin > 0.0):
+            raise ValueError(f'{name}: values must be finite and not negative: {advice}')
+        return cls(shares, noise, gain, margin, spread, rest)
+
+
+def free_rows(
+    external: ExternalTorque, recording: Recording, is_stopped: Callable[[], bool]
+) -> Iterator[Unexplained]:
+    """Yield what is unexplained of a free motion, once the observer has settled."""
+    begin = float(recording.time[0]) + _SETTLED / external.gain
+    for time, _, row in external.over(recording, is_stopped):
+        if time > begin:
+            yield row
+
+
+def _noise(residual: Array, speed: Array) -> Array:
+    """Return the RMS (n,) of fast changes of the residual, at rest if there was a rest."""
+    steps = np.diff(residual, axis=0)
+    rests = speed[1:] < _RESTING
+    if rests.sum() >= _FEWEST // 4:
+        return np.asarray(np.sqrt(np.mean(steps[rests] ** 2, axis=0)) + _FLOOR)
+    return np.asarray(np.percentile(np.abs(steps), 30.0, axis=0) + _FLOOR)
+
+
+def _tightest(size: Array, features: Array) -> Array:
+    """Return the shares whose bound contains every size and is the smallest in the mean."""
+    scale = np.maximum(features.max(axis=0), 1e-9)
+    least = np.zeros(len(FEATURES))
+    least[0] = max(_LEAST * float(np.sqrt(np.mean(size**2))), 1e-6)
+    least[1], least[5] = _STATIC, _ASYNCHRONOUS
+    scaled = features / scale
+    # A bound that the least shares already keep is no constraint.
+    kept = size > features @ least
+    if not kept.any():
+        return least
+    solution = linprog(
+        scaled.mean(axis=0),
+        A_ub=-scaled[kept],
+        b_ub=-size[kept],
+        bounds=[(low, None) for low in least * scale],
+        method='highs',
+    )
+    if solution.x is None:
+        raise IdentificationError(
+            'no thresholds follow from the free motion: its effort or velocity is not usable'
+        )
+    return np.asarray(solution.x / scale)

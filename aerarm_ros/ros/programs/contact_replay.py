@@ -1,0 +1,394 @@
+"""Contact in recordings: what `contact_estimator --bag` does."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.motion.signals import ArmState, Array
+from aerarm_ros.online.contact_detector import (
+    Cause,
+    ContactDetector,
+    ContactEvent,
+    with_rest_share,
+)
+from aerarm_ros.online.contact_place import ContactLocator, ContactPlace
+from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
+from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
+from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
+from aerarm_ros.ros.controllers.contact_parameters import (
+    CONTACT_ESTIMATOR_PARAMETERS,
+    GAIN_PARAMETER,
+    RESIDUALS,
+    RESIDUALS_SECTION,
+    contact_settings,
+    read_residuals,
+)
+from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
+from aerarm_ros.ros.process.ros_arguments import OneLineParser, RosArguments, UsageError
+from aerarm_ros.ros.programs.identifier_options import add_arm_options
+from aerarm_ros.ros.programs.identifier_run import RecordedArm
+from aerarm_ros.ros.programs.payload_replay import known_arm
+
+REPORT = 'contacts.html'
+
+_FILES = (RESIDUALS, REPORT, MARKER)
+_SHOWN = 3000  # points of a curve
+_COLOUR = {Cause.CONTACT: '#d62728', Cause.PAYLOAD: '#2ca02c', Cause.MODEL: '#7f7f7f'}
+
+
+def contact_replay(name: str, arguments: Sequence[str]) -> int:
+    """Do what a command line asks for; return 0, 2 if there is something to check, or 130."""
+    stops: list[bool] = []
+    try:
+        given = RosArguments(arguments)
+        if given.parameters:
+            raise UsageError(
+                f'{given.parameters[0].name} is a parameter of the node: with --bag give options, '
+                f'{name} --bag DIR --help lists them'
+            )
+        options = replay_parser(name).parse_args(given.plain)
+        with StopSignals(lambda: stops.append(True)):
+            print(ContactReplay(name, options, lambda: bool(stops)).execute())
+    except KeyboardInterrupt:
+        print_error(name, 'interrupted, nothing was written')
+        return INTERRUPTED
+    except (ValueError, OSError) as error:
+        print_error(name, error)
+        return USER_ERROR
+    return 0
+
+
+def replay_parser(name: str) -> OneLineParser:
+    """Return what reads the command line."""
+    parser = OneLineParser(prog=name, description='Find contact in recordings.')
+    parser.add_argument(
+        '--bag', nargs='+', type=Path, default=[], metavar='DIR', action='extend',
+        help='recordings to search for contact, rest included: bags, .csv and .npz files',
+    )  # fmt: skip
+    parser.add_argument(
+        '--free', nargs='+', type=Path, default=[], metavar='DIR', action='extend',
+        help='recordings without contact and payload that the thresholds are learnt from',
+    )  # fmt: skip
+    parser.add_argument(
+        '--residuals', type=Path, metavar='FILE',
+        help=f'thresholds learnt earlier ({RESIDUALS}), in place of --free',
+    )  # fmt: skip
+    parser.add_argument(
+        '--model', type=Path, metavar='FILE', help="estimate.yaml of the arm (default: its URDF's)"
+    )
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help=f'folder for {REPORT} and {RESIDUALS}'
+    )
+    add_arm_options(parser)
+    for parameter in (GAIN_PARAMETER, *CONTACT_ESTIMATOR_PARAMETERS):
+        unit = f' [{parameter.unit}]' if parameter.unit else ''
+        parser.add_argument(
+            _option(parameter.name), type=float, default=parameter.default, metavar='X',
+            help=f'{parameter.description}{unit} (default: %(default)g)',
+        )  # fmt: skip
+    return parser
+
+
+@dataclass(frozen=True, eq=False)
+class SearchedBag:
+    """What was found in one recording.
+
+    Attributes
+    ----------
+    recording : Recording
+    events : list of ContactEvent
+    places : list of ContactPlace or None
+        Of each event.
+    torque, threshold : (M, n) ndarray
+        External torque and its threshold [Nm].
+    """
+
+    recording: Recording
+    events: list[ContactEvent]
+    places: list[ContactPlace | None]
+    torque: Array
+    threshold: Array
+
+
+class ContactReplay:
+    """What the command line asks for.
+
+    Parameters
+    ----------
+    name : str
+        Of the program, for messages.
+    options : argparse.Namespace
+        Of `replay_parser`.
+    is_stopped : callable
+
+    Raises
+    ------
+    IdentificationError, DescriptionError, ConfigError
+        If an option, the URDF, the configuration or the model is wrong.
+    """
+
+    def __init__(
+        self, name: str, options: argparse.Namespace, is_stopped: Callable[[], bool]
+    ) -> None:
+        self._name = name
+        self._options = options
+        self._is_stopped = is_stopped
+        for parameter in (GAIN_PARAMETER, *CONTACT_ESTIMATOR_PARAMETERS):
+            if problem := parameter.problem(getattr(options, parameter.name)):
+                text = problem.removeprefix(f'parameter {parameter.name}')
+                raise IdentificationError(f'{_option(parameter.name)}{text}')
+        if bool(options.free) == (options.residuals is not None):
+            raise IdentificationError(
+                'thresholds are learnt from motion without contact: give either --free BAG, such '
+                f'as the recording that the arm was identified from, or --residuals {RESIDUALS}'
+            )
+        if not options.bag and not (options.free and options.out):
+            raise IdentificationError(
+                'nothing to search: give --bag, or --free and --out to learn thresholds only'
+            )
+        self._recorded = RecordedArm(options, [*options.free, *options.bag], whole=True)
+        self._arm, _ = known_arm(self._recorded, options)
+
+    def execute(self) -> str:
+        """Learn thresholds, search the recordings and return what was found.
+
+        Raises
+        ------
+        IdentificationError, BagError
+            If a bag can't be used, or the result can't be written.
+        """
+        if self._options.out is None:
+            return self._text(self._search(self._bound()))
+        with ResultDirectory(self._options.out, files=_FILES) as directory:
+            bound = self._bound()
+            bags = self._search(bound)
+            values = bound.to_dict(self._arm.robot.joint_names)
+            directory.write(RESIDUALS, yaml.safe_dump({RESIDUALS_SECTION: values}, sort_keys=False))
+            directory.write(REPORT, contact_page(self._arm.robot, bags))
+            directory.write_json(MARKER, {'contacts': [_summary(bag) for bag in bags]})
+        return f'{self._text(bags)}\nReport: {directory.target / REPORT}'
+
+    def _bound(self) -> ResidualBound:
+        if self._options.residuals is not None:
+            return read_residuals(self._options.residuals, self._arm.robot.joint_names)
+        gain, rows = self._options.observer_gain, []
+        recordings = [self._recorded.recording(path) for path in self._options.free]
+        for recording in recordings:
+            rows += list(free_rows(ExternalTorque(self._arm, gain), recording, self._is_stopped))
+        bound = ResidualBound.learnt(rows, gain)
+        for recording in recordings:
+            learnt = with_rest_share(
+                bound,
+                lambda: ExternalTorque(self._arm, gain),
+                partial(_states, recording),
+                contact_settings(self._options),
+            )
+            bound = max(bound, learnt, key=lambda one: one.rest_share)
+        return bound
+
+    def _search(self, bound: ResidualBound) -> list[SearchedBag]:
+        bags = [
+            search(
+                self._recorded.recording(path),
+                ContactDetector(
+                    ExternalTorque(self._arm, bound.gain), bound, contact_settings(self._options)
+                ),
+                ContactLocator(self._arm.robot),
+                self._is_stopped,
+            )
+            for path in self._options.bag
+        ]
+        for message in self._recorded.messages:
+            print(f'{self._name}: {message}', file=sys.stderr)
+        return bags
+
+    def _text(self, bags: Sequence[SearchedBag]) -> str:
+        lines = []
+        for bag in bags:
+            count = sum(event.cause is Cause.CONTACT for event in bag.events)
+            lines.append(
+                f'{bag.recording.name}: {bag.recording.duration:.1f} s, {count} '
+                f'contact{"" if count == 1 else "s"}'
+            )
+            names = self._arm.robot.joint_names
+            rows = zip(bag.events, bag.places, strict=True)
+            lines += [f'  {event_text(event, place, names)}' for event, place in rows]
+        return '\n'.join(lines)
+
+
+def _states(recording: Recording) -> Iterator[tuple[float, ArmState]]:
+    """Yield times and states of a recording with velocities."""
+    assert recording.dq is not None
+    rows = zip(recording.time.tolist(), recording.q, recording.dq, recording.tau, strict=True)
+    for time, q, dq, tau in rows:
+        yield time, ArmState(q, dq, tau)
+
+
+def search(
+    recording: Recording,
+    detector: ContactDetector,
+    locator: ContactLocator,
+    is_stopped: Callable[[], bool] = lambda: False,
+) -> SearchedBag:
+    """Return the events of a recording of an arm on a still base.
+
+    Raises
+    ------
+    IdentificationError
+        If it has no velocities.
+    """
+    if recording.dq is None:
+        raise IdentificationError(
+            f'{recording.name}: no velocities, which the observer needs: record them with the '
+            'positions'
+        )
+    torque = np.zeros_like(recording.q)
+    threshold = np.full_like(recording.q, np.nan)
+    for row, (time, state) in enumerate(_states(recording)):
+        if row % 1000 == 0 and is_stopped():
+            raise KeyboardInterrupt
+        report = detector.update(state, time)
+        if report is not None:
+            torque[row], threshold[row] = report.torque, report.threshold
+    places = [
+        locator.locate(event.q, event.torque, event.threshold)
+        if event.cause is Cause.CONTACT
+        else None
+        for event in detector.events
+    ]
+    if detector.problem:
+        raise IdentificationError(f'{recording.name}: {detector.problem}')
+    return SearchedBag(recording, detector.events, places, torque, threshold)
+
+
+def event_text(event: ContactEvent, place: ContactPlace | None, names: Sequence[str]) -> str:
+    """Return one line about an event."""
+    end = 'the end' if math.isnan(event.end) else f'{event.end:.2f} s'
+    text = f'{event.begin:.2f} s to {end}: {event.cause.value}'
+    if event.cause is Cause.PAYLOAD:
+        return (
+            f'{event.begin:.2f} s: {event.cause.value} of {event.mass:.3g} ± {event.mass_std:.2g} '
+            f'kg on the last link, recognized after {event.end - event.begin:.2g} s'
+        )
+    size = float(event.torque[event.joint])
+    text += f', {names[event.joint]} {size:+.3g} Nm ({event.ratio:.2g} x the threshold)'
+    if place is None:
+        return text
+    force = f'{np.linalg.norm(place.force):.3g} N at {place.link}'
+    return f'{text}, {force if place.is_determined else f"at least {force}"}'
+
+
+def _summary(bag: SearchedBag) -> dict[str, Any]:
+    return {
+        'recording': bag.recording.name,
+        'duration': round(bag.recording.duration, 3),
+        'events': [
+            {
+                'cause': event.cause.value,
+                'begin': round(event.begin, 4),
+                'end': None if math.isnan(event.end) else round(event.end, 4),
+                'joint': bag.recording.joint_names[event.joint],
+                'torque': event.torque.round(4).tolist(),
+            }
+            for event in bag.events
+        ],
+    }
+
+
+def contact_page(robot: Robot, bags: Sequence[SearchedBag]) -> str:
+    """Return the page with events and external torque of each recording."""
+    parts: list[str] = []
+    for number, bag in enumerate(bags):
+        heading = f'{bag.recording.name} ({bag.recording.duration:.1f} s)'
+        parts.append(section(heading, _events_table(robot, bag), _figures(number, bag)))
+    legend = bullets(
+        [
+            'Torque: change of the external torque at its largest, positive along +q.',
+            'Ratio: that torque over what free motion explains. At rest, a change of torque counts '
+            'although friction can hold it; its ratio may be below 1 then.',
+            'Force: the single force that explains the torque, in the frame of the base. “At '
+            'least” marks a posture or a link in which the joints do not feel all of the force.',
+            'Curves: external torque; dashed: its threshold. Coloured: events (red contact, green '
+            'payload, grey error of the model).',
+        ]
+    )
+    parts.append(section('Legend', legend))
+    return page('Contacts', plotting_script(), parts, origin())
+
+
+def _events_table(robot: Robot, bag: SearchedBag) -> Html:
+    if not bag.events:
+        return paragraph('No event: the model explains the torque of the whole recording.')
+    rows: list[list[object]] = []
+    for event, place in zip(bag.events, bag.places, strict=True):
+        force = at = '–'
+        if place is not None:
+            vector = ', '.join(f'{value:.3g}' for value in place.force)
+            force = f'{"" if place.is_determined else "at least "}({vector})'
+            at = f'{place.link} ({", ".join(f"{value:.2f}" for value in place.point)})'
+        if event.cause is Cause.PAYLOAD:
+            force = f'{event.mass:.3g} ± {event.mass_std:.2g} kg'
+        rows.append(
+            [
+                event.begin,
+                event.end - event.begin,
+                event.cause.value,
+                robot.joint_names[event.joint],
+                float(event.torque[event.joint]),
+                event.ratio,
+                force,
+                at,
+            ]
+        )
+    headings = ['begin [s]', 'length [s]', 'cause', 'joint', 'torque [Nm]', 'ratio']
+    return table([*headings, 'force [N] or mass', 'link (point in its frame [m])'], rows)
+
+
+def _figures(number: int, bag: SearchedBag) -> Html:
+    step = max(1, len(bag.torque) // _SHOWN)
+    time = bag.recording.time[::step].round(4).tolist()
+    parts = []
+    for joint, name in enumerate(bag.recording.joint_names):
+        torque = bag.torque[::step, joint].round(4).tolist()
+        bound = bag.threshold[::step, joint]
+        upper = [None if not math.isfinite(value) else round(value, 4) for value in bound.tolist()]
+        lower = [None if value is None else -value for value in upper]
+        dashed = {'dash': 'dash', 'width': 1, 'color': '#999999'}
+        traces: list[dict[str, Any]] = [
+            {'x': time, 'y': torque, 'name': 'external torque', 'line': {'width': 1.5}},
+            {'x': time, 'y': upper, 'name': 'threshold', 'line': dashed},
+            {'x': time, 'y': lower, 'showlegend': False, 'line': dashed},
+        ]
+        shapes = [
+            {
+                'type': 'rect', 'xref': 'x', 'yref': 'paper', 'y0': 0, 'y1': 1, 'opacity': 0.2,
+                'x0': event.begin, 'x1': time[-1] if math.isnan(event.end) else event.end,
+                'fillcolor': _COLOUR[event.cause], 'line': {'width': 0},
+            }
+            for event in bag.events
+        ]  # fmt: skip
+        layout = {
+            'height': 240, 'template': 'none', 'title': {'text': plain_text(f'{name} [Nm]')},
+            'shapes': shapes, 'margin': {'t': 40, 'b': 30},
+            'xaxis': {'title': {'text': 'time [s]'}},
+        }  # fmt: skip
+        parts.append(figure_html(f'bag{number}-joint{joint}', traces, layout))
+    return Html(''.join(parts))
+
+
+def _option(name: str) -> str:
+    return f'--{name.replace("_", "-")}'

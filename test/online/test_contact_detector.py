@@ -1,0 +1,153 @@
+"""Contact of the emulated arm in motion and at rest, told from payload and from bad input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from carrying_run import CarryingRun
+from touched_run import GAIN, SMALL, Touch, detector, known_arm, learnt, recording
+
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.online.contact_detector import Cause, ContactDetector
+from aerarm_ros.online.contact_place import ContactLocator
+from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound
+
+TOUCH = Touch(1.6, 2.3, (0.0, 0.0, -5.0))
+
+
+def play(found: ContactDetector, motion: Recording) -> ContactDetector:
+    assert motion.dq is not None
+    for time, q, dq, tau in zip(motion.time, motion.q, motion.dq, motion.tau, strict=True):
+        found.update(ArmState(q, dq, tau), float(time))
+    return found
+
+
+def test_another_free_motion_has_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
+    assert play(detector(run, bound), recording(run, 0.7, run.pick_up)).events == []
+
+
+@pytest.mark.parametrize('direction', [(0, 0, -1), (0, 0, 1), (1, 0, 0), (0, 1, 0)])
+def test_a_touch_in_motion_is_found_within_a_tenth_of_a_second(
+    direction: tuple[int, int, int], run: CarryingRun, bound: ResidualBound
+) -> None:
+    x, y, z = (5.0 * value for value in direction)
+    motion = replace(TOUCH, force=(x, y, z)).added(run, recording(run, 0.7, run.pick_up))
+    (event,) = play(detector(run, bound), motion).events
+    assert event.cause is Cause.CONTACT
+    assert 0.0 < event.begin - TOUCH.begin < 0.1
+    assert -0.05 < event.end - TOUCH.end < 0.35
+
+
+def test_a_payload_is_reported_as_one_and_then_subtracted(
+    loaded: CarryingRun, bound: ResidualBound
+) -> None:
+    found = play(detector(loaded, bound), recording(loaded, 0.7, 7.5))
+    event = found.events[-1]
+    assert event.cause is Cause.PAYLOAD
+    assert event.begin > loaded.pick_up
+    assert found.event is None
+    assert found.payload_mass == pytest.approx(0.2, rel=0.25)
+
+
+def test_at_rest_a_push_counts_that_friction_could_hold(
+    run: CarryingRun, bound: ResidualBound
+) -> None:
+    arm = known_arm(run)
+    robot, noise = arm.robot, np.random.default_rng(1)
+    q = np.array([0.3, 0.8, -0.5, 0.4])
+    external = ExternalTorque(arm, GAIN)
+    holding = external.dynamics.gravity(q) + 0.3 * arm.friction[1]
+    time = np.arange(0.0, 4.0, 1e-3)
+    tau = holding + 1e-3 * noise.standard_normal((len(time), robot.n))
+    rests = Recording('rest', robot.joint_names, time, np.tile(q, (len(time), 1)),
+                      np.zeros((len(time), robot.n)), tau, np.zeros(4, bool))  # fmt: skip
+    quiet = replace(bound, noise=np.full(4, 1e-4))
+    assert play(detector(run, quiet), rests).events == []
+    push = 0.6 * arm.friction[1] * np.clip((time - 2.0) / 0.1, 0.0, 1.0)[:, np.newaxis]
+    push[time > 3.0] = 0.0
+    pushed = replace(rests, tau=tau - push)
+    (event,) = play(detector(run, quiet), pushed).events
+    assert event.cause is Cause.CONTACT
+    assert 2.0 < event.begin < 2.1
+    assert 3.0 < event.end < 3.4
+
+
+def test_what_is_there_from_the_start_is_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
+    motion = recording(run, 0.7, run.pick_up)
+    wrong = replace(motion, tau=motion.tau + 2.0)
+    found = detector(run, bound)
+    found = play(found, wrong)
+    assert {event.cause for event in found.events} == {Cause.MODEL}
+    assert 'check that the model is of this arm' in found.problem
+
+
+def test_an_encoder_that_hangs_is_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
+    motion = recording(run, 0.7, run.pick_up)
+    q = motion.q.copy()
+    q[500:] = q[500]
+    found = play(detector(run, bound), replace(motion, q=q))
+    assert 'check the encoder' in found.problem
+    assert found.event is None
+
+
+def test_lost_states_and_gaps_find_nothing(run: CarryingRun, bound: ResidualBound) -> None:
+    motion = recording(run, 0.7, run.pick_up)
+    tau = motion.tau.copy()
+    tau[::7] = np.nan
+    time = motion.time + np.where(np.arange(len(motion.time)) > 900, 3.0, 0.0)
+    assert play(detector(run, bound), replace(motion, tau=tau, time=time)).events == []
+
+
+def test_the_place_of_a_force_on_the_tool(run: CarryingRun) -> None:
+    robot = run.robot()
+    motion = recording(run, 1.0, 1.01)
+    touched = Touch(0.0, 9.0, (1.0, -3.0, 2.0)).added(run, motion)
+    torque = (motion.tau - touched.tau)[0]
+    place = ContactLocator(robot).locate(motion.q[0], torque, np.full(4, 1e-3))
+    assert place is not None
+    assert place.link == robot.link_names[-1]
+    # Whatever the point, the force explains the torque.
+    assert np.linalg.norm(place.force) == pytest.approx(np.sqrt(14.0), rel=0.5)
+
+
+def test_no_joint_feels_nothing(run: CarryingRun) -> None:
+    locator = ContactLocator(run.robot())
+    assert locator.locate(np.zeros(4), np.zeros(4), np.ones(4)) is None
+    assert locator.locate(np.zeros(4), np.ones(4), np.full(4, np.inf)) is None
+
+
+def test_thresholds_survive_their_file(run: CarryingRun, bound: ResidualBound) -> None:
+    names = run.robot().joint_names
+    again = ResidualBound.from_dict(bound.to_dict(names), names, 'file')
+    np.testing.assert_allclose(again.shares, bound.shares, atol=1e-6)
+    assert again.gain == bound.gain
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'features': []}, 'is no bound of residuals'),
+        ({'joint_names': ['a']}, 'each arm has its own'),
+        ({'shares': [[1.0]]}, 'a value is missing or is no number'),
+        ({'noise': [0.1, 0.1, 0.1, -0.1]}, 'finite and not negative'),
+        ({'observer_gain': 0.0}, 'finite and not negative'),
+    ],
+)
+def test_a_wrong_file_is_rejected(
+    change: dict, words: str, run: CarryingRun, bound: ResidualBound
+) -> None:
+    names = run.robot().joint_names
+    with pytest.raises(ValueError, match=words):
+        ResidualBound.from_dict({**bound.to_dict(names), **change}, names, 'file')
+
+
+def test_too_little_free_motion_is_rejected(free: CarryingRun) -> None:
+    with pytest.raises(IdentificationError, match='too few to learn thresholds from'):
+        learnt(free, recording(free, 0.7, 1.0))
+
+
+def test_settings_are_positive() -> None:
+    with pytest.raises(ValueError, match='confirmation'):
+        replace(SMALL, confirmation=0.0)

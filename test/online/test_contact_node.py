@@ -1,0 +1,87 @@
+"""The node `contact_estimator`, which receives a recording state by state."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+import yaml
+from carrying_run import CarryingRun
+from std_msgs.msg import Bool
+from touched_run import Touch, recording
+
+from aerarm_msgs_py import topics
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.nodes.contact_estimator import ContactEstimatorNode
+from aerarm_ros.online.external_torque import ResidualBound
+from aerarm_ros.ros.controllers.contact_parameters import RESIDUALS_SECTION
+
+PATIENCE = 60.0  # [s] of the host, which may be busy
+EPOCH = 1_700_000_000.0
+
+Make = Callable[..., ContactEstimatorNode]
+
+
+@pytest.fixture
+def make(ros_domain: dict[str, str]) -> Iterator[Make]:
+    """Return a function that makes the node with parameters."""
+    nodes = []
+
+    def make_node(**parameters: object) -> ContactEstimatorNode:
+        given = [word for item in parameters.items() for word in ('-p', '{}:={}'.format(*item))]
+        rclpy.init(args=['--ros-args', *given])
+        nodes.append(ContactEstimatorNode())
+        return nodes[0]
+
+    yield make_node
+    for node in nodes:
+        node.close()
+    rclpy.shutdown()
+
+
+def test_a_touch_is_published(
+    make: Make, run: CarryingRun, bound: ResidualBound, tmp_path: Path
+) -> None:
+    file = tmp_path / 'residuals.yaml'
+    values = bound.to_dict(run.robot().joint_names)
+    file.write_text(yaml.safe_dump({RESIDUALS_SECTION: values}))
+    node = make(
+        residuals_file=file, confirmation=0.01, load_friction=run.truth.load_friction.tolist()
+    )
+    received: list[Bool] = []
+    listener = rclpy.create_node('listener')
+    topic = topics.CONTACT
+    listener.create_subscription(topic.type, topic.name, received.append, topic.qos)
+    motion = Touch(1.6, 9.0, (0.0, 0.0, -8.0)).added(run, recording(run, 0.7, 2.0))
+    assert motion.dq is not None
+    deadline = time.monotonic() + PATIENCE
+    for now, q, dq, tau in zip(motion.time, motion.q, motion.dq, motion.tau, strict=True):
+        node.stamp_ns = round(1e9 * (EPOCH + now))
+        state = ArmState(q, dq, tau)
+        node.answer(node.stamp_ns, state)
+        if now < 1.6:
+            assert node.describe()['contact'] in ('no', 'unknown')
+    described = node.describe()
+    assert described['contact'] == 'yes'
+    assert described['contacts'] == 1
+    assert described['touched link'] in run.robot().link_names
+    assert not node.warning()
+    while not received or not received[-1].data:
+        assert node._report is not None
+        node._send(node.stamp_ns, state, node._report)
+        rclpy.spin_once(listener, timeout_sec=0.05)
+        assert time.monotonic() < deadline
+    listener.destroy_node()
+
+
+def test_without_thresholds_it_says_how_to_learn_them(make: Make) -> None:
+    with pytest.raises(ValueError, match='residuals_file is not set: learn thresholds'):
+        make()
+
+
+def test_a_file_that_is_none_is_named(make: Make, tmp_path: Path) -> None:
+    file = tmp_path / 'residuals.yaml'
+    file.write_text('a: 1\n')
+    with pytest.raises(ValueError, match='has no residual_bound'):
+        make(residuals_file=file)
