@@ -1,4 +1,4 @@
-"""Keep motors and supply within their thermal and electrical limits."""
+"""Keep motors within their thermal limits."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, inf, sqrt
 
-from aerarm_ros.description.arm_config import ArmConfig, PowerStageConfig
+from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drive_config import COPPER, RATED_AMBIENT, JointConfig, MotorConfig
 from aerarm_ros.hardware.boards.board_link import ArmMeasurements, BoardLink
 from aerarm_ros.hardware.boards.board_monitor import BoardMode
@@ -14,6 +14,7 @@ from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
+from aerarm_ros.hardware.supply_watch import SupplyWatch
 
 _COPPER_REFERENCE = 20.0  # [degC] of `COPPER`
 # A resistance that a board reports is used within these multiples of the configuration's.
@@ -146,84 +147,6 @@ class MotorTemperature:
             else:
                 high = middle
         return high
-
-
-# Answers in a row beyond a limit that are no noise: as many milliseconds at 1 kHz.
-_IN_ROW = 10  # decision 81
-# A warning comes at this share inside the limits, and stays for a time [s] that a person reads in.
-_WARNING_SHARE = 0.05
-_SHOWN = 5.0
-
-
-class SupplyWatch:
-    """Warns near the limits of the supply voltage, and asks for a stop beyond them.
-
-    A supply that cannot take braking energy back rises with each braking: the stop ends the
-    motion that does it. A low supply ends in boards that let the arm fall: a damped one sinks.
-
-    Parameters
-    ----------
-    name
-        Of the board.
-    stage
-        The limits.
-
-    Attributes
-    ----------
-    voltage
-        Last reading [V], 0 before the first.
-    lowest, highest
-        Of all readings [V].
-    """
-
-    def __init__(self, name: str, stage: PowerStageConfig) -> None:
-        self.voltage = 0.0
-        self.lowest, self.highest = inf, 0.0
-        self._name = name
-        self._stage = stage
-        self._warn_below = (1.0 + _WARNING_SHARE) * stage.voltage_min
-        self._warn_above = (1.0 - _WARNING_SHARE) * stage.voltage_max
-        self._low_in_row = self._high_in_row = 0
-        self._warning = ''
-        self._warned_for = 0.0
-
-    def update(self, voltage: float, duration: float) -> None:
-        """Take a reading [V], a time [s] after the last."""
-        self.voltage = voltage
-        self.lowest, self.highest = min(self.lowest, voltage), max(self.highest, voltage)
-        self._low_in_row = self._low_in_row + 1 if voltage < self._stage.voltage_min else 0
-        self._high_in_row = self._high_in_row + 1 if voltage > self._stage.voltage_max else 0
-        self._warned_for -= duration
-        if voltage > self._warn_above:
-            self._warn(f'{voltage:.1f} V, near its largest of {self._stage.voltage_max:g}')
-        elif voltage < self._warn_below:
-            self._warn(f'{voltage:.1f} V, near its least of {self._stage.voltage_min:g}')
-        elif self._warned_for <= 0.0:
-            self._warning = ''
-
-    def stop(self) -> str:
-        """Return why the arm has to stop, or ''."""
-        if self._high_in_row >= _IN_ROW:
-            return (
-                f'the supply of {self._name} has {self.voltage:.1f} V, its limit is '
-                f'{self._stage.voltage_max:g}: it does not take braking energy back. Use a battery '
-                'or a braking resistor, or lower velocity_max'
-            )
-        if self._low_in_row >= _IN_ROW:
-            return (
-                f'the supply of {self._name} has {self.voltage:.1f} V, its limit is '
-                f'{self._stage.voltage_min:g}: support the arm, charge the battery or check the '
-                'leads; check profile_scales if the voltage is wrong'
-            )
-        return ''
-
-    def warning(self) -> str:
-        """Return the warning about the supply, or ''."""
-        return self._warning
-
-    def _warn(self, text: str) -> None:
-        self._warning = f'the supply of {self._name} had {text}'
-        self._warned_for = _SHOWN
 
 
 # Below the largest temperature of the winding [K]: a warning, the first reduction of the torque,
@@ -490,7 +413,7 @@ class HeatWatch:
     news
         Warnings that are worse than the ones before, for the log; who logs one removes it.
     supplies
-        One `SupplyWatch` a board; none where frames carry no supply voltage.
+        One `SupplyWatch` per board; none where frames carry no supply voltage.
     unknown
         What the configuration does not say of its motors.
     """
