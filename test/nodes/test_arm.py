@@ -38,7 +38,7 @@ def test_a_refusal_is_an_error_and_the_bridge_goes_on(bridge: NodeProcess, tmp_p
     assert (status, 'arm_mode fault' in text) == (0, True)
     status, text = ask('enable')
     assert status == 1
-    assert 'refused' in text
+    assert 'rejected' in text
     assert ask('clear_fault', '--wait', 'idle', 'ready')[0] == 0
 
 
