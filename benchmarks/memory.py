@@ -118,7 +118,7 @@ def start(
     arm.wait_for_mode(['running'], 60.0)
     swing = ToAndFro(node)
     deadline = time.monotonic() + 60.0
-    while 'shown at' not in nodes['view'].tail():
+    while 'in a browser' not in nodes['view'].tail():
         if time.monotonic() > deadline:
             raise SystemExit(f'memory: the page is not served:\n{nodes["view"].tail()}')
         time.sleep(0.1)

@@ -159,7 +159,7 @@ class MotorBenchNode:
         out = Path(self._values.out or f'{NAME}_{datetime.now():%Y%m%d_%H%M%S}')
         with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
-                with ResultDirectory(out, 'remove parameter out') as directory:
+                with ResultDirectory(out, 'the parameter out') as directory:
                     self._measure(directory)
                 self.status = 0
                 print(f'{NAME}: {directory.target / "report.html"}', flush=True)

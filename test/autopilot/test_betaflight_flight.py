@@ -40,7 +40,7 @@ class StickFlight(Flight):
 
 def test_it_is_armed_then_hovers_and_goes_where_it_is_told() -> None:
     flight = StickFlight()
-    assert 'not heard' in flight.law.problem
+    assert 'no data from Betaflight' in flight.law.problem
     flight.go(0.3)
     assert flight.law.problem == 'Betaflight is being armed'
     assert flight.firmware.sticks == [1500, 1500, 1000, 1500, 1000, 2000]
@@ -58,7 +58,7 @@ def test_it_is_armed_then_hovers_and_goes_where_it_is_told() -> None:
     flight.go(0.4)
     assert flight.law.problem == ''
     flight.go(0.2)
-    assert 'not heard' in flight.law.problem
+    assert 'no data from Betaflight' in flight.law.problem
 
 
 def sticks(wrench: np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray:

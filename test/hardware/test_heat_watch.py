@@ -79,7 +79,7 @@ def test_an_arm_held_stretched_is_warned_reduced_stopped_and_let_down_before_its
         'the motor of joint2',
         'the torque of joint2',
         'joint2 sinks',
-        'joint2 is let down',
+        'joint2 yields',
     )
     assert len(news) == len(steps)
     assert all(step in text for step, text in zip(steps, news, strict=True)), news

@@ -55,7 +55,7 @@ def test_with_two_bridges_only_what_stops_goes_to_both(
             assert second.returncode is None, second.tail()
             time.sleep(0.05)
         refusal, end = '', time.monotonic() + 120.0
-        while not refusal.startswith('there are '):
+        while not refusal.startswith('found '):
             assert second.returncode is None, second.tail()
             assert time.monotonic() < end, refusal
             try:
@@ -136,7 +136,7 @@ def test_sets_live_parameters(ros_domain: dict[str, str], tmp_path: Path) -> Non
         assert (status, words(text)) == (0, f'{node}: kd = [0.5]\n')
         for name, value, problem in (
             ('hand_guide', 'true', "has no parameter 'hand_guide': did you mean 'hand_guiding'?"),
-            ('kp', '[-1]', 'refuses: parameter kp must be'),
+            ('kp', '[-1]', 'rejects the value: parameter kp must be'),
             ('kp', '{', "'{' is no value of a parameter"),
             ('urdf', 'x', 'is read-only: set it when the node starts, -p urdf:=x'),
         ):

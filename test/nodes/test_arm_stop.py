@@ -113,7 +113,7 @@ def test_two_bridges_of_one_name_are_told_and_not_enabled(bridges: Bridges, ros_
     for process in twins:
         until_said(process, ': idle')
     until(lambda: ros_node.count_services('fake_hardware/enable') == 2)
-    problem = 'there are 2 nodes named /fake_hardware: stop all but one'
+    problem = 'found 2 nodes named /fake_hardware: stop all but one'
     with pytest.raises(ArmClientError, match=problem):
         client.call('enable', 0.5)
     # Both are stopped, but only one can be heard.

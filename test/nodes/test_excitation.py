@@ -214,7 +214,7 @@ def test_says_how_much_was_damped(tmp_path: Path, environment, allowed, expected
     told = re.search(r'damped the arm 2 times, for ([0-9.]+) s \(([0-9.]+)% of the motion\)', log)
     assert told is not None, log
     assert float(told[1]) >= 0.2
-    assert ('not the motion that was planned' in log) == (expected == 1)
+    assert ('the motion is not the planned one' in log) == (expected == 1)
 
 
 def run_until_it_hears_the_mode(tmp_path: Path, **parameters: object) -> tuple[int, str, int]:

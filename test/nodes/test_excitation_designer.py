@@ -44,7 +44,7 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        (['--fundamental', '0.07'], 'take 14.2857 s or 28.5714 s'),
+        (['--fundamental', '0.07'], 'pass 14.2857 s or 28.5714 s'),
         (['--fundamental', '-1'], 'fundamental must be positive'),
         (['--duration', 'inf'], 'duration must be positive'),
         (['--harmonics', '200'], 'highest_frequency of the excitation configuration'),
@@ -60,11 +60,11 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
         (['--out', '/nowhere/best.yaml'], '/nowhere/best.yaml cannot be written'),
         (['--preview', '/nowhere/best.html'], '/nowhere/best.html cannot be written'),
         (['--out', '/tmp'], 'it is a folder'),
-        (['--amplitude', '100'], 'with the amplitude of 100 rad is feasible, nor with less'),
+        (['--amplitude', '100'], 'all of the amplitude 100 rad is feasible'),
         (['--starts', '0'], 'at least one start'),
         (['--time-limit', 'nan'], 'time limit must be positive'),
         (['--time-limit', '1e-6'], 'no files were written'),
-        (['--acceleration-limit', '3'], '--acceleration-limit: for an arm without a drive train'),
+        (['--acceleration-limit', '3'], '--acceleration-limit: only for an arm without'),
     ],
 )
 def test_bad_input_is_one_line(tmp_path: Path, capsys, arguments, message) -> None:
@@ -116,7 +116,7 @@ def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatc
     assert main([*SMALL, '--out', str(tmp_path / 'best.yaml')]) == 0
     printed = capsys.readouterr().out
     assert 'start 0 stopped after its 37 s share of --time-limit: pass a larger limit' in printed
-    assert 'better than a random trajectory: give more time with --time-limit' in printed
+    assert 'no start improved on a random trajectory: give more time with --time-limit' in printed
     assert 'breaks' not in printed
 
 

@@ -273,7 +273,7 @@ def test_what_cannot_be_believed_is_named_and_the_drone_kept_level(drone: DroneS
     drone.hover_until('in order')
     # Silent odometry: level by the IMU, sinking.
     deadline = time.monotonic() + PATIENCE
-    while not any('level by the IMU' in text for text in drone.problems):
+    while not any('levels by the IMU' in text for text in drone.problems):
         drone.step(None, drone.imu_message())
         assert time.monotonic() < deadline, drone.problems
     assert drone.thrust() == pytest.approx(0.97 * WEIGHT, rel=0.02)

@@ -98,7 +98,7 @@ def test_what_is_wrong_with_its_bag_is_told(
     out = tmp_path / 'out'
     done = identifier(*arm, '--payload', bag, '--out', out)
     assert done.returncode == 0, done.stderr
-    words = 'where its metadata.yaml lists 9'
+    words = 'but its metadata.yaml lists 9'
     assert done.stderr.count(words) == 1
     assert model or words in (out / 'report.html').read_text()
 

@@ -17,6 +17,7 @@ from rclpy.node import Node
 from spi_boards import SpiBoards
 
 from aerarm_ros.description.resources import resource
+from aerarm_ros.hardware.boards.kept_zeros import sealed
 from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 BOARD_TIMEOUT = 0.2  # [s]
@@ -153,9 +154,9 @@ def test_a_bridge_that_is_restarted_knows_how_warm_the_motors_are(
     with bridge('first') as process:
         client.wait_for_mode('unhomed')
         assert process.stop(signal.SIGTERM) == 0
-    kept = json.loads(file.read_text())
+    kept = json.loads(json.loads(file.read_text())['kept'])
     kept['heat'] |= {'windings': [108.0] * 4, 'housings': [95.0] * 4}
-    file.write_text(json.dumps(kept))
+    file.write_text(sealed(json.dumps(kept)))
     with bridge('second'):
         client.wait_for_mode('unhomed')
-        assert 'wait until it has cooled' in client.call('home').message
+        assert 'has cooled to' in client.call('home').message

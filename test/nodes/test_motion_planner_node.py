@@ -121,7 +121,7 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
     assert 'a motion of 0.2 s is out of reach' in refused['text']
     assert 'the quickest takes' in refused['text']
     point.header.frame_id = 'camera'
-    assert "given in 'camera'" in desk.ask(topics.TOOL_GOAL, point)['text']
+    assert "its frame is 'camera'" in desk.ask(topics.TOOL_GOAL, point)['text']
     assert 'needs 4 positions' in desk.ask(topics.JOINT_GOAL, JointState(name=NAMES))['text']
     assert 'elbow' in desk.ask(topics.JOINT_GOAL, JointState(name=['elbow']))['text']
     assert not desk.set('payload.inertial_parameters', [-1.0, *[0.0] * 9])  # of no body

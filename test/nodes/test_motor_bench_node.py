@@ -97,9 +97,9 @@ def test_says_what_it_waits_for(ros_domain: dict[str, str], tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ('parameters', 'message'),
     [
-        ({'joints': ['elbow']}, 'no joint elbow'),
+        ({'joints': ['elbow']}, 'unknown joint elbow'),
         ({'speeds': [0.5]}, 'two or more different'),
-        ({'posture': [0.0, 1.5]}, 'posture has 2 angles'),
+        ({'posture': [0.0, 1.5]}, 'posture has 2 values'),
         ({'without_mass': '/nowhere/motor_bench.yaml'}, '/nowhere/motor_bench.yaml'),
         ({'known_mass': 0.2, 'known_mass_position': [0.1]}, 'needs x, y and z'),
         ({'config': '/nowhere/arm.yaml'}, '/nowhere/arm.yaml'),

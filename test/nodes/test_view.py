@@ -49,7 +49,7 @@ def port() -> int:
 def page(ros_domain: dict[str, str], port: int, tmp_path: Path) -> Iterator[str]:
     log = tmp_path / 'view.log'
     with NodeProcess('view', parameters={'port': port}, log=log) as node:
-        until(lambda: 'the arm is shown at' in log.read_text() or node.returncode is not None)
+        until(lambda: 'in a browser' in log.read_text() or node.returncode is not None)
         assert node.returncode is None, node.tail()
         yield f'http://127.0.0.1:{port}'
         assert node.stop() == 0, node.tail()
@@ -234,7 +234,7 @@ def open_to_the_network(port: int, tmp_path: Path) -> Iterator[tuple[NodeProcess
     """Serve at all interfaces; the second value is the address that was printed."""
     log = tmp_path / 'view.log'
     with NodeProcess('view', parameters={'port': port, 'host': '0.0.0.0'}, log=log) as node:
-        line = until(lambda: re.search(r'shown at (http://\S+)\n', log.read_text()))
+        line = until(lambda: re.search(r'open (http://\S+) in a browser', log.read_text()))
         assert isinstance(line, re.Match)
         path = urlsplit(line[1]).path
         yield node, f'http://127.0.0.1:{port}{path}'

@@ -47,7 +47,7 @@ def shown(folder: Path, parameters: dict[str, object]) -> Iterator[Viewer]:
         port = probe.getsockname()[1]
     log = folder / 'view.log'
     with NodeProcess('view', (), {'port': port, **parameters}, log=log) as view:
-        while 'shown at' not in log.read_text():
+        while 'in a browser' not in log.read_text():
             assert view.returncode is None, view.tail()
             time.sleep(0.1)
         host = f'127.0.0.1:{port}'

@@ -112,21 +112,21 @@ def test_an_arm_that_nothing_holds_is_not_weighed(make: Make, run: CarryingRun) 
     node = make()
     node._on_mode(String(data='idle'), 0.0)
     tell(node, run, 0.0, 2.0)
-    assert node.describe()['carries'] == 'not known yet'
+    assert node.describe()['carries'] == 'not yet identified'
 
 
 def test_a_flying_base_that_is_not_known_is_told(make: Make, run: CarryingRun) -> None:
     node = make(drone_file=resource('config', 'drone.yaml'), base_motion='free')
     tell(node, run, 0.0, 2.0)
     assert 'no IMU yet' in node.warning()
-    assert node.describe()['carries'] == 'not known yet'
+    assert node.describe()['carries'] == 'not yet identified'
 
 
 def test_a_drone_whose_motion_is_ignored_is_refused(ros_domain: dict[str, str]) -> None:
     path = resource('config', 'drone.yaml')
     rclpy.init(args=['--ros-args', '-p', f'drone_file:={path}'])
     try:
-        with pytest.raises(ValueError, match="give base_motion 'free'"):
+        with pytest.raises(ValueError, match="set base_motion to 'free'"):
             PayloadEstimatorNode()
     finally:
         rclpy.shutdown()

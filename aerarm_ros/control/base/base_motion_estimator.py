@@ -213,7 +213,7 @@ class BaseMotionEstimator:
             if self._watch is not None and self._watch.found:
                 return (
                     f"IMU, its attitude alone until restart: {self._watch.found}, as 'full' "
-                    "excites itself on a light drone: give drone_file and base_motion 'free'"
+                    "excites itself on a light drone: set drone_file and base_motion 'free'"
                 )
             return 'IMU'
         if np.isinf(age):

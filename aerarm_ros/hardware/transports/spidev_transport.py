@@ -141,7 +141,7 @@ class SpidevDevice:
     def _account(self) -> str:
         text = f'{self._board.device} reports: {self._reason}: check that the device still exists'
         if self._file is None and self._is_wanted:
-            text += f' The bridge tries to open it again every {self._wait:g} s'
+            text += f'. The bridge tries to open it again every {self._wait:g} s'
         return text
 
 

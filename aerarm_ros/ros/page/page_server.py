@@ -97,7 +97,7 @@ class PageGuard:
             Whether it asks for a websocket; browsers then tell the origin, always.
         """
         if len(hosts) != 1 or not self._is_own(hosts[0]):
-            return f'{_shown(hosts)} is no name of this computer: use the printed URL'
+            return f'{_shown(hosts)} is not a name of this computer: use the printed URL'
         if len(origins) > 1 or (socket_wanted and not origins):
             return f'the origin is {_shown(origins)}, not the page'
         if origins and origins[0].lower() != f'http://{hosts[0]}'.lower():
@@ -160,7 +160,7 @@ def _split(path: str) -> tuple[str, str]:
 
 def _shown(headers: Sequence[str]) -> str:
     """Return headers for people, short and without control characters."""
-    return repr(', '.join(headers)[:80]) if headers else 'not told'
+    return repr(', '.join(headers)[:80]) if headers else 'an empty host'
 
 
 Vector = tuple[float, float, float]

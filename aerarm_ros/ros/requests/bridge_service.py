@@ -185,14 +185,16 @@ class BridgeFinder:
             service = node.resolve_service_name(f'{name}/{action}')
             self._clients[service.rpartition('/')[0]] = self._client(service)
 
-    def find(self) -> dict[str, Client | None]:
+    def find(self, in_vain: bool = False) -> dict[str, Client | None]:
         """Return a client of each bridge that is there, by the bridges' full names.
+
+        After a search of the own namespace `in_vain` an emergency stop finds all bridges at once.
 
         One that has only just been found may not be ready yet. It is None if this node may not
         ask that bridge.
         """
         with self._lock:
-            names = self._look()
+            names = self._look(in_vain)
             for name in names:
                 if name not in self._clients:
                     self._clients[name] = self._client(f'{name}/{self._action}')
@@ -207,7 +209,7 @@ class BridgeFinder:
         now = time.monotonic()
         return now - self._born > _DISCOVERY_TIME and now - self._changed > _PAUSE
 
-    def _look(self) -> list[str]:
+    def _look(self, in_vain: bool) -> list[str]:
         seen = offered_actions(self._node)
         # What was there when it was first looked for came at any time before.
         if self._seen is not None and seen != self._seen:
@@ -218,7 +220,8 @@ class BridgeFinder:
         found = bridges_among(seen)
         own = self._node.get_namespace().rstrip('/')
         ours = [name for name in found if name.rpartition('/')[0] == own]
-        may_reach_all = self._action in REACHES_ALL and not ours and self.is_settled()
+        may_reach_all = self._action in REACHES_ALL and not ours
+        may_reach_all = may_reach_all and (in_vain or self.is_settled())
         return found if self._everywhere or may_reach_all else ours
 
     def _client(self, service: str) -> Client | None:
@@ -331,6 +334,7 @@ class StopRequest:
         self._finder = finder
         self._timeout = timeout
         self._end = time.monotonic() + timeout
+        self._is_in_vain = False
         self._looks_until = time.monotonic() + max(timeout, _LOOKING_MAX)
         self._calls: dict[str, ServiceCall] = {}
         self._asked: dict[str, int] = {}
@@ -343,7 +347,7 @@ class StopRequest:
 
     def poll(self) -> bool:
         """Ask those found by now, and listen; return `is_over`."""
-        found = self._finder.find()
+        found = self._finder.find(self._is_in_vain)
         for name, client in found.items():
             if client is not None and client.service_is_ready():
                 self._ask(name, client)
@@ -352,6 +356,8 @@ class StopRequest:
             if answer is not None:
                 self.answers[name] = answer
         now = time.monotonic()
+        if now > self._end and not (found or self._calls or self._is_in_vain):
+            self._is_in_vain, self._end = True, now + self._timeout
         is_late = now > self._end
         if is_late:
             for name in found.keys() - self._calls.keys():

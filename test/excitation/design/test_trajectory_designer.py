@@ -151,7 +151,9 @@ def test_infeasible_limits_name_the_one_that_binds(setup: ExcitationSetup) -> No
     slow = ExcitationSetup(
         setup.robot, setup.config, crawling, setup.rotor_inertia, setup.torque_per_ampere
     )
-    with pytest.raises(InfeasibleError, match=r'of 0.35 rad is .* velocity of joint\d binds'):
+    with pytest.raises(
+        InfeasibleError, match=r'amplitude 0.35 rad is .* velocity of joint\d binds'
+    ):
         TrajectoryDesigner(DesignSpecification(slow)).initial(0)
 
 

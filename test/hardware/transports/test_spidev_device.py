@@ -88,7 +88,7 @@ def test_a_device_that_is_gone_is_looked_for_with_growing_waits(device, driver, 
     waits = [b - a for a, b in zip(driver.attempts[1:], driver.attempts[2:], strict=False)]
     assert waits[:5] == pytest.approx([0.4, 0.8, 1.6, 3.2, 5.0], abs=0.002)
     assert waits[5:] == pytest.approx([5.0] * len(waits[5:]), abs=0.002)
-    assert 'tried every 5 s' in device.problem
+    assert 'again every 5 s' in device.problem
     driver.error, driver.is_there = 0, True
     assert run(device, driver, 5.1) > 0
     assert device.problem == ''

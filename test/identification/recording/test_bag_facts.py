@@ -13,9 +13,9 @@ def test_what_is_not_recorded_is_not_mentioned() -> None:
 @pytest.mark.parametrize(
     ('facts', 'states', 'said'),
     [
-        (BagFacts('', 0, 1207), 25_032, 'bag: 4.6 % of the cycles were missed: '),
-        (BagFacts('', 100, 11), 889, 'bag: 1.1 % of the cycles were missed: '),
-        (BagFacts('', None, 11), 989, 'bag: 1.1 % of the cycles were missed: '),
+        (BagFacts('', 0, 1207), 25_032, 'bag: 4.6 % of the cycles were missed, '),
+        (BagFacts('', 100, 11), 889, 'bag: 1.1 % of the cycles were missed, '),
+        (BagFacts('', None, 11), 989, 'bag: 1.1 % of the cycles were missed, '),
     ],
 )
 def test_many_missed_cycles_are_warned_of(facts: BagFacts, states: int, said: str) -> None:

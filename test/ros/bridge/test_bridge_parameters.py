@@ -18,7 +18,7 @@ REJECTED = [
     ('board_kp', [9.0], 'gains of the boards: kp is .* hold 0 to 5.09'),
     ('board_kd', [0.1, 0.1], 'kd has 2 values: give 1 or 4'),
     ('board_kd', [-0.1], 'board_kd must be a list of finite numbers .* from 0'),
-    ('board_kd', [0.0, 0.0, 0.0, 0.0], 'kd of joint1 is 0 A s/rad: .* would fall, give 0.1'),
+    ('board_kd', [0.0, 0.0, 0.0, 0.0], 'kd of joint1 is 0 A s/rad, .*: set at least 0.1'),
     ('board_kp', 'stiff', 'DOUBLE_ARRAY'),
     ('board_ki', [1.0], 'integral_gain is .* profile uomodri_v3 hold 0 to 0'),
     ('period', 0.002, 'period'),

@@ -125,7 +125,9 @@ def test_a_set_point_for_an_arm_that_is_stopped(bench: ControllerBench) -> None:
         bench.wait(lambda: bench.mode == 'fault', 'the stop')
         set_points = bench.publisher(topics.SET_POINT)
         message = JointState(name=NAMES, position=HERE)
-        reason = "set_point: the arm is 'fault': run 'arm enable', or clear its fault, first"
+        reason = (
+            "set_point rejected: the arm is 'fault': run 'arm enable', or clear its fault, first"
+        )
         bench.wait(
             lambda: reason in process.log.read_text(),
             reason,

@@ -108,7 +108,7 @@ def test_rotor_commands_are_heard_and_those_of_others_refused(make) -> None:
     base, names = node.base, node.arm.drone.rotor_names
     assert isinstance(base, FreeBaseEstimator)
     assert node.describe()['base motion'].startswith('neither rotor commands nor IMU')
-    assert node.describe()['delay borne [ms]'] == pytest.approx(5.8, abs=0.1)
+    assert node.describe()['compensated delay [ms]'] == pytest.approx(5.8, abs=0.1)
     np.testing.assert_allclose(base.configured.gravity, [0.0, 0.0, 9.81], atol=1e-9)
     teller: Node = node.node
     topic = topics.ROTOR_COMMAND

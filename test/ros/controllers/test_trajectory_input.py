@@ -45,13 +45,13 @@ def test_other_names_are_rejected_all_the_same(names: list[str]) -> None:
 
 def test_values_are_counted_by_the_joints_that_are_named() -> None:
     wrong = message(['joint1', 'joint3'], [[0.1, 0.2]], [[0.1, 0.2, 0.3]])
-    with pytest.raises(RejectedInputError, match='point 1 has 3 positions, but 2 joints are named'):
+    with pytest.raises(RejectedInputError, match='point 1 has 3 positions for 2 joints'):
         read_trajectory(LIMITS, wrong, 0.0, HERE)
 
 
 def test_velocities_are_given_at_every_point_or_at_none() -> None:
     wrong = message(['joint1', 'joint3'], [[0.1, 0.2], [0.3, 0.4]], [[0.1, 0.2]])
-    with pytest.raises(RejectedInputError, match='point 1 has 0 velocities, but 2 joints are nam'):
+    with pytest.raises(RejectedInputError, match='point 1 has 0 velocities for 2 joints'):
         read_trajectory(LIMITS, wrong, 0.0, HERE)
 
 

@@ -46,7 +46,7 @@ def test_it_is_saved_and_shown(plan: PlannedExcitation, tmp_path: Path) -> None:
         ({'periods': 0}, 'periods = 0'),
         ({'harmonics': 500}, 'frequency of highest harmonic'),
         ({'bias': [0.0]}, 'bias has 1 values'),
-        ({'lock': 'joint1'}, 'lock = joint1: goes with the path of a URDF'),
+        ({'lock': 'joint1'}, 'lock = joint1: use it with the path of a URDF'),
         ({'acceleration_limit': 5.0}, 'acceleration_limit is for an arm without motors'),
     ],
 )

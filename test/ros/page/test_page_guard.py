@@ -36,7 +36,7 @@ def test_the_page_itself_is_let_in(host: str) -> None:
     ],
 )
 def test_a_name_that_is_not_this_computer_is_refused(host: str | None) -> None:
-    assert 'no name of this computer' in refusal(PageGuard('127.0.0.1'), host)
+    assert 'not a name of this computer' in refusal(PageGuard('127.0.0.1'), host)
 
 
 @pytest.mark.parametrize(

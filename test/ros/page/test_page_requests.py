@@ -10,17 +10,25 @@ from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.page.view_controls import PageRequests
 
 
-def test_its_emergency_stop_reaches_bridges_that_nobody_named(ros_node: Node) -> None:
+def test_its_emergency_stop_reaches_unnamed_bridges_of_its_namespace(ros_node: Node) -> None:
     bridges = AnsweringBridges()
     for name in ('my_arm', '/left/fake_hardware'):
         bridges.add(name, ACTIONS)
     page = PageRequests(ros_node, ['hardware_bridge', 'fake_hardware'])
     with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
-        assert page.ask('e_stop') == (True, '/left/fake_hardware: done; /my_arm: done')
+        assert page.ask('e_stop') == (True, '/my_arm: done')
         assert page.ask('disable') == (True, '/my_arm: done')
         done, text = page.ask('hold')
     assert (done, 'no service hardware_bridge/hold' in text) == (False, True)
-    assert sorted(bridges.asked) == ['/left/fake_hardware', 'my_arm', 'my_arm']
+    assert bridges.asked == ['my_arm', 'my_arm']
+
+
+def test_without_a_bridge_in_its_namespace_its_emergency_stop_reaches_all(ros_node: Node) -> None:
+    bridges = AnsweringBridges()
+    bridges.add('/left/fake_hardware', ACTIONS)
+    page = PageRequests(ros_node, ['hardware_bridge', 'fake_hardware'])
+    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
+        assert page.ask('e_stop') == (True, '/left/fake_hardware: done')
 
 
 def test_it_is_ready_to_stop_a_bridge_before_it_is_asked(ros_node: Node) -> None:

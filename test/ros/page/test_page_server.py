@@ -117,7 +117,7 @@ def test_a_foreign_site_gets_no_websocket(page: ServedPage, origin: str | None) 
 
 def test_a_foreign_site_gets_no_page(page: ServedPage) -> None:
     assert page.get(Origin='http://evil.example')[0] == 403
-    assert page.refused[0].startswith('refused: ')
+    assert page.refused[0].startswith('rejected: ')
 
 
 def test_the_button_stops(page: ServedPage) -> None:

@@ -41,14 +41,14 @@ def test_help_begins_with_the_node_s_own_parameters() -> None:
 @pytest.mark.parametrize(
     ('line', 'said'),
     [
-        ('periods:=3', "'periods:=3' is not understood: parameters are given with --ros-args -p"),
-        ('--periods 3', "'--periods' is not understood"),
-        ('--ros-args -p perods:=3', "no parameter 'perods': did you mean 'periods'?"),
-        ('--ros-args -p speed:=3', "no parameter 'speed' .player --help lists all"),
+        ('periods:=3', "unknown argument 'periods:=3': set parameters with --ros-args -p"),
+        ('--periods 3', "unknown argument '--periods'"),
+        ('--ros-args -p perods:=3', "unknown parameter 'perods': did you mean 'periods'?"),
+        ('--ros-args -p speed:=3', "unknown parameter 'speed' .player --help lists all"),
         ('--ros-args -p player:gain:=[3.0]', "did you mean 'gains'?"),
         (
             '--ros-args -p qos_overrides./joint_states.publisher.depth:=3',
-            "no parameter 'qos_overrides./joint_states.publisher.depth'",
+            "unknown parameter 'qos_overrides./joint_states.publisher.depth'",
         ),
         ('--ros-args -p plyer:periods:=3', '-p plyer:periods is for /plyer, not /player'),
     ],

@@ -103,7 +103,7 @@ def test_help_may_be_cut_off(ros_domain) -> None:
 @pytest.mark.parametrize(
     ('line', 'said'),
     [
-        ('--periods', "script: argument '--periods' is not understood"),
+        ('--periods', "script: unknown argument '--periods'"),
         ('--ros-args -p perods:=3', "script: -p: unknown parameter 'perods': did you mean"),
         (
             '--ros-args -p pace:=3',

@@ -30,8 +30,8 @@ def test_whole_periods() -> None:
 @pytest.mark.parametrize(
     ('duration', 'fundamental', 'message'),
     [
-        (25.0, 0.1, 'take 20 s or 30 s'),
-        (4.0, 0.1, 'take 10 s$'),
+        (25.0, 0.1, 'pass 20 s or 30 s'),
+        (4.0, 0.1, 'pass 10 s$'),
         (float('nan'), 0.1, 'duration must be positive'),
         (20.0, 0.0, 'fundamental must be positive'),
     ],
@@ -55,7 +55,7 @@ def test_another_arm_by_its_urdf(example_urdf: Callable[[str], Path]) -> None:
 
 
 def test_limits_of_an_arm_with_a_drive_train_are_not_options() -> None:
-    with pytest.raises(ExcitationError, match='--acceleration-limit, --torque-per-ampere: for an'):
+    with pytest.raises(ExcitationError, match='--acceleration-limit, --torque-per-ampere: only'):
         excitation_setup(options(acceleration_limit=[3.0], torque_per_ampere=[1.0]))
 
 

@@ -30,7 +30,7 @@ def test_part_and_bag_stand_above_each_column() -> None:
     lines = terminal_table(result, facts).splitlines()
     assert lines[1].split() == ['identification', 'validation']
     assert lines[2].split() == ['monday', 'a_bag_with_a_long_name']
-    ols = 'ols 1.00 / 1.50 (2.00) 3.00 / 4.50 (6.00) not a physical arm'
+    ols = 'ols 1.00 / 1.50 (2.00) 3.00 / 4.50 (6.00) not physically consistent'
     sdp = 'sdp 1.50 / 2.25 (3.00) 2.50 / 3.75 (5.00)'
     assert lines[3].split() == ols.split()
     assert lines[4].split() == sdp.split()

@@ -11,7 +11,7 @@ def test_without_a_bridge_it_says_what_it_looked_for(ros_node: Node) -> None:
     hold = BridgeService(ros_node, 'hold', ['first', 'second'], 0.1)
     held, text = hold.call()
     assert not held
-    assert text.startswith('no service first/hold or second/hold: is the bridge running')
+    assert text.startswith('no service first/hold or second/hold: check that the bridge runs')
 
 
 def test_what_stops_no_arm_is_asked_of_one_bridge_only(ros_node: Node) -> None:
@@ -22,7 +22,7 @@ def test_what_stops_no_arm_is_asked_of_one_bridge_only(ros_node: Node) -> None:
         bridges.add('second', ['hold'])
         assert hold._clients['second'].wait_for_service(LIMIT)
         done, text = hold.call()
-    assert (done, 'there are first and second' in text) == (False, True)
+    assert (done, 'found first and second' in text) == (False, True)
     assert bridges.asked == ['first']
 
 
@@ -34,5 +34,5 @@ def test_of_two_bridges_with_one_name_none_is_asked(ros_node: Node) -> None:
     until_offered(ros_node, 'first/hold', 2)
     with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
         done, text = hold.call()
-    assert (done, 'there are 2 nodes named /first: stop all but one' in text) == (False, True)
+    assert (done, 'found 2 nodes named /first: stop all but one' in text) == (False, True)
     assert bridges.asked == twins.asked == []
