@@ -160,7 +160,7 @@ def _split(path: str) -> tuple[str, str]:
 
 def _shown(headers: Sequence[str]) -> str:
     """Return headers for people, short and without control characters."""
-    return repr(', '.join(headers)[:80]) if headers else 'an empty host'
+    return repr(', '.join(headers)[:80]) if headers else 'an empty value'
 
 
 Vector = tuple[float, float, float]
