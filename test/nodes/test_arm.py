@@ -137,7 +137,7 @@ def test_sets_live_parameters(ros_domain: dict[str, str], tmp_path: Path) -> Non
         for name, value, problem in (
             ('hand_guide', 'true', "has no parameter 'hand_guide': did you mean 'hand_guiding'?"),
             ('kp', '[-1]', 'rejects the value: parameter kp must be'),
-            ('kp', '{', "'{' is no value of a parameter"),
+            ('kp', '{', "'{' is not a valid value"),
             ('urdf', 'x', 'is read-only: set it when the node starts, -p urdf:=x'),
         ):
             status, text = ask('set', node, name, value)
