@@ -150,7 +150,7 @@ def test_bags_are_told_apart(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> 
     names = [bag.samples.name for bag in found.result.identification]
     assert names == [str(files[0]), str(files[1]), str(files[0])]
     assert 'one/a.npz is given 2 times for identification' in found.warnings[0]
-    assert 'two/a.npz is among those to identify from' in found.warnings[1]
+    assert 'two/a.npz is used for identification and for validation' in found.warnings[1]
 
 
 def test_tables_are_read_too(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:
