@@ -66,7 +66,7 @@ PARAMETERS = ParameterTable(
         Parameter('output_range', [1000.0, 2000.0], 'outputs at which a rotor stands and gives '
                   'thrust_max, thrust in proportion (THR_MDL_FAC 0)', '', 0.0, 20000.0),
         Parameter('output_channels', [], 'output of each rotor in the order of the drone file, '
-                  'from 1; the first ones if empty', element=int),
+                  'from 1; the first ones if empty', '', 1, 32, element=int),
     ),
     *grouped(
         'Set points',

@@ -293,7 +293,7 @@ def test_what_is_written_and_lost_is_on_diagnostics(start, source, ros_node) -> 
     for _ in range(3000):
         source.streams[0].publish(payload)
     # A busy machine may have lost one of another topic before.
-    lost = 'messages lost of /joint_states'
+    lost = 'messages of /joint_states'
     assert spin_until(ros_node, lambda: lost in found[-1].message, PATIENCE)
     assert found[-1].level == DiagnosticStatus.WARN
     assert int(values(found[-1])['messages lost']) > 0

@@ -28,7 +28,7 @@ def test_none_are_asked_for_by_default() -> None:
 
 
 def test_some_joints_alone_are_refused() -> None:
-    with pytest.raises(ValueError, match='give one, or one for each of 4 joints'):
+    with pytest.raises(ValueError, match='give one value, or one for each of 4 joints'):
         plant_parameters(CONFIG, ROBOT, 1, [0.02, 0.01], 0.0, [])
 
 
