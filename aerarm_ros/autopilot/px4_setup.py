@@ -41,7 +41,7 @@ _BENCH_PARAMETERS = {
 
 @dataclass(frozen=True)
 class Px4Setup:
-    """What a PX4 is told of the drone that it flies.
+    """Parameters that describe the drone to PX4.
 
     Attributes
     ----------

@@ -402,7 +402,7 @@ class HeatWatch:
     settings
         Temperatures of the air, and of the motors at first.
     profile
-        Tells what the boards report.
+        Frame layout: which quantities the boards report.
     gate, links, references
         What is limited and read.
 

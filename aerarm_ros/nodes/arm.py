@@ -266,18 +266,20 @@ def make_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _add_arm_files(command: argparse.ArgumentParser) -> None:
+    for option, what in (
+        ('--config', 'configuration of the bridge'),
+        ('--urdf', 'URDF of the arm'),
+    ):
+        command.add_argument(option, default='', metavar='FILE', help=f'{what} (default: packaged)')
+
+
 def _add_commission(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add('--joint', action='append', default=[], metavar='NAME', help='joint to commission; may be '
         'repeated (default: all)')  # fmt: skip
     add('--resume', action='store_true', help='only joints that have not passed yet')
-    add(
-        '--config',
-        default='',
-        metavar='FILE',
-        help='configuration of the bridge (default: packaged)',
-    )
-    add('--urdf', default='', metavar='FILE', help='URDF of the arm (default: packaged)')
+    _add_arm_files(command)
     add('--record', default='', metavar='FILE', help=(
         'result file (default: CONFIG.commissioning.yaml next to the configuration)'
     ))  # fmt: skip
@@ -312,13 +314,7 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
         metavar='NAME',
         help='link that carries the markers (default: the last)',
     )
-    add(
-        '--config',
-        default='',
-        metavar='FILE',
-        help='configuration of the bridge (default: packaged)',
-    )
-    add('--urdf', default='', metavar='FILE', help='URDF of the arm (default: packaged)')
+    _add_arm_files(command)
     add('--excitation-config', default='', metavar='FILE', help=(
         'excitation configuration with clearances and ground (default: packaged)'
     ))  # fmt: skip

@@ -154,7 +154,7 @@ class ContactDetector:
     In motion a joint's external torque counts if it exceeds the bound that was learnt from free
     motion. While all joints rest, friction hides up to its static size of any force, but the
     drives' torque is constant: then a change counts that no joint's motion opposes. Friction always
-    opposes motion, so that an arm that begins to move by itself is told from one that is pushed.
+    opposes motion, which distinguishes an arm that starts to move from one that is pushed.
 
     A payload differs from a contact because its torque follows gravity and inertia in all
     postures. It is reported as such once the last link's ten inertial parameters explain what

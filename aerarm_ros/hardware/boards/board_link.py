@@ -298,7 +298,7 @@ class MotorPower:
     config
         Resistances and torque constants.
     profile
-        Tells what the boards report.
+        Frame layout: which quantities the boards report.
 
     Attributes
     ----------
@@ -401,8 +401,8 @@ class ArmMeasurements:
     def believed(self, tells: Mask) -> tuple[Array, Array]:
         """Return estimated positions [rad] and velocities [rad/s] of all joints, (n,) each.
 
-        A joint whose encoder does not tell its position, of (n,) `tells`, stands where it was last
-        believed to be: its numbers would make nonsense of what the other joints carry.
+        A joint whose encoder does not tell its position, of (n,) `tells`, keeps its last
+        estimate: its readings would falsify the load of the other joints.
         """
         if tells.all():
             self._believed[:] = self.q

@@ -293,7 +293,7 @@ def followed_by(text: str, sentence: str) -> str:
     return f'{text}{end} {sentence}'
 
 
-# Boards that are there answer well before [s]; what goes to and fro faster is told once in it.
+# Connected boards answer well before [s]; faster alternation of modes is logged once per period.
 _PATIENCE = 1.0
 # Modes between which an arm can go to and fro, as under a controller that is nearly too slow.
 _TO_AND_FRO = ('running', 'damping')
@@ -373,7 +373,7 @@ class ModeLog:
 
 # Two publishers have been looked up by then, so that they can be named [s].
 _REJECTION_PATIENCE = 0.5
-# Rejections begin anew after this long without one of the same reason [s].
+# A reason is logged again after this long without a rejection for it [s].
 _QUIET = 1.0
 # Between two lines of the same reason [s].
 _PERIOD = 10.0

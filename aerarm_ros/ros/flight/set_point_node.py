@@ -35,8 +35,8 @@ _CLOCK_TOLERANCE = 0.2
 
 
 FEED_PARAMETERS = (
-    Parameter('feed_lead', 0.03, "from a set point until it acts: where the arm is told of ahead "
-              "of time (base_reaction's lead), that much of it is used", 's', 0.0, 0.06,
+    Parameter('feed_lead', 0.03, "delay from a set point to its effect; base_reaction must "
+              "forecast at least this far (preview time `lead`)", 's', 0.0, 0.06,
               live=True),
 )  # fmt: skip
 

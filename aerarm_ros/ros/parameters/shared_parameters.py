@@ -21,7 +21,7 @@ from aerarm_ros.realtime.scheduling import (
 )
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
 
-if TYPE_CHECKING:  # who has no drone and plans no motion loads nothing of them
+if TYPE_CHECKING:  # loaded only by nodes with a drone or planned motion
     from aerarm_ros.description.drone_config import DroneConfig
     from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 

@@ -363,7 +363,7 @@ class StopRequest:
             for name in found.keys() - self._calls.keys():
                 self.answers[name] = Answer(False, 'it is visible, but cannot receive requests')
         is_answered = not (found.keys() | self._calls.keys()) - self.answers.keys()
-        # Who has found one bridge looks on for others, however soon it would give up.
+        # After the first bridge the search for others continues, also beyond the timeout.
         has_looked = self._finder.is_settled() or now > self._looks_until
         is_complete = has_looked if self.answers else is_late
         self.is_over = is_answered and is_complete and not self._ask_those_of_one_name(found)
@@ -429,7 +429,7 @@ class StopService:
         done
             Whether every bridge there is has confirmed, and there was one.
         text
-            What the bridges said, in the order of their names, or that there is none.
+            Answers of the bridges, sorted by name, or that there is no bridge.
         """
         request = StopRequest(self._node, self._finder, self._timeout)
         while not request.poll():
