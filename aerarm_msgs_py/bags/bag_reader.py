@@ -63,7 +63,7 @@ class JointStateSeries:
         index = {name: k for k, name in enumerate(self.names)}
         missing = [name for name in names if name not in index]
         if missing:
-            raise KeyError(f'joints {missing} are not among {list(self.names)}')
+            raise KeyError(f'joints {missing} are missing from {list(self.names)}')
         order = [index[name] for name in names]
         return JointStateSeries(
             tuple(names),
@@ -324,8 +324,8 @@ def read_contents(
     irregular = builders[name].irregular
     if irregular:
         warnings.warn(
-            f'{irregular} fields of topic {name} of {path} were left out: their length '
-            'was not that of the names',
+            f'{irregular} fields of topic {name} of {path} were ignored: they do not have one '
+            'value per joint name',
             BagWarning,
             stacklevel=2,
         )
@@ -355,8 +355,8 @@ def _tell_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
     """Warn of messages that are missing by their numbers, where no account tells."""
     if lost := lost_messages(states.sequence):
         warnings.warn(
-            f'{path}: {lost} messages of {topic} are missing between its first and its last one, '
-            'by their numbers: the recorder lost them, or the bag was damaged',
+            f'{path}: by their sequence numbers, {lost} messages of {topic} are missing between '
+            'the first and the last; the recorder lost them, or the bag is damaged',
             BagWarning,
             stacklevel=3,
         )
@@ -458,8 +458,8 @@ def joint_state_blocks(
         )
     if decoder.irregular:
         warnings.warn(
-            f'{decoder.irregular} fields of topic {topic} of {path} were left out: their length '
-            'was not that of the names',
+            f'{decoder.irregular} fields of topic {topic} of {path} were ignored: they do not '
+            'have one value per joint name',
             BagWarning,
             stacklevel=2,
         )

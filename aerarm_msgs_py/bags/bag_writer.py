@@ -139,7 +139,9 @@ class BagWriter:
         self, directory: Path | str, topics: Sequence[RecordedTopic], compression: str = 'zstd'
     ) -> None:
         if compression not in COMPRESSIONS:
-            raise BagError(f'compression {compression!r}: choose one of {", ".join(COMPRESSIONS)}')
+            raise BagError(
+                f'unknown compression {compression!r}: choose one of {", ".join(COMPRESSIONS)}'
+            )
         self.directory = Path(directory)
         self._metadata = BagMetadata(f'{self.directory.resolve().name}_0.mcap', topics)
         self._make_directory()
@@ -215,12 +217,10 @@ class BagWriter:
         try:
             self.directory.mkdir(parents=True)
         except FileExistsError:
-            raise BagError(
-                f'{self.directory} exists and is not overwritten: choose another directory'
-            ) from None
+            raise BagError(f'{self.directory} already exists: choose another directory') from None
         except OSError as error:
             raise BagError(
-                f'{self.directory} cannot be made ({error.strerror}): check path and permissions'
+                f'{self.directory} cannot be created ({error.strerror}): check path and permissions'
             ) from error
 
     def _work(self) -> None:

@@ -39,10 +39,10 @@ _TEXTS = 50  # of PX4's that are kept
 class Stage(Enum):
     """How far PX4 is on its way into the air."""
 
-    BOOT = 'PX4 does not answer yet: start it before this node, with the same px4_instance'
-    SETTLE = "PX4's estimator settles"
-    ARM = 'PX4 is being armed'
-    SPOOL = "PX4's rotors spool up"
+    BOOT = 'no answer from PX4 yet: start PX4 before this node, with the same px4_instance'
+    SETTLE = "PX4's estimator is settling"
+    ARM = 'PX4 is arming'
+    SPOOL = "PX4's rotors are spooling up"
     FLY = ''
 
 
@@ -93,7 +93,7 @@ class Px4Firmware:
     def problem(self) -> str:
         """Why it does not fly, '' if it does."""
         if self._simulator.is_lost:
-            return 'PX4 has ended or closed the line: start it and this node again'
+            return 'PX4 has ended or closed the connection: restart PX4 and this node'
         if self.stage is Stage.FLY:
             return self._loss()
         texts = [text for text in self.texts[-3:] if 'Arming denied' in text or 'Preflight' in text]

@@ -68,7 +68,7 @@ PARAMETERS = controller_parameters(
         0.0,
         0.02,
     ),
-    Parameter('ki', 0.0, 'gain of the error integral; 0 for none', '1/s^3', 0.0, 1e6),
+    Parameter('ki', 0.0, 'gain of the error integral; 0 for no integral action', '1/s^3', 0.0, 1e6),
     Parameter('integral_max', 20.0, 'largest integral action', 'rad/s^2', 0.0, 1e4),
 )
 

@@ -295,7 +295,7 @@ def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.
     if not gate.closed:
         server.stop()
         raise PageError(
-            f'the page of viser {viser.__version__} cannot be guarded against other sites: '
+            f'viser {viser.__version__} offers no way to protect the page against other sites: '
             "pip install 'viser>=1.1,<1.2'"
         )
     return server
@@ -329,7 +329,7 @@ class _Gate:
 
             async def recv(self, decode: bool | None = None) -> Any:
                 while not is_allowed(message := await super().recv(decode)):
-                    gate.refused('a message type that the page does not send')
+                    gate.refused('the page does not send messages of this type')
                 return message
 
         def process(connection: ServerConnection, request: Request) -> Response | None:

@@ -132,8 +132,8 @@ class ViewFeed:
         if self._states.unknown:
             names = ', '.join(self._states.unknown)
             return (
-                f'the angle of {names} is unknown until the arm is homed: the drawn configuration '
-                'is wrong'
+                f'the angle of {names} is unknown until the arm is homed, so the drawn '
+                'configuration is wrong'
             )
         silent = now - self._heard[0]
         if not np.isfinite(silent):

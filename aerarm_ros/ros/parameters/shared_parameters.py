@@ -31,15 +31,15 @@ ARM_FILES = grouped(
     Parameter('urdf', '',
         'URDF of the arm, for example an identified one; the packaged arm if empty'),
     Parameter('tf_prefix', '', (
-        'prefix of all link and joint names on topics, for example left_, for several arms in one '
-        'tf tree; files and parameters use names without it'
+        'prefix of all link and joint names on topics, for example left_, for several arms in '
+        'one tf tree; names in files and parameters have no prefix'
     )),
 )  # fmt: skip
 
 
 SURROUNDINGS = (
     Parameter('excitation_config', '',
-        'YAML file of obstacles and usable shares of the limits; the packaged file if empty'),
+        'YAML file of obstacles and usable fractions of the limits; the packaged file if empty'),
     Parameter('package_directories', [''],
         'search path for package:// meshes of the URDF, in addition to its parent folders'),
 )  # fmt: skip

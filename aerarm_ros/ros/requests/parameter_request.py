@@ -43,7 +43,8 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
     client = AsyncParameterClient(node, target)
     if not spin_until(node, client.services_are_ready, timeout):
         raise ArmClientError(
-            f'no node {target} with parameters: check that it runs in {this_domain()}'
+            f'node {target} was not found, or has no parameters: check that it runs in '
+            f'{this_domain()}'
         )
 
     def result(ask: Callable[[], Future]) -> Any:
@@ -62,7 +63,7 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
     if not descriptors:
         known = result(client.list_parameters).result.names
         closest = next(iter(get_close_matches(name, known, n=1)), '')
-        hint = f": did you mean '{closest}'?" if closest else ''
+        hint = f", did you mean '{closest}'?" if closest else ''
         raise ArmClientError(f"{target} has no parameter '{name}'{hint}")
     if descriptors[0].read_only:
         raise ArmClientError(

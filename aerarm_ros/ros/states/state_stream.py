@@ -297,7 +297,7 @@ class StateStream:
             self._reject(f'rotor_command: {error}')
             return None
         if sample.effort is None:
-            self._reject('rotor_command: it has no effort, which is the thrust of each rotor [N]')
+            self._reject('rotor_command has no effort: send the thrust of each rotor [N] as effort')
             return None
         lead_ns = self._received_ns - info['received_timestamp']
         return RotorThrusts(names, sample.effort, sample.stamp_ns * 1e-9, lead_ns)
@@ -313,8 +313,8 @@ class StateStream:
             return in_order(names, sample, self._names)
         except ValueError as error:
             self._reject(
-                f'joint_states: {error}: use the same config, urdf and tf_prefix for this node '
-                'and the bridge'
+                f'joint_states rejected, {error}; use the same config, urdf and tf_prefix for '
+                'this node and the bridge'
             )
             return None
 
