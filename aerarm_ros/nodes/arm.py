@@ -196,9 +196,9 @@ def make_parser() -> argparse.ArgumentParser:
         prog=NAME,
         description='Send one request to the bridge or another node and print the result.',
         epilog=(
-            f"{NAME} COMMAND --help describes a command. Examples: '{NAME} home --wait ready', "
-            f"'{NAME} enable --wait ready', '{NAME} go 0 1.57 0 0', '{NAME} set computed_torque "
-            "kp [900.0]'"
+            f'{NAME} COMMAND --help describes a command. Examples: {NAME} home --wait ready; '
+            f'{NAME} enable --wait ready; {NAME} go 0 1.57 0 0; {NAME} set computed_torque kp '
+            "'[900.0]'"
         ),
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')

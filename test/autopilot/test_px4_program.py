@@ -72,7 +72,7 @@ def test_sensors_and_further_parameters_are_a_choice() -> None:
     gps = replace(SETUP, sensors='gps', others={'MC_ROLL_P': 5.0}).parameters(DRONE, BODY)
     assert (vision['EKF2_EV_CTRL'], vision['EKF2_GPS_CTRL']) == (15, 0)
     assert (gps['EKF2_EV_CTRL'], gps['EKF2_GPS_CTRL'], gps['MC_ROLL_P']) == (0, 7, 5.0)
-    with pytest.raises(ValueError, match=r"sensors 'radar': give one of vision, gps"):
+    with pytest.raises(ValueError, match="sensors = 'radar' is unknown: choose one of vision, gps"):
         Px4Setup(Px4Gains(), 'radar')
 
 

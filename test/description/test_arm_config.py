@@ -72,7 +72,7 @@ WRONG = {
     'truth for a number': (setting('joints', 0, 'coulomb', value=True), 'must be a number'),
     'coupling of an unknown joint': (
         setting('coupled_joints', value=[['joint3', 'elbow']]),
-        'joint3, elbow are not two of the joints',
+        'joint3 and elbow must be two different joints',
     ),
     'coupling without a driver': (
         setting('coupled_joints', value=['joint3']),
@@ -94,7 +94,7 @@ WRONG = {
     ),
     'more torque than the motor has': (
         setting('joints', 0, 'effort_max', value=40.0),
-        'effort_max = 40.0 Nm exceeds what motor MN5006',
+        'effort_max = 40.0 Nm exceeds the .* Nm of motor MN5006',
     ),
     'sign': (setting('joints', 0, 'sign', value=0), 'sign = 0 must be one of 1, -1'),
     'channel': (setting('joints', 0, 'channel', value=2), 'channel = 2 must be one of 0, 1'),
@@ -102,7 +102,7 @@ WRONG = {
     'board that is not there': (setting('joints', 3, 'board', value=2), 'joint4: board = 2'),
     'shared channel': (
         setting('joints', 3, 'channel', value=0),
-        'joint4: board 1, channel 0 already belongs to joint joint3',
+        'joint4: board 1, channel 0 is already used by joint joint3',
     ),
     'shared device': (
         setting('boards', 1, 'device', value='/dev/spidev0.0'),
@@ -112,9 +112,9 @@ WRONG = {
     'no name': (setting('joints', 1, 'name', value=''), 'name'),
     'unknown motor': (
         setting('joints', 0, 'motor', value='MN1'),
-        r"joints\[0\]: motor = 'MN1' is not one of motors: MN",
+        r"joints\[0\]: motor = 'MN1' must be one of the motors MN",
     ),
-    'unknown gear': (setting('joints', 0, 'gear', value=['x']), 'is not one of gears'),
+    'unknown gear': (setting('joints', 0, 'gear', value=['x']), 'must be one of the gears'),
     'SPI mode': (setting('boards', 0, 'mode', value=4), 'board0: mode = 4'),
     'SPI clock in MHz': (setting('boards', 0, 'clock_hz', value=8), r'clock_hz = 8 .*\[Hz\]'),
     'two gravity components': (setting('gravity_in_base', value=[0.0, -9.81]), 'x, y and z'),

@@ -130,7 +130,7 @@ def test_enabling_outside_the_limits_is_refused(make_rig):
     rig.run(0.02)
     answer = rig.bridge.enable()
     assert not answer.accepted
-    assert 'beyond their limits' in answer.message
+    assert 'outside their limits' in answer.message
 
 
 def let_go(rig, speed):
@@ -214,7 +214,7 @@ def test_a_fault_that_would_come_back_at_once_is_not_cleared(rig):
         rig.cycle()
     answer = rig.bridge.clear_fault()
     assert not answer.accepted
-    assert 'would stop again at once, joint2 is at' in answer.message
+    assert 'would stop the arm again at once, because joint2 is at' in answer.message
     assert rig.bridge.mode == 'fault'
     # The way out: off, back inside by hand, clear, enable.
     rig.bridge.disable()
@@ -222,7 +222,7 @@ def test_a_fault_that_would_come_back_at_once_is_not_cleared(rig):
     assert rig.bridge.clear_fault().accepted
     rig.run(0.01)
     assert rig.bridge.mode == 'idle'
-    assert 'beyond their limits' in rig.bridge.enable().message
+    assert 'outside their limits' in rig.bridge.enable().message
     rig.boards.put_back()
     rig.run(0.02)
     rig.bring_up()

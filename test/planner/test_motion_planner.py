@@ -114,11 +114,12 @@ REFUSED: dict[str, tuple[Callable[[MotionPlanner], object], str]] = {
     ),
     'too short': (
         lambda p: p.with_settings(duration=0.3).plan(LOW, HIGH),
-        r'a motion of 0.3 s is out of reach: \w+.* of joint.*limit.*: the quickest takes 0.[4-9]',
+        r'a motion of 0.3 s is infeasible: \w+.* of joint.*limit.*; the fastest motion takes '
+        '0.[4-9]',
     ),
     'no numbers': (
         lambda p: p.plan(UPRIGHT, [0.0, np.nan, 0.0, 0.0]),
-        'goal: 4 finite joint angles are needed',
+        'goal needs 4 finite joint angles',
     ),
 }
 

@@ -290,9 +290,7 @@ class CommissioningProbe:
             self.end('')
             self._id, self._reason = request.id, ''
             is_on = mode in _ON
-            problem = (
-                f'the arm is {mode}: disable the arm first' if is_on else self._problem(False)
-            )
+            problem = f'the arm is {mode}: disable the arm first' if is_on else self._problem(False)
             self._begin(request, problem)
         return self._report(self._id, self._phase, self._reason, mode)
 

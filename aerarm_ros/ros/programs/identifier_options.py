@@ -112,10 +112,8 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--verify',
         {'type': Path, 'metavar': 'FILE'},
-        (
-            'limits of the filtered validation error [%] per bag, for example 2.0; exit '
-            'status 1 if exceeded'
-        ),
+        'limits of the filtered validation error in percent, for example 2.0; exit status 1 if '
+        'exceeded',
     ),
     (
         '--compare',

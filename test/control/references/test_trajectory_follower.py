@@ -143,7 +143,7 @@ def test_rejected_input_changes_nothing(follower, limits) -> None:
     follower.go_to(AWAY, 0.0)
     before = play(follower, 0.3)[-1]
     far = JointTrajectory(limits, NAMES, [0.0, 1.0], [HOME + 0.9, AWAY])
-    with pytest.raises(RejectedInputError, match='start where the arm is'):
+    with pytest.raises(RejectedInputError, match='start at the present position'):
         follower.follow(far, 0.3)
     with pytest.raises(RejectedInputError, match='joint2 at 9 rad'):
         follower.go_to(np.array([0.0, 9.0, 0.0, 0.0]), 0.3)

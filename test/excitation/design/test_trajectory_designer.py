@@ -109,7 +109,7 @@ def test_deviations_are_told_as_a_ratio() -> None:
     better, worse = Quality(0.0, 20.0, 5.0, -3.7), Quality(0.0, 50.0, 9.0, -3.0)
     assert better.compared_with(worse, 'random') == 'deviations 2.01 times smaller than random'
     assert worse.compared_with(better, 'random') == 'deviations 2.01 times larger than random'
-    assert worse.compared_with(worse, 'random') == 'deviations as large as random'
+    assert worse.compared_with(worse, 'random') == 'standard deviations equal to those of random'
 
 
 def test_a_stop_before_anything_is_feasible_says_so(designer: TrajectoryDesigner) -> None:

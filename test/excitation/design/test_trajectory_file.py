@@ -66,7 +66,7 @@ def test_margins_can_be_written(
         ('fundamental_frequency: 0.1', 'fundamental_frequency: -0.1', 'must be positive'),
         ('fundamental_frequency: 0.1\n', '', 'fundamental_frequency is missing'),
         ('bias:', 'bais:', 'bais'),
-        ('cosine: [', 'cosine: [0.1, ', 'one value a harmonic'),
+        ('cosine: [', 'cosine: [0.1, ', 'one value per harmonic'),
         ('sine: [', 'sine: [.nan, ', 'finite|harmonic'),
         ('joints:', 'joints: [', 'not valid YAML'),
     ],

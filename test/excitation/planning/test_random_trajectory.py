@@ -46,7 +46,7 @@ def test_joint_2_is_centred_upright_plus_a_random_term(
     [
         ({'amplitude': 3.0}, 'velocity|position|torque'),
         ({'fundamental': 0.35}, 'acceleration|velocity|torque'),
-        ({'fundamental': 1.0}, 'frequency of highest harmonic'),
+        ({'fundamental': 1.0}, 'the highest harmonic'),
         ({'bias': np.array([0.0, -0.4, 0.0, 0.0])}, 'position of joint2|ground clearance'),
     ],
 )
@@ -55,7 +55,7 @@ def test_infeasible_limits_name_the_one_that_binds(
 ) -> None:
     with pytest.raises(InfeasibleError, match=limit) as caught:
         replace(candidates, **change).draw_feasible(0, checker, RAMP, attempts=10)
-    assert 'binds in' in str(caught.value)
+    assert 'is exceeded in' in str(caught.value)
 
 
 @pytest.mark.parametrize('change', [{'amplitude': 0.0}, {'harmonics': 0}])

@@ -52,7 +52,7 @@ def test_good_wires_pass(try_bus):
     answers = try_bus(working_mode=0)
     assert [answer.accepted for answer in answers] == [True, True]
     assert answers[0].message == (
-        'board0 on /dev/spidev0.0 at 8 MHz, mode 0: 50 of 50 answers had a correct check'
+        'board0 on /dev/spidev0.0 at 8 MHz, mode 0: 50 of 50 answers had a correct checksum'
     )
 
 

@@ -55,7 +55,7 @@ def test_the_order_is_warning_reduction_stop(config):
         seen.append((bool(limited.warning()), limited.is_reduced, bool(limited.stop())))
     warned, reduced, stopped = (row.index(True) for row in np.array(seen).T.tolist())
     assert warned + 20 < reduced < stopped
-    assert 'is reduced' in limited.warning() or limited.lets_down
+    assert 'is limited' in limited.warning() or limited.lets_down
 
 
 def test_the_warning_says_how_much_time_is_left(config):

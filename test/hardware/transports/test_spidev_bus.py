@@ -134,7 +134,7 @@ def test_a_device_that_comes_back_is_opened_again_with_its_mode_and_clock(boards
         lambda: boards.come_back(DEVICES[0]),
     )
     assert report['after']['good'] == [0, COUNT]
-    assert 'tries to open it again' in report['after']['problems'][0]
+    assert 'tries to open the device again' in report['after']['problems'][0]
     assert report['later']['good'] == [1, 1]
     assert report['later']['problems'] == ['', '']
     assert [(b['mode'], b['speed']) for b in boards.report()] == [(1, 4_000_000)] * 2

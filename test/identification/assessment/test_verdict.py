@@ -50,7 +50,7 @@ def test_a_file_of_limits(tmp_path: Path) -> None:
         ('filterd: 2', 'no limit filterd: limits are'),
         ('raw: much', 'raw = much must be a number'),
         ('raw: true', 'raw = True must be a number'),
-        ('raw: -1', 'raw = -1 must be a number not below 0'),
+        ('raw: -1', 'raw = -1 must be a non-negative number'),
         ('raw: [', 'limits.yaml: '),
     ):
         path.write_text(text)
