@@ -57,7 +57,7 @@ ARGUMENTS = (
         'if_controller_fails',
         default_value='end',
         choices=['end', 'go_on'],
-        description="if the controller ends: 'end' stops all nodes; 'go_on' keeps the bridge running",
+        description="if the controller ends: 'end' stops all nodes, 'go_on' keeps the bridge",
     ),
     DeclareLaunchArgument('namespace', default_value='', description='ROS namespace of all nodes'),
     DeclareLaunchArgument(

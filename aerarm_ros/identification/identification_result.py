@@ -169,7 +169,7 @@ class Verdict:
     def text(self) -> str:
         """One line a limit, for a terminal."""
         return '\n'.join(
-            f'{"kept  " if check.passed else "FAILED"}  {check.name}: {check.value:.4g}, at most '
+            f'{"passed" if check.passed else "FAILED"}  {check.name}: {check.value:.4g}, at most '
             f'{check.limit:.4g}'
             for check in self.checks
         )

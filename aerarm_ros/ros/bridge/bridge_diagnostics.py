@@ -233,7 +233,7 @@ def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     values = {
         'mode': cycle.mode,
         'zeros': _zeros(cycle),
-        'way out': cycle.way_out(watched.emulated),
+        'recovery hint': cycle.way_out(watched.emulated),
         'publishers of joint_command': ', '.join(publishers.names) or 'none',
         **cycle.counters,
     }

@@ -138,7 +138,7 @@ PAYLOAD_PARAMETER = Parameter(
 )
 
 FRICTION_PARAMETERS = grouped(
-    'The model',
+    'Model',
     PAYLOAD_PARAMETER,
     Parameter('friction_fraction', 1.0,
         "fraction of the URDF's joint friction that is compensated", '', 0, 1),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # loaded only by nodes with a drone or planned motion
     from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 
 ARM_FILES = grouped(
-    'Which arm',
+    'Arm',
     Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
     Parameter('urdf', '',
         'URDF of the arm, for example an identified one; the packaged arm if empty'),
@@ -93,7 +93,7 @@ DRONE_FILE = Parameter(
     'drone_file', '', (
         'YAML file of the drone that carries the arm, or the name of a packaged file, for example '
         'config/drone.yaml; none if empty'
-    ), group='Which arm'
+    ), group='Arm'
 )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ def test_each_limit_is_compared_with_what_was_found(result: IdentificationResult
     error = result.recommended.validation[0].filtered
     verdict = judge(result, {'filtered': 1.1 * error, 'inconsistent': 0.0, 'tilt': 0.5})
     assert verdict.passed
-    assert verdict.text.count('kept') == 3
+    assert verdict.text.count('passed') == 3
     verdict = judge(result, {'filtered': 0.9 * error, 'inconsistent': 0.0})
     assert not verdict.passed
     assert [check.passed for check in verdict.checks] == [False, True]
