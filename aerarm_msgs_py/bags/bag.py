@@ -286,7 +286,9 @@ def _files_in(folder: Path) -> list[Path]:
     try:
         names = [file for file in folder.iterdir() if file.is_file()]
     except OSError as error:
-        raise BagError(f'{folder} cannot be read: {error.strerror}') from error
+        raise BagError(
+            f'{folder} cannot be read ({error.strerror}): check the path and its permissions'
+        ) from error
     for suffixes in (('.mcap',), _OTHER_STORAGES):
         found = [file for file in names if file.name.endswith(suffixes)]
         if found:
@@ -306,7 +308,10 @@ def _size(paths: list[Path]) -> int:
     try:
         return sum(path.stat().st_size for path in paths)
     except OSError as error:
-        raise BagError(f'{paths[0].parent} cannot be read: {error.strerror}') from error
+        raise BagError(
+            f'{paths[0].parent} cannot be read ({error.strerror}): check the path and its '
+            'permissions'
+        ) from error
 
 
 def _natural_order(path: Path) -> list[tuple[int, str]]:

@@ -63,7 +63,9 @@ class JointStateSeries:
         index = {name: k for k, name in enumerate(self.names)}
         missing = [name for name in names if name not in index]
         if missing:
-            raise KeyError(f'joints {missing} are missing from {list(self.names)}')
+            raise KeyError(
+                f'joints {missing} are missing from {list(self.names)}: check the joint names'
+            )
         order = [index[name] for name in names]
         return JointStateSeries(
             tuple(names),
@@ -366,7 +368,10 @@ def _add(builder: JointStateBuilder, block: MessageBlock, path: Path | str) -> N
     try:
         builder.add(block)
     except ValueError as error:
-        raise BagError(f'topic {block.topic} of {path} cannot be decoded: {error}') from error
+        raise BagError(
+            f'topic {block.topic} of {path} cannot be decoded ({error}): check that the bag '
+            'is complete'
+        ) from error
 
 
 def _add_texts(texts: list[tuple[float, str]], block: MessageBlock, budget: ReadBudget) -> None:
@@ -446,7 +451,10 @@ def joint_state_blocks(
         try:
             stamp_ns, values = decoder.decode(block.payloads)
         except ValueError as error:
-            raise BagError(f'topic {topic} of {path} cannot be decoded: {error}') from error
+            raise BagError(
+                f'topic {topic} of {path} cannot be decoded ({error}): check that the bag is '
+                'complete'
+            ) from error
         yield JointStateSeries(
             names=tuple(decoder.names),
             stamp=stamp_ns / 1e9,

@@ -150,7 +150,10 @@ class BagWriter:
             self._writer = McapWriter(self._stream, topics, compression)
             self._store_metadata()
         except OSError as error:
-            raise BagError(f'{self.directory} cannot be written: {error.strerror}') from error
+            raise BagError(
+                f'{self.directory} cannot be written ({error.strerror}): check permissions '
+                'and free space'
+            ) from error
         self._queue: deque[RecordedMessage] = deque()
         self._held: list[RecordedMessage] = []
         self._failure: Exception | None = None
@@ -211,7 +214,9 @@ class BagWriter:
     def _check(self) -> None:
         if self._failure is not None:
             reason = getattr(self._failure, 'strerror', None) or self._failure
-            raise BagError(f'{self.directory} cannot be written: {reason}') from self._failure
+            raise BagError(
+                f'{self.directory} cannot be written ({reason}): check permissions and free space'
+            ) from self._failure
 
     def _make_directory(self) -> None:
         try:

@@ -115,7 +115,8 @@ def read_poses(
                     series.rows.append([row[0], time, *row[1:]])
             except ValueError as error:
                 raise BagError(
-                    f'topic {block.topic} of {path} cannot be decoded: {error}'
+                    f'topic {block.topic} of {path} cannot be decoded ({error}): check '
+                    'that the bag is complete'
                 ) from error
         if sum(len(series.rows) for series in found.values()) > _MOST:
             raise BagError(

@@ -67,7 +67,7 @@ def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -
     """
     missing = [name for name in wanted if name not in names]
     if missing:
-        raise ValueError(f'joints {missing} are missing from {list(names)}')
+        raise ValueError(f'joints {missing} are missing from {list(names)}: check the joint names')
     order = [list(names).index(name) for name in wanted]
     return JointSample(
         sample.stamp_ns, *(None if field is None else field[order] for field in sample[1:])

@@ -202,7 +202,9 @@ class CompressedFile:
             try:
                 self._decompress(file)
             except (OSError, zstandard.ZstdError, MemoryError) as error:
-                raise BagError(f'{self.path} cannot be decompressed: {error}') from error
+                raise BagError(
+                    f'{self.path} cannot be decompressed ({error}): copy the file again'
+                ) from error
             self._inner = self._opened(file, self._budget)
             yield from self._inner.blocks(topics)
 

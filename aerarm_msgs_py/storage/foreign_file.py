@@ -127,7 +127,9 @@ class ForeignFile:
             with self.path.open('rb') as stream:
                 found = stream.read(len(beginning))
         except OSError as error:
-            raise BagError(f'{self.path} cannot be read: {error.strerror}') from error
+            raise BagError(
+                f'{self.path} cannot be read ({error.strerror}): check the path and its permissions'
+            ) from error
         if not size:
             raise BagError(f'{self.path} is empty: record or copy the file again')
         if found != beginning:

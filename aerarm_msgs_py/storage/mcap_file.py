@@ -180,7 +180,9 @@ class McapFile:
                 for run in self._runs(stream, size, budget, topics):
                     yield from self._blocks_of(run, budget, topics)
         except OSError as error:
-            raise BagError(f'{self.path} cannot be read: {error.strerror}') from error
+            raise BagError(
+                f'{self.path} cannot be read ({error.strerror}): check the path and its permissions'
+            ) from error
         self._report.finish()
 
     def _check_magic(self, found: bytes) -> None:

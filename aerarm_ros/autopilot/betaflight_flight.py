@@ -137,7 +137,7 @@ def _mixer(drone: DroneConfig) -> tuple[str, list[int]]:
     if drone.is_fully_actuated or drone.n not in _MIXERS:
         raise ValueError(
             f"loops 'betaflight': {drone.name} is not a quadrotor or hexarotor with its rotors "
-            'in one plane and in X form'
+            'in one plane and in X form; choose other loops'
         )
     name, motors = _MIXERS[drone.n]
     places = np.array([rotor.position for rotor in drone.rotors])

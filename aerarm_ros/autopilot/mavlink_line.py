@@ -125,7 +125,8 @@ class SerialLine:
         rate = getattr(termios, f'B{baud}', None)
         if rate is None:
             raise ValueError(
-                f'{baud} is not a baud rate of this system: common rates are 57600 and 921600'
+                f'{baud} is not a baud rate of this system: use a common one, such as '
+                '57600 or 921600'
             )
         self._reader = FrameReader()
         self._file = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -136,7 +137,9 @@ class SerialLine:
             termios.tcsetattr(self._file, termios.TCSANOW, settings)
         except termios.error as error:
             os.close(self._file)
-            raise OSError(f'{device} is not a serial device ({error.args[-1]})') from None
+            raise OSError(
+                f'{device} is not a serial device ({error.args[-1]}): check its name'
+            ) from None
 
     @property
     def damaged(self) -> int:

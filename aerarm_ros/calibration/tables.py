@@ -133,7 +133,9 @@ def read_postures(
         if isinstance(error, CalibrationError):
             raise
         reason = ' '.join(str(error).split())
-        raise CalibrationError(f'{path} is not a table of numbers ({reason})') from None
+        raise CalibrationError(
+            f'{path} is not a table of numbers ({reason}): check the file format'
+        ) from None
     reader = _Reader(path, known_joints, length_unit, degrees, rename or {}, prismatic)
     table = reader.table(columns)
     for name, problem in wrong.items():
@@ -334,11 +336,12 @@ def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
             )
         rows = [line.rstrip('\r\n').split(delimiter) for line in file if line.strip()]
     if not rows:
-        raise CalibrationError(f'{path} has no rows below its first line')
+        raise CalibrationError(f'{path} has no rows below its first line: add the measurements')
     for number, row in enumerate(rows, start=2):
         if len(row) != len(names):
             raise CalibrationError(
-                f'line {number} of {path} has {len(row)} values, but there are {len(names)} columns'
+                f'line {number} of {path} has {len(row)} values, but there are '
+                f'{len(names)} columns: correct the line'
             )
     seen = [name for name in names if name]
     twice = next((name for name in seen if names.count(name) > 1), None)
@@ -385,7 +388,10 @@ def _npz_columns(path: Path) -> dict[str, Array]:
             columns[key] = values
     lengths = {len(values) for values in columns.values()}
     if len(lengths) > 1:
-        raise CalibrationError(f'the arrays of {path} differ in length ({sorted(lengths)} rows)')
+        raise CalibrationError(
+            f'the arrays of {path} differ in length ({sorted(lengths)} rows): save arrays of '
+            'equal length'
+        )
     return columns
 
 

@@ -237,7 +237,7 @@ class ArmConfig:
             if joint.board >= len(self.boards):
                 raise ConfigError(
                     f'joint {joint.name}: board = {joint.board}, but boards has only '
-                    f'{len(self.boards)} entries (numbered from 0)'
+                    f'{len(self.boards)} entries (numbered from 0); correct the number'
                 )
             place = (joint.board, joint.channel)
             if place in taken:
@@ -259,7 +259,8 @@ class ArmConfig:
     def _check_rest_position(self) -> None:
         if len(self.rest_position) != self.n:
             raise ConfigError(
-                f'arm: rest_position has {len(self.rest_position)} values for {self.n} joints'
+                f'arm: rest_position has {len(self.rest_position)} values for {self.n} '
+                'joints; give one per joint'
             )
         for joint, value in zip(self.joints, self.rest_position, strict=True):
             key = f'rest_position of {joint.name}'

@@ -87,7 +87,7 @@ class UniqueKeyLoader(LOADER):  # type: ignore[misc]
             key = getattr(key_node, 'value', None)
             if isinstance(key, str) and key in seen:
                 line = key_node.start_mark.line + 1
-                raise ConfigError(f'line {line}: key {key[:100]} is given twice')
+                raise ConfigError(f'line {line}: key {key[:100]} is given twice, remove one')
             seen.add(key if isinstance(key, str) else id(key_node))
         found: dict[Any, Any] = super().construct_mapping(node, deep)
         return found

@@ -361,7 +361,7 @@ class DroneConfig:
             raise ConfigError('drone: rotors is empty; list at least four rotors')
         for name in self.rotor_names:
             if self.rotor_names.count(name) > 1:
-                raise ConfigError(f'drone: rotor {name} is listed twice')
+                raise ConfigError(f'drone: rotor {name} is listed twice; rename or remove one')
         # Thrust along z and three moments are what it takes to hover.
         matrix = self.allocation[2:]
         matrix[1:] /= self._arm_length

@@ -258,7 +258,9 @@ def read_urdf(urdf: Path | str | None) -> tuple[str, Path | None]:
             f'{path} cannot be read ({reason}): check the path and its permissions'
         ) from None
     except UnicodeDecodeError:
-        raise DescriptionError(f'{path} is not a text file, so not a URDF') from None
+        raise DescriptionError(
+            f'{path} is not a text file, so not a URDF: check the path'
+        ) from None
 
 
 def _moving_joints(
@@ -342,7 +344,7 @@ def _check_order(model: Any, joint_names: Sequence[str] | None) -> None:
     asked = [name for name in joint_names or names if name in names]
     if asked != names:
         raise DescriptionError(
-            f'joint_names are not in the order from base to tool, which is {", ".join(names)}'
+            f'joint_names must be in the order from base to tool: {", ".join(names)}'
         )
 
 

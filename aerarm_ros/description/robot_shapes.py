@@ -58,7 +58,9 @@ def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
     """Look at every mesh file before one is read, as often as it is named."""
     names = [mesh.get('filename', '') for mesh in ET.fromstring(urdf).iter('mesh')]
     if len(names) > _MOST:
-        raise DescriptionError(f'the URDF names {len(names)} meshes, above the limit of {_MOST}')
+        raise DescriptionError(
+            f'the URDF names {len(names)} meshes, above the limit of {_MOST}: use fewer meshes'
+        )
     together = 0
     for name in names:
         path = name.partition('://')[2] if '://' in name else name
@@ -76,7 +78,7 @@ def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
 def _checked_size(file: Path) -> int:
     """Return the bytes of a mesh file that may be read."""
     if not file.is_file():
-        raise DescriptionError(f'mesh {file} is not a regular file')
+        raise DescriptionError(f'mesh {file} is not a regular file: check its path')
     if file.suffix.lower() not in _FORMATS:
         raise DescriptionError(
             f'mesh {file} has an unsupported format: convert it to one of {", ".join(_FORMATS)}'

@@ -88,13 +88,17 @@ class FlightEstimator:
         """Take an IMU sample; raises RejectedInputError with what is wrong."""
         before, odometry = self._imu, self._odometry
         if before is not None and before.stamp - 1.0 < sample.stamp <= before.stamp:
-            raise RejectedInputError('IMU: a sample is not newer than the previous one')
+            raise RejectedInputError(
+                'IMU: a sample is not newer than the previous one; run only one publisher'
+            )
         rate = self._to_body @ sample.angular_velocity
         if odometry is not None and abs(sample.stamp - odometry.stamp) < SILENCE:
             is_moving = float(np.linalg.norm(odometry.rate)) > _MOVING_RATE
             reading = np.concatenate([sample.angular_velocity, sample.specific_force])
             if self._frozen_imu.is_frozen(reading, sample.stamp, is_moving):
-                raise RejectedInputError('IMU: repeated samples while the drone turns (frozen)')
+                raise RejectedInputError(
+                    'IMU: repeated samples while the drone turns (frozen); check the driver'
+                )
             if np.linalg.norm(rate - odometry.rate) > _GYRO_DOUBT:
                 raise RejectedInputError(
                     'IMU: its angular velocity differs from that of the odometry; the odometry '
@@ -153,7 +157,9 @@ class FlightEstimator:
             is_moving |= float(np.linalg.norm(imu.angular_velocity)) > _MOVING_RATE
         reading = np.concatenate([sample.position, sample.attitude])
         if self._frozen_odometry.is_frozen(reading, sample.stamp, is_moving):
-            raise RejectedInputError('odometry: repeated pose while the drone moves (frozen)')
+            raise RejectedInputError(
+                'odometry: repeated pose while the drone moves (frozen); check its source'
+            )
 
     def _refuse_jump(self, before: OdometrySample, sample: OdometrySample) -> None:
         step = sample.stamp - before.stamp

@@ -107,7 +107,8 @@ class OdometrySample:
         norm = float(np.linalg.norm(self.attitude))
         if not 0.9 < norm < 1.1:
             raise RejectedInputError(
-                f'odometry: the orientation quaternion has length {norm:.3g} instead of 1'
+                f'odometry: the orientation quaternion has length {norm:.3g} instead of '
+                '1; check its source'
             )
         for name, vector, limit, unit in (
             ('position', self.position, _POSITION_MAX, 'm'),

@@ -132,7 +132,8 @@ def load_truth(path: Path, model: JointModel) -> Truth:
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         reason = ' '.join(str(error).split())
         raise IdentificationError(
-            f'{path} is not a file of true parameters of this arm ({reason})'
+            f'{path} is not a file of true parameters of this arm ({reason}): pass the '
+            'truth_file of the simulation'
         ) from None
 
 

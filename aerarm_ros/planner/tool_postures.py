@@ -83,7 +83,7 @@ class ToolPostures:
         if not found:
             raise PlanError(
                 f'tool goal ({place[0]:.3f}, {place[1]:.3f}, {place[2]:.3f}) m is out of reach: '
-                'no posture within the position limits puts the tool there'
+                'choose a position that the tool reaches within the position limits'
             )
         return sorted(found, key=lambda q: self.holding(q) + self._way(start, q, duration))
 

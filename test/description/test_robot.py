@@ -74,7 +74,7 @@ def test_locked_links_weigh_on_the_link_that_carries_them() -> None:
 
 def test_a_subset_of_joints_is_taken_in_the_order_of_the_chain() -> None:
     assert load_robot(joint_names=['joint2', 'joint4']).joint_names == ('joint2', 'joint4')
-    with pytest.raises(DescriptionError, match='order from base to tool, which is joint2, joint4'):
+    with pytest.raises(DescriptionError, match='order from base to tool: joint2, joint4'):
         load_robot(joint_names=['joint4', 'joint2'])
 
 

@@ -187,8 +187,8 @@ class Mount:
         if not model.existFrame(imu_frame):
             names = ', '.join(frame.name for frame in model.frames if frame.parentJoint == 0)
             raise ValueError(
-                f'link {imu_frame!r} (imu_frame) is not in the URDF; links fixed to the base '
-                f'are: {names}'
+                f'link {imu_frame!r} (imu_frame) is not in the URDF: name a link that is fixed '
+                f'to the base, one of {names}'
             )
         frame = model.frames[model.getFrameId(imu_frame)]
         if frame.parentJoint != 0:

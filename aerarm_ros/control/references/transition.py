@@ -160,7 +160,7 @@ class StreamedPoint:
             limits.check_velocity(what, braking.fastest[1])
             limits.check_acceleration(what, ddq[1])
             within.check_position('streamed point, where the arm can stop', ends[1])
-            raise RejectedInputError(f'{what}: the motion leaves the limits')
+            raise RejectedInputError(f'{what}: the motion leaves the limits; slow it down')
         return float(times[first_bad - 1, 0])
 
 

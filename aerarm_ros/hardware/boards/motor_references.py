@@ -484,7 +484,7 @@ class MotorReferences:
         most = self._profile.command.largest(name)
         if not np.all((values >= 0.0) & (values <= most)):
             raise ValueError(
-                f'{name} is {values}: frames of profile {self._profile.name} can carry 0 '
-                f'to {most:.4g}'
+                f'{name} is {values}, but frames of profile {self._profile.name} can only carry '
+                f'0 to {most:.4g}: set a value in this range'
             )
         return np.broadcast_to(values, (n,))

@@ -81,7 +81,7 @@ def check(
         return
     _, _, default, least, most = FAULTS[fault]
     if default is None:
-        raise FaultInjectionError(f'{fault} takes no VALUE, but {value:g} was given')
+        raise FaultInjectionError(f'{fault} takes no VALUE, but {value:g} was given: remove it')
     if not least <= value <= most:
         raise FaultInjectionError(f'value {value:g} of {fault} must lie in {least:g} .. {most:g}')
 

@@ -295,7 +295,9 @@ def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
             path = resource('config', 'profiles', f'{name_or_path}.yaml')
         document = read_plain(path)
     except (OSError, ConfigError) as error:
-        raise ProfileError(f'frame profile {name_or_path} cannot be read: {error}') from None
+        raise ProfileError(
+            f'frame profile {name_or_path} cannot be read ({error}): check the name or path'
+        ) from None
     if not isinstance(document, dict):
         raise ProfileError(f'frame profile {path} must be a mapping with name, command and sensor')
     base_name = document.pop('extends', None)
@@ -347,7 +349,9 @@ def _layout(document: Mapping[str, Any], record: type) -> FrameLayout:
 def _field(entry: Mapping[str, Any]) -> FrameField:
     unknown = set(entry) - _FIELD_KEYS
     if unknown:
-        raise ProfileError(f'field {entry.get("name")!r} has unknown keys {sorted(unknown)}')
+        raise ProfileError(
+            f'field {entry.get("name")!r} has the unknown keys {sorted(unknown)}: remove them'
+        )
     values = dict(entry)
     power = _POWER_OF_TWO.fullmatch(str(values.get('lsb', '')))
     if power:

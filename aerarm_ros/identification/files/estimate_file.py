@@ -292,7 +292,9 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
     ]
     theta = np.concatenate([inertial.ravel(), joints])
     if not np.isfinite(theta).all():
-        raise IdentificationError(f'{path} contains numbers that are not finite')
+        raise IdentificationError(
+            f'{path} contains numbers that are not finite: identify the arm again'
+        )
     return Estimate(str(parameters.get('solver', '')), model, theta)
 
 

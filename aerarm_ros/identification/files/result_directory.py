@@ -126,7 +126,8 @@ class ResultDirectory:
             except OSError as failure:
                 self._remove()
                 raise IdentificationError(
-                    f'{self.target} cannot be written ({failure.strerror or failure})'
+                    f'{self.target} cannot be written ({failure.strerror or failure}): '
+                    'check the free space and permissions'
                 ) from None
 
     def _make_parents(self, parent: Path) -> None:

@@ -453,7 +453,7 @@ def _columns(
     unknown = [name for name in mapping.rename if name not in names]
     if unknown:
         raise IdentificationError(
-            f'joint {", ".join(unknown)} (--rename) is not in {bag}, which has {", ".join(names)}'
+            f'joint {", ".join(unknown)} (--rename) is not in {bag}: choose from {", ".join(names)}'
         )
     renamed = [mapping.own_name(name) for name in names]
     missing = [name for name in joint_names if name not in renamed]
@@ -479,7 +479,8 @@ def _columns(
     absent = [name for name in mapping.ignored if name not in renamed]
     if absent:
         raise IdentificationError(
-            f'joint {", ".join(absent)} (--ignore) is not in {bag}, which has {", ".join(renamed)}'
+            f'joint {", ".join(absent)} (--ignore) is not in {bag}: choose from '
+            f'{", ".join(renamed)}'
         )
     return [renamed.index(name) for name in joint_names]
 

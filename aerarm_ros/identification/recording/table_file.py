@@ -280,7 +280,9 @@ def read_table(
         if isinstance(error, IdentificationError):
             raise
         reason = ' '.join(str(error).split())
-        raise IdentificationError(f'{path} is not a table of numbers ({reason})') from None
+        raise IdentificationError(
+            f'{path} is not a table of numbers ({reason}): check the file format'
+        ) from None
     return _states(path, columns, sources, joint_names, options)
 
 
@@ -471,7 +473,9 @@ def _states(
             )
     count = len(columns['position', names[0]])
     if any(len(values) != count for values in columns.values()):
-        raise IdentificationError(f'the arrays of {path} differ in length')
+        raise IdentificationError(
+            f'the arrays of {path} differ in length: save arrays of equal length'
+        )
     stamp = columns.get(('time', ''))
     if stamp is None:
         if options.rate is None:

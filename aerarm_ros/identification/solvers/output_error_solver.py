@@ -44,7 +44,8 @@ def solve_output_error(
     """
     if not windows.count:
         raise IdentificationError(
-            'no half-second window of the motion has the torque of every joint'
+            'no half-second window of the motion has the torque of every joint: record a '
+            'longer motion'
         )
     rollout = Rollout(model, windows)
     fixed = len(start) - len(std)

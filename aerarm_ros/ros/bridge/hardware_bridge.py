@@ -557,7 +557,8 @@ class BridgeStreams:
             return self._names, sample, publisher
         if len(payload) > _LONGEST + _LONGEST_PER_JOINT * len(self._names):
             raise ValueError(
-                f'joint_command rejected: its {len(payload)} bytes do not fit this arm'
+                f'joint_command rejected, because its {len(payload)} bytes do not fit '
+                'this arm: check config and tf_prefix of its publisher'
             )
         return (*decode_as_sent(payload), publisher)
 

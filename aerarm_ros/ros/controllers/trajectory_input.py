@@ -269,11 +269,13 @@ class TrajectoryAction:
             if problem:
                 raise RejectedInputError(problem)
             if not request.trajectory.points:
-                raise RejectedInputError(f'{NAME} rejected: the trajectory has no points')
+                raise RejectedInputError(
+                    f'{NAME} rejected, because the trajectory has no points: add at least one'
+                )
             if request.multi_dof_trajectory.points:
                 raise RejectedInputError(
-                    f'{NAME} rejected: the trajectory moves joints with several degrees of '
-                    'freedom, which this arm does not have'
+                    f'{NAME} rejected, because the trajectory moves joints with several degrees '
+                    'of freedom: send only joints with one'
                 )
             now = self._controller.stamp_ns / _BILLION
             # As it stands now; what changes until the loop begins the goal aborts it.

@@ -207,7 +207,9 @@ def _rotation(what: str, turn: Array) -> Array | None:
     """Return the orientation of a quaternion (x, y, z, w), None of one that is zero."""
     length = float(np.linalg.norm(turn))
     if not np.isfinite(length):
-        raise RejectedInputError(f'{what} rejected: its orientation is NaN or infinite')
+        raise RejectedInputError(
+            f'{what} rejected: its orientation is NaN or infinite; check its publisher'
+        )
     if length < _ANY:
         return None
     if not 0.9 < length < 1.1:

@@ -121,7 +121,8 @@ def _linear(rows: list[Any]) -> list[Array] | None:
 def _require_frame(what: str, given: str, frame: str) -> None:
     if given not in ('', frame):
         raise RejectedInputError(
-            f'{what} rejected: its frame is {given!r}, but that of the odometry is {frame!r}'
+            f'{what} rejected, because its frame is {given!r}: send it in the frame of '
+            f'the odometry, {frame!r}'
         )
 
 
@@ -129,7 +130,7 @@ def _yaw(what: str, turn: Array) -> float:
     if not np.all(np.isfinite(turn)) or not 0.9 < np.linalg.norm(turn) < 1.1:
         raise RejectedInputError(
             f'{what} rejected: a value is NaN or infinite, or the quaternion is not a unit '
-            'quaternion'
+            'quaternion; check its publisher'
         )
     return yaw_of(rotation_matrix(turn / np.linalg.norm(turn)))
 

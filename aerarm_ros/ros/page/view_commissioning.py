@@ -82,7 +82,7 @@ class PageCommissioning:
         """
         with self._lock:
             if self.runs:
-                raise RuntimeError('commissioning is in progress')
+                raise RuntimeError('commissioning is already in progress: wait or stop it')
             self._stop.clear()
             self.outcome, self._client = (False, ''), None
             arguments = (joints, resume, emulated)

@@ -202,9 +202,11 @@ def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
     except OSError as error:
         raise UsageError(f'parameter file {file}: {error.strerror}') from None
     except ConfigError as error:
-        raise UsageError(f'parameter file {file} is not valid YAML: {error}') from None
+        raise UsageError(
+            f'parameter file {file} is not valid YAML ({error}): correct the file'
+        ) from None
     if not isinstance(content, Mapping):
-        raise UsageError(f"parameter file {file} has no section 'NODE: {_SECTION}:'")
+        raise UsageError(f"parameter file {file} has no section 'NODE: {_SECTION}:': add one")
     for node, values in _sections(content, '', file):
         for name in _leaves(values):
             yield GivenParameter(node, name, file)
@@ -214,8 +216,8 @@ def _sections(content: Any, node: str, file: str) -> Iterator[tuple[str, Any]]:
     """Yield the full name of every node of a file, and what stands below ros__parameters."""
     if not isinstance(content, Mapping):
         raise UsageError(
-            f"parameter '{node.lstrip('/')}' in parameter file {file} is outside of any "
-            f"section 'NODE: {_SECTION}:'"
+            f"parameter '{node.lstrip('/')}' in parameter file {file} is outside of any section "
+            f"'NODE: {_SECTION}:': move it into one"
         )
     for key, below in content.items():
         if key == _SECTION:

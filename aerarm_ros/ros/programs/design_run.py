@@ -96,8 +96,8 @@ def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
     if options.config or not other:
         if given:
             raise ExcitationError(
-                f'--{", --".join(given).replace("_", "-")}: only for an arm without --config, '
-                'whose limits apply otherwise'
+                f'--{", --".join(given).replace("_", "-")} cannot be combined with a drive '
+                'train, whose limits apply (--config): remove it'
             )
         arm = load_arm_config(options.config)
         robot = load_robot(

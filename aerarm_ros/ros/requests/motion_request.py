@@ -142,7 +142,7 @@ class SetPointRequest:
             far = np.argmax(distance())
             raise ArmClientError(
                 f'{names[far]} is still {distance()[far]:.3f} rad away after {timeout:g} s, and '
-                f'arm_mode is {self._mode}'
+                f'arm_mode is {self._mode}: check the log of the controller'
             )
 
     def _find_arm(self, timeout: float, on_wait: Callable[[str], None]) -> list[str]:
@@ -268,7 +268,7 @@ class ToolRequest:
         if not in_time:
             raise ArmClientError(
                 f'the tool is still {distance():.3f} m away after {timeout:g} s, and arm_mode is '
-                f'{self._mode}'
+                f'{self._mode}: check the log of the controller'
             )
 
     def _require_frame(self, wanted: str, given: str) -> None:

@@ -54,7 +54,9 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
         while not any(future.done() for future in futures):
             left = deadline - time.monotonic()
             if left < 0.0:
-                raise ArmClientError(f'{target} did not respond within {timeout:g} s')
+                raise ArmClientError(
+                    f'{target} did not respond within {timeout:g} s: check that it runs'
+                )
             futures.append(ask())
             spin_until(node, lambda: any(f.done() for f in futures), min(ASK_AGAIN, left))
         return next(future.result() for future in futures if future.done())

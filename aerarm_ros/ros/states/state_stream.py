@@ -334,7 +334,9 @@ def to_imu_sample(message: Imu) -> ImuSample:
     # sensor_msgs/Imu: a negative first covariance says that there is no such measurement.
     absent = (message.angular_velocity_covariance, message.linear_acceleration_covariance)
     if any(covariance[0] < 0.0 for covariance in absent):
-        raise RejectedInputError('imu: angular velocity or acceleration is missing')
+        raise RejectedInputError(
+            'imu: angular velocity or acceleration is missing; check its publisher'
+        )
     has_attitude = message.orientation_covariance[0] >= 0.0
     stamp = message.header.stamp
     return ImuSample(
