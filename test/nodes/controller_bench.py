@@ -1,5 +1,6 @@
 """The emulated arm, enabled, and controllers as processes, for tests over real DDS."""
 
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
+from own_domain import others_in
 from quick_spinning import answer_of, spin_once
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
@@ -97,7 +99,10 @@ class ControllerBench:
             spin_once(self.node, 0.05)
             time.sleep(_PAUSE)
             late = time.monotonic() > deadline
-            assert not late, f'waited for {what}: {self.mode} {self.q} {self.answers}'
+            assert not late, (
+                f'waited for {what}: {self.mode} {self.q} {self.answers[-3:]} '
+                f'{others_in(os.environ["ROS_DOMAIN_ID"])}'
+            )
             assert self.hardware.returncode is None, self.hardware.tail()
 
     def wait_for_posture(self, q: list[float], tolerance: float, again: Callable) -> None:
