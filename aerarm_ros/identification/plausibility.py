@@ -29,8 +29,8 @@ _FAR_OFF = 20.0  # [%] of a joint's own torque
 _FOLLOWS = 0.5  # share of a residual that two columns of another joint's motion explain
 
 _CHECK = (
-    'check sign and unit of the effort (--effort-gain JOINT=Nm/A for amperes, =-1 for the other '
-    'sign), gravity (--gravity), the topic, and the joint names of the bag (--rename)'
+    'check sign and unit of the effort (--effort-gain JOINT=Nm/A, or =-1), gravity (--gravity), '
+    'the topic, and the joint names (--rename)'
 )
 
 

@@ -355,9 +355,8 @@ class MotorBench:
         if not is_told(found):
             self.warnings.append(
                 f'{drive.name}: backlash {1000.0 * found[0]:.1f} ± {1000.0 * found[1]:.1f} mrad '
-                'is not significant; for a finer result choose a posture in which the links are '
-                'heavy about the axis of this joint and gravity does not press its gear to one '
-                'side'
+                'is not significant; for a finer result choose a posture with heavy links about '
+                'the axis of this joint, in which gravity does not press its gear'
             )
         elif is_largest((play, std)):
             self.warnings.append(
