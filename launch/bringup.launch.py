@@ -74,7 +74,7 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'aerarm.yaml']),
-        description='drive train of the arm',
+        description='drive train configuration of the arm',
     ),
     DeclareLaunchArgument(
         'urdf',

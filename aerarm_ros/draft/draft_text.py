@@ -22,8 +22,9 @@ _HEAD = """\
 The drive train of {name}: motors, gears, boards, and what each joint may do. Drafted from
 {source}. SI units, joint side, unless a line says motor side.
 
-What no URDF says is marked "guess": good for emulated boards, wrong for motors. Replace each by
-what it is, take its mark away, and the line emulated_only at last."""
+Values that a URDF does not contain are marked "guess". They suit emulated boards, but not real
+motors. Replace each guess by the real value and delete its mark. At last, delete the line
+emulated_only."""
 
 # How each value that may be a guess is found.
 _ARM_ADVICE = {

@@ -39,8 +39,15 @@ PARAMETERS = ParameterTable(
         '~/.config/aerarm/ground_link.key',
         "file of the shared key, identical on both hosts; the drone's node creates a missing file",
     ),
-    Parameter('rate', 50.0, 'rate of joint states on the ground', 'Hz', 0.1, 50.0),
-    Parameter('values_rate', 10.0, 'rate of other streams on the ground', 'Hz', 0.1, 50.0),
+    Parameter('rate', 50.0, 'publishing rate of joint states on the ground host', 'Hz', 0.1, 50.0),
+    Parameter(
+        'values_rate',
+        10.0,
+        'publishing rate of all other topics on the ground host',
+        'Hz',
+        0.1,
+        50.0,
+    ),
     Parameter('rates', [''], 'rates of individual topics, each as NAME=HZ'),
     Parameter(
         'ground_timeout',

@@ -52,8 +52,10 @@ PARAMETERS = controller_parameters(
     *HAND_OVER_PARAMETERS,
     *grouped(
         'Tool position in the world',
-        Parameter('kp', _GAINS.kp, 'gain on the tool position', '1/s^2', 1.0, 2500.0, live=True),
-        Parameter('kd', _GAINS.kd, 'gain on the tool velocity', '1/s', 0.0, 200.0, live=True),
+        Parameter('kp', _GAINS.kp,
+            'feedback gain on the tool position error', '1/s^2', 1.0, 2500.0, live=True),
+        Parameter('kd', _GAINS.kd,
+            'feedback gain on the tool velocity error', '1/s', 0.0, 200.0, live=True),
         Parameter('orientation_weight', _GAINS.orientation, (
             'weight of the orientation goal relative to the posture goal, in directions that the '
             'position goal leaves free'

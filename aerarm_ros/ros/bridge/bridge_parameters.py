@@ -29,11 +29,11 @@ _SETTINGS = {
         's',
         'time without a valid frame after which a board switches its motors off',
     ),
-    'bad_frames_max': ('', 'consecutive bad frames of a board that cause a fault'),
+    'bad_frames_max': ('', 'number of consecutive bad frames of a board that causes a fault'),
     'lost_commands_max': (
         '',
-        'consecutive lost commands to a board that still sends frames, before the bridge reports '
-        'a fault',
+        'number of consecutive lost commands, to a board that still sends frames, that causes a '
+        'fault',
     ),
     'lost_commands_warning': (
         '',
@@ -41,8 +41,11 @@ _SETTINGS = {
     ),
     'state_age_max': ('s', "longest time during which a board's data may stay unchanged"),
     'exchange_time_max': ('s', 'duration above which an exchange counts as slow'),
-    'slow_exchanges_max': ('', 'consecutive slow exchanges that cause a fault'),
-    'connect_frames': ('', 'consecutive good frames before a board counts as connected'),
+    'slow_exchanges_max': ('', 'number of consecutive slow exchanges that causes a fault'),
+    'connect_frames': (
+        '',
+        ('number of consecutive good frames after which a board counts as connected'),
+    ),
     'alignment_timeout': ('s', "time limit for the alignment of a board's motors"),
     'soft_zone': (
         'rad',
@@ -62,7 +65,7 @@ _SETTINGS = {
     'current_lag': ('s', "time constant of the boards' current loop, for the mean torque"),
     'stall_time': (
         's',
-        'standstill under a torque that must move the joint, before the bridge reports a fault',
+        'duration of standstill, under a torque that must move the joint, that causes a fault',
     ),
     'ambient_temperature': ('degC', 'ambient temperature of the motors'),
     'start_temperature': (

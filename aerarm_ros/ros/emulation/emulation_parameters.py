@@ -73,7 +73,9 @@ EMULATION_PARAMETERS = (
         'configuration if empty',
         choices=('', *ENCODERS),
     ),
-    Parameter('truth_file', '', "YAML file to write the arm's true parameters to"),
+    Parameter(
+        'truth_file', '', 'YAML file for the true parameters of the simulated arm; none if empty'
+    ),
     Parameter(
         'fault',
         '',

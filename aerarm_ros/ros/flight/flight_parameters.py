@@ -58,7 +58,7 @@ FLIGHT_PARAMETERS = (
                 'integral gain of the attitude loop, relative to its bandwidth', '', 0.0, 1.0
         ),
         Parameter(
-            'speed_max', _GAINS.speed_max, 'velocity towards a set point', 'm/s', 0.01, 20
+            'speed_max', _GAINS.speed_max, 'largest velocity towards a set point', 'm/s', 0.01, 20
         ),
         Parameter('tilt_max', _GAINS.tilt_max, 'largest commanded tilt', 'rad', 0.05, 1.2),
         Parameter(

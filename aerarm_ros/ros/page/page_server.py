@@ -99,9 +99,9 @@ class PageGuard:
         if len(hosts) != 1 or not self._is_own(hosts[0]):
             return f'{_shown(hosts)} is not a name of this computer: use the printed URL'
         if len(origins) > 1 or (socket_wanted and not origins):
-            return f'the origin is {_shown(origins)}, not the page'
+            return f'the request comes from {_shown(origins)}, not from this page'
         if origins and origins[0].lower() != f'http://{hosts[0]}'.lower():
-            return f'the origin is {_shown(origins)}, another site'
+            return f'the request comes from another site, {_shown(origins)}'
         given, _ = _split(path)
         if self._token and not hmac.compare_digest(given.encode(errors='replace'), self._token):
             return 'the address lacks the token: use the URL printed at the start'

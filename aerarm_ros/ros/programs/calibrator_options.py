@@ -47,7 +47,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         {'action': 'store_true'},
         'do not estimate deflection of the joints under gravity',
     ),
-    ('--eccentricity', {'action': 'store_true'}, 'estimate the first harmonic of the gears'),
+    ('--eccentricity', {'action': 'store_true'}, 'estimate the first harmonic of the gear errors'),
     (
         '--base-known',
         {'action': 'store_true'},
@@ -81,7 +81,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--lock',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints of the chain that stayed at zero',
+        'joints of the chain that stayed at zero and were not recorded',
     ),
     (
         '--gravity',

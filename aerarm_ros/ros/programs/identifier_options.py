@@ -72,7 +72,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--config',
         {'type': _optional_path, 'metavar': 'FILE'},
-        'motors and gears, for example config/aerarm.yaml',
+        'configuration with motors and gears, for example config/aerarm.yaml',
     ),
     (
         '--topic',
@@ -121,7 +121,11 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         'two results to compare; prints friction and inertia that differ by more than their '
         'uncertainty. No bags',
     ),
-    ('--truth', {'type': Path, 'metavar': 'FILE'}, 'true parameters of a simulated arm'),
+    (
+        '--truth',
+        {'type': Path, 'metavar': 'FILE'},
+        ('file with the true parameters of a simulated arm'),
+    ),
     (
         '--tf-prefix',
         {'default': '', 'metavar': 'TEXT'},
@@ -135,7 +139,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--lock',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints of the URDF that do not move',
+        'joints of the URDF to lock',
     ),
     (
         '--ignore',
@@ -177,7 +181,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--harmonics',
         {'type': int, 'metavar': 'N'},
-        'harmonics of a periodic motion (default: detected)',
+        'number of harmonics of a periodic motion (default: detected)',
     ),
     (
         '--cutoff',
@@ -187,8 +191,8 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--filter',
         {'choices': ('auto', 'harmonics', 'butterworth'), 'default': 'auto'},
-        'filter of the kinematics: rectangular windows at the harmonics of a periodic motion, '
-        'zero-phase low-pass, or chosen by cross-validation (default)',
+        'filter of positions, velocities and accelerations: rectangular windows at the harmonics '
+        'of a periodic motion, zero-phase low-pass, or chosen by cross-validation (default)',
     ),
     (
         '--friction',
