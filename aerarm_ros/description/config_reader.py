@@ -211,7 +211,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise ConfigError(f'{path}: {error}') from None
     if not isinstance(document, dict):
         raise ConfigError(
-            f'{path} must contain a mapping of keys: compare with the packaged example'
+            f'{path}: the file must contain a mapping of keys, compare with the packaged example'
         )
     return document
 

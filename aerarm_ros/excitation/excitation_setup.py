@@ -129,8 +129,8 @@ class RandomTrajectory:
             key=lambda margin: margin.relative,
         )
         binding = (
-            f'{limit} of {subject} is exceeded in {100 * count / len(broken):.0f} % of them '
-            f'({best.reached:.4g} {best.unit} at best, limit {best.allowed:.4g} {best.unit})'
+            f'{limit} of {subject} is outside its limit in {100 * count / len(broken):.0f} % of '
+            f'them ({best.reached:.4g} {best.unit} at best, limit {best.allowed:.4g} {best.unit})'
         )
         return NothingDrawnError(
             f'none of {len(broken)} random trajectories (seed {seed}) is feasible; {binding}. '

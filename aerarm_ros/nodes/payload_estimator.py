@@ -130,11 +130,9 @@ class PayloadEstimatorNode(StateNode):
         if estimate.carries:
             told['mass [kg]'] = round(payload.mass, 4)
             told['centre [m]'] = payload.centre.round(4).tolist()
-            told['standard deviations of the centre of mass [m]'] = payload.centre_std.round(
-                4
-            ).tolist()
+            told['standard deviations of the centre [m]'] = payload.centre_std.round(4).tolist()
             told['inertial parameters'] = payload.inertial.round(6).tolist()
-            told['standard deviations of the inertia'] = payload.std.round(6).tolist()
+            told['standard deviations of the inertial parameters'] = payload.std.round(6).tolist()
             told['not excited'] = ' '.join(estimate.unexcited) or 'none'
         told |= {f'friction: {name}': row.round(4).tolist() for name, row in friction}
         spread = zip(FRICTION_NAMES, estimate.friction_std, strict=True)

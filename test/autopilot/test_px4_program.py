@@ -82,7 +82,7 @@ def test_a_drone_that_px4_cannot_fly_is_named() -> None:
         SETUP.parameters(DRONE, heavy)
     many = replace(DRONE, rotors=tuple(
         replace(DRONE.rotors[i % 6], name=f'rotor{i}') for i in range(14)))  # fmt: skip
-    with pytest.raises(ValueError, match='12 motors'):
+    with pytest.raises(ValueError, match='controls 12'):
         SETUP.parameters(many, BODY)
 
 

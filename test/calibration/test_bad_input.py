@@ -123,7 +123,7 @@ def test_copies_of_a_marker_are_left_out_with_a_message(good: Observations) -> N
 def test_a_missing_joint_position_is_named(good: Observations) -> None:
     q = good.q.copy()
     q[2, 1] = np.nan
-    assert refused(replace(good, q=q)).startswith('posture 3: no position of joint joint2')
+    assert refused(replace(good, q=q)).startswith('posture 3 has no position of joint joint2')
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_a_missing_joint_position_is_named(good: Observations) -> None:
     [
         (('a', 'b'), '', 'none of the recorded joints (a, b) is a joint of the URDF'),
         (('joint1', 'joint2', 'joint4'), 'link4', 'no positions of joint joint3'),
-        (ROBOT.joint_names, 'tool7', '--link tool7: unknown link'),
+        (ROBOT.joint_names, 'tool7', 'link tool7 (--link) is unknown'),
         (ROBOT.joint_names, 'base_link', 'no recorded joint moves link'),
     ],
 )

@@ -87,7 +87,7 @@ def test_silent_odometry_leaves_the_attitude(estimator: FlightEstimator) -> None
     [
         ({'position': np.array([0.0, np.nan, 0.0])}, 'NaN or infinite'),
         ({'velocity': np.array([np.inf, 0.0, 0.0])}, 'NaN or infinite'),
-        ({'attitude': np.zeros(4)}, 'length 0, not 1'),
+        ({'attitude': np.zeros(4)}, 'length 0 instead of 1'),
         ({'velocity': np.array([300.0, 0.0, 0.0])}, 'velocity is above 100 m/s'),
         ({'rate': np.array([0.0, 90.0, 0.0])}, 'angular velocity is above 40 rad/s'),
     ],

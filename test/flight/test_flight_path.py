@@ -48,7 +48,7 @@ def test_a_single_point_is_a_place() -> None:
 @pytest.mark.parametrize(
     ('change', 'reason'),
     [
-        ({'times': [0.0, 2.0, 1.0]}, 'must rise'),
+        ({'times': [0.0, 2.0, 1.0]}, 'must increase'),
         ({'times': [-1.0, 2.0, 4.0]}, 'must not be negative'),
         ({'times': [0.0, 0.1, 0.2]}, 'more time'),
         ({'times': []}, 'a time and a pose'),

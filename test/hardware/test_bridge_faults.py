@@ -207,7 +207,7 @@ def test_a_board_lost_while_off_is_not_a_fault_but_cannot_be_enabled(make_rig):
     rig.inject('dead_board', 1)
     rig.run(0.05)
     assert rig.bridge.mode == 'disconnected'
-    assert 'board1 does not answer' in rig.bridge.faults[0]
+    assert 'no answer from board1' in rig.bridge.faults[0]
     assert not rig.bridge.enable().accepted
     rig.inject('power_cycle', 1)
     rig.run(0.05)

@@ -99,11 +99,11 @@ def test_until_somebody_disables_it(config, robot):
     rig.run(0.05)
     assert not rig.boards.boards[0].system_enabled
     assert not sent_since(rig, 0, at)['enable_system'].any()
-    assert 'board0 does not answer' in ' '.join(rig.bridge.faults)
+    assert 'no answer from board0' in ' '.join(rig.bridge.faults)
     assert rig.bridge.clear_fault().accepted
     rig.run(0.02)
     assert rig.bridge.mode == 'disconnected'
-    assert 'board0 does not answer' in rig.bridge.enable().message
+    assert 'no answer from board0' in rig.bridge.enable().message
 
 
 def test_a_wire_that_is_whole_again_needs_no_new_alignment(config, robot):
@@ -201,7 +201,7 @@ def test_references_that_no_frame_can_hold_let_nobody_fall(config, robot):
     motor.set_zero(1e6)  # the board's count is far from where it says
     log = rig.run(0.2, lambda rig: Offer(velocity=[0.0] * 4))
     assert rig.bridge.mode == 'fault'
-    assert 'beyond the' in rig.bridge.faults[0]
+    assert 'outside the range' in rig.bridge.faults[0]
     assert sent_since(rig, 0, at)['enable_system'].all()
     assert sent_since(rig, 0, at)['enable_motor'].all()
     assert np.abs(log.dq).max() < 1.0

@@ -17,7 +17,7 @@ def test_limits_hold_the_arm_inside(near_limit):
     assert rig.plant.position[3] > highest[3] - 0.1
     assert rig.bridge.mode == 'running'
     assert rig.bridge.counters['limited soft_zone'] > 100
-    assert any('near it' in text for text in rig.bridge.faults)
+    assert any('near the limit' in text for text in rig.bridge.faults)
 
 
 def test_torque_control_into_a_limit_is_braked(near_limit):
@@ -184,7 +184,7 @@ def test_enabling_waits_until_the_boards_are_off(rig):
 
 
 def test_enabling_before_the_boards_answer_is_refused(make_rig):
-    assert 'does not answer' in make_rig().bridge.enable().message
+    assert 'no answer from' in make_rig().bridge.enable().message
 
 
 def test_boards_always_get_a_time_out_and_a_saturation(make_rig):

@@ -66,6 +66,6 @@ def test_half_the_torque_behind_a_right_current_is_warned_of_but_not_upright(con
     held = 2.0 * load - nominal.coulomb  # friction helps to hold it
     (text,) = check.warnings(np.array(STRETCHED), held, held)
     assert text.startswith('joint2 holds 8.84 Nm')
-    assert 'a load of 4.47 Nm, 5.88 Nm with the rated payload' in text
+    assert 'a load of 4.47 Nm, or 5.88 Nm with the rated payload' in text
     home = np.array(config.rest_position)
     assert check.warnings(home, nominal.coulomb, nominal.coulomb) == []  # no joint carries anything

@@ -104,7 +104,7 @@ def test_a_bad_file_gives_unknown_zeros_and_one_warning(path, make_rig, spoil, r
     rig.run(0.02)
     assert rig.bridge.mode == 'unhomed'
     assert [text.count(reason) for text in rig.bridge.faults] == [1]
-    assert "('arm home')" in rig.bridge.faults[0]
+    assert "then run 'arm home'" in rig.bridge.faults[0]
 
 
 @pytest.mark.parametrize(('away', 'least', 'most'), [(1.0, 100.0, 108.0), (86400.0, 60.0, 60.0)])

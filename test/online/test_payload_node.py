@@ -118,7 +118,7 @@ def test_an_arm_that_nothing_holds_is_not_weighed(make: Make, run: CarryingRun) 
 def test_a_flying_base_that_is_not_known_is_told(make: Make, run: CarryingRun) -> None:
     node = make(drone_file=resource('config', 'drone.yaml'), base_motion='free')
     tell(node, run, 0.0, 2.0)
-    assert 'no IMU yet' in node.warning()
+    assert 'no IMU sample yet' in node.warning()
     assert node.describe()['carries'] == 'not yet identified'
 
 

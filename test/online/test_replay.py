@@ -55,7 +55,7 @@ def test_what_can_tell_nothing_is_refused(run: CarryingRun, arm: KnownArm) -> No
         (short, 'to learn from'),
         (replace(short, dq=None), 'no velocities'),
         (replace(short, time=100.0 * short.time), 'at 25 Hz or more'),
-        (replace(moving, tau=np.ones_like(moving.tau)), 'effort of .* stays 1 Nm'),
+        (replace(moving, tau=np.ones_like(moving.tau)), 'effort of .* stays at 1 Nm'),
     ):
         with pytest.raises(IdentificationError, match=words):
             Replay(arm, arm.estimator()).play(bad)

@@ -312,7 +312,7 @@ def _csv(
             raise ValueError(f'{len(names)} names for {count} columns')
         if not meanings:
             raise IdentificationError(
-                f'{path} has no joint positions (its columns are {_some(names)}): name the '
+                f'{path} has no position of any joint (its columns are {_some(names)}): name the '
                 f'columns {accepted_names()}'
             )
         rows = itertools.chain([first], file)

@@ -377,8 +377,8 @@ _SOLVERS = {
     'annealing': f'{_THESIS}, by simulated annealing',
     'entropic': 'as sdp, with an entropic prior that keeps links solid',
     'output_error': 'sdp, with joint coefficients fitted to simulated positions',
-    'sdp': 'semidefinite program: every link physically consistent, close to CAD where the '
-    'motion gives no information',
+    'sdp': 'semidefinite program with physically consistent links, close to CAD where the motion '
+    'gives no information',
 }
 _ENERGY = (
     'Energy balance of each bag. Winding heat, 3/2 R i², uses the configured resistances. '

@@ -162,7 +162,7 @@ def test_says_what_is_wrong_with_the_path(tmp_path: Path, write_bag) -> None:
 def test_says_which_files_are_missing(write_bag) -> None:
     directory = write_bag()
     (directory / 'bag_0.mcap').unlink()
-    with pytest.raises(BagError, match=r'lacks bag_0.mcap, which its metadata.yaml names'):
+    with pytest.raises(BagError, match=r'lacks bag_0.mcap, which metadata.yaml lists'):
         read_joint_states(directory)
 
 
@@ -176,7 +176,9 @@ def test_says_that_joint_names_repeat(write_bag) -> None:
 def test_says_what_is_wrong_with_the_topic(write_bag) -> None:
     directory = write_bag([*joint_states(JointStateCdr(['a']).pack(0, [1.0])),
                            RecordedMessage(2, b'\0\1\0\0\1\0\0\0\0', 1, 1, 1)])  # fmt: skip
-    with pytest.raises(BagError, match=r'no topic /states; it has /arm_mode \(std_msgs/msg/String'):
+    with pytest.raises(
+        BagError, match=r'no topic /states: choose one of /arm_mode \(std_msgs/msg/String'
+    ):
         read_joint_states(directory, '/states')
     with pytest.raises(BagError, match='/motor_states .* contains no messages'):
         read_joint_states(directory, '/motor_states')

@@ -94,7 +94,7 @@ def test_it_says_what_it_is_not(tmp_path: Path) -> None:
     (tmp_path / 'b.bag').write_bytes(b'#ROSBAG V1.2\n')
     with pytest.raises(BagError, match='not a bag of ROS 1, version 2.0'):
         read_joint_states(tmp_path / 'b.bag')
-    with pytest.raises(BagError, match='no topic /imu; it has /arm_mode'):
+    with pytest.raises(BagError, match='no topic /imu: choose one of /arm_mode'):
         read_joint_states(write(tmp_path / 'c.bag'), '/imu')
 
 

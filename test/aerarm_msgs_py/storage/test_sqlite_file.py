@@ -49,7 +49,7 @@ def test_reads_other_storages(tmp_path: Path, recording, storage, mode) -> None:
 
 def test_says_what_is_wrong(tmp_path: Path, recording) -> None:
     directory = write(tmp_path / 'bag', recording.messages(5), StoragePlugin.SQLITE3)
-    with pytest.raises(BagError, match='no topic /imu; it has /joint_states'):
+    with pytest.raises(BagError, match='no topic /imu: choose one of /joint_states'):
         read_joint_states(directory, '/imu')
     next(directory.glob('*.db3')).unlink()
     with pytest.raises(BagError, match=r'lacks bag.db3, which its metadata.yaml names'):

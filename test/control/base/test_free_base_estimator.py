@@ -128,7 +128,7 @@ def test_status_names_the_sources_in_use() -> None:
     assert hover.status == 'rotor commands + IMU below 0.3 Hz'
     assert hover.estimator.problem(hover.now) == ''
     hover.run(0.5, thrust=nothing)
-    assert 'Hz alone: no good rotor command for 0.5' in hover.status
+    assert 'Hz: no good rotor command for 0.5' in hover.status
     assert hover.estimator.problem(hover.now) == hover.status
     hover.run(0.5, imu=nothing)
     assert 'assumed to hover: no good IMU sample for 0.5' in hover.status

@@ -108,7 +108,7 @@ def test_without_an_index_pulse_it_ends_in_a_fault(make_rig, config):
 
 def test_it_starts_from_no_arm_that_is_stopped_aligning_or_unheard(make_rig):
     rig = make_rig()
-    assert 'board0 does not answer' in rig.bridge.home().message
+    assert 'no answer from board0' in rig.bridge.home().message
     rig.enable()
     rig.run(0.05)
     answer = rig.bridge.home()

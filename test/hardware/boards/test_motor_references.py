@@ -308,7 +308,7 @@ def test_gains_are_set_whole_or_not_at_all(references):
     assert get(references, 'kp').tolist() == [2.0] * 4
     assert get(references, 'kd').tolist() == [0.1, 0.2, 0.3, 0.4]
     for kp, kd, ki, hint in (
-        (5.2, 0.1, 0.0, 'kp .* hold 0 to 5.09'),
+        (5.2, 0.1, 0.0, 'kp .* carry 0 to 5.09'),
         (1.0, 0.7, 0.0, 'kd .* hold 0 to 0.61'),
         (-1.0, 0.1, 0.0, 'kp'),
         (math.nan, 0.1, 0.0, 'kp'),

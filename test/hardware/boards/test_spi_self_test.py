@@ -60,7 +60,7 @@ def test_good_wires_pass(try_bus):
 def test_the_mode_that_works_is_named(try_bus, mode):
     for answer in try_bus(working_mode=mode):
         assert not answer.accepted
-        assert f'0 of 50 answers had a correct check, but mode {mode} works' in answer.message
+        assert f'0 of 50 answers had a correct checksum, but mode {mode} works' in answer.message
 
 
 def test_bad_wires(try_bus):

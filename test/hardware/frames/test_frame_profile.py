@@ -84,7 +84,7 @@ def test_own_profile_from_a_file(tmp_path):
 @pytest.mark.parametrize(
     ('command', 'hint'),
     [
-        ('{name: speed, word: 1, type: i16}', "no 'speed'"),
+        ('{name: speed, word: 1, type: i16}', "no field 'speed'"),
         ('{name: velocity, motor: 1, word: 14, type: i32}', '15 payload words'),
         ('{name: index, word: 15, type: u16}', '15 payload words'),
         ('{name: index, word: 1, type: u16, colour: red}', 'colour'),
@@ -93,7 +93,7 @@ def test_own_profile_from_a_file(tmp_path):
             'use the same bits',
         ),
         ('{name: timeout, word: 1, type: u16}', 'timeout is a physical quantity'),
-        ('{name: kp, word: 1, type: u16, lsb: 0.1}', 'kp is of each motor'),
+        ('{name: kp, word: 1, type: u16, lsb: 0.1}', 'kp belongs to each motor'),
         (
             '{name: timeout, motor: 1, word: 1, type: u16, unit: ms}',
             'timeout belongs to the whole board',

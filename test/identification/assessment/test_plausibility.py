@@ -69,7 +69,7 @@ def test_a_joint_that_only_validation_fails_to_predict(result: IdentificationRes
     assert joint_warnings(solution, joints) == []
     poor = [replace(b, per_joint_filtered=np.array([1, 2, 35, 4])) for b in solution.validation]
     (text,) = joint_warnings(replace(solution, validation=poor), joints)
-    assert 'in validation (joint3 35 % is residual)' in text
+    assert 'in validation (residual joint3 35 %)' in text
     assert joint_warnings(replace(solution, validation=[]), joints) == []
 
 
@@ -97,4 +97,4 @@ def test_a_joint_that_another_one_drives(
         found = identify(robot, config, [recording], [], chosen, Stopwatch())
         text = ' '.join(found.warnings)
         assert ('--coupled joint4=joint2' in text) == said
-        assert ('explains little of the torque of some joints (joint4' in text) == said
+        assert ('explains little of the torque of some joints (residual joint4' in text) == said

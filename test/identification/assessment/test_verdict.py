@@ -48,7 +48,7 @@ def test_a_file_of_limits(tmp_path: Path) -> None:
         ('', 'no limits: limits are filtered'),
         ('[1, 2]', 'no limits'),
         ('filterd: 2', 'no limit filterd: limits are'),
-        ('raw: much', 'raw = much must be a number'),
+        ('raw: much', 'raw = much must be a non-negative number'),
         ('raw: true', 'raw = True must be a number'),
         ('raw: -1', 'raw = -1 must be a non-negative number'),
         ('raw: [', 'limits.yaml: '),

@@ -79,7 +79,10 @@ def test_an_estimate_with_them_is_read_back(
 
 @pytest.mark.parametrize(
     ('pair', 'words'),
-    [(('joint3', 'elbow'), 'no joint elbow'), (('joint3', 'joint3'), 'name two different joints')],
+    [
+        (('joint3', 'elbow'), 'unknown joint elbow'),
+        (('joint3', 'joint3'), 'name two different joints'),
+    ],
 )
 def test_wrong_pairs_are_named(robot: Robot, pair: tuple[str, str], words: str) -> None:
     with pytest.raises(IdentificationError, match=words):

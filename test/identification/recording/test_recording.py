@@ -63,7 +63,7 @@ def test_renaming_ignoring_and_gains(states) -> None:
         recording_from_states(
             'bag', more, JOINTS, JointMapping({'a1': 'joint1', 'gripper': 'joint2'})
         )
-    with pytest.raises(IdentificationError, match='no joint b to rename'):
+    with pytest.raises(IdentificationError, match=r'joint b \(--rename\) is not in'):
         recording_from_states('bag', more, JOINTS, JointMapping({'b': 'joint1'}))
 
 
@@ -88,11 +88,23 @@ def test_missing_or_zero_velocities_are_derived_later(states) -> None:
 @pytest.mark.parametrize(
     ('field', 'rows', 'columns', 'value', 'text'),
     [
-        ('effort', slice(100, 103), 2, np.nan, r'effort of joints joint3 is NaN .* in 3 of '),
+        (
+            'effort',
+            slice(100, 103),
+            2,
+            np.nan,
+            r'effort of joints joint3 in bag is NaN .* in 3 of ',
+        ),
         ('effort', slice(None), slice(None), np.nan, 'no effort of joints joint1, joint2'),
         ('effort', slice(None), slice(None), 0.0, 'effort of every joint in .* is constant'),
         ('position', slice(500, 506), 0, np.inf, 'position of joints joint1'),
-        ('effort', slice(500, 506), 1, 1e308, r'effort of joints joint2 reaches 1e\+308 in 6 of'),
+        (
+            'effort',
+            slice(500, 506),
+            1,
+            1e308,
+            r'effort of joints joint2 in bag reaches 1e\+308 in 6 of',
+        ),
         ('position', slice(None), slice(None), 1.0, 'no joint moves'),
     ],
 )
@@ -147,7 +159,7 @@ def test_a_locked_joint_rests(states) -> None:
 def test_a_gap_is_placed_in_the_whole_bag(states) -> None:
     stamp = states.stamp.copy()
     stamp[1200:] += 0.134
-    text = r'bag: no joint states for 0.144 s at 11.99 s of the bag \(11.35 s of the used part'
+    text = r'bag has no joint states for 0.144 s at 11.99 s of the bag \(11.35 s of the used part'
     with pytest.raises(IdentificationError, match=text):
         recording_from_states('bag', replace(states, stamp=stamp), JOINTS, AS_IS)
 

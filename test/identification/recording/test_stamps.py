@@ -60,7 +60,7 @@ def broken(kind: str) -> np.ndarray:
         ('constant', 'same stamp'),
         ('repeated', '199 of 5000 stamps of bag are repeated'),
         ('backwards', 'repeated|jump back'),
-        ('jump', r'bag: no joint states for 5.001 s at 2.50 s of the bag: the recorder'),
+        ('jump', r'bag has no joint states for 5.001 s at 2.50 s of the bag, because the recorder'),
         ('nan', 'not finite'),
     ],
 )

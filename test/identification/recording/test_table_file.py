@@ -141,7 +141,7 @@ def test_arrays_that_state_the_unit_of_their_angles(tmp_path: Path) -> None:
     np.testing.assert_allclose(states.velocity, DQ)
     np.testing.assert_array_equal(states.effort, TAU)
     np.savez(tmp_path / 'a.npz', **arrays, unit='gon')
-    with pytest.raises(IdentificationError, match=r'q \(array unit\): unknown unit gon'):
+    with pytest.raises(IdentificationError, match=r'q \(array unit\) has the unknown unit gon'):
         read_table(tmp_path / 'a.npz', JOINTS)
 
 
@@ -161,11 +161,15 @@ def test_arrays(tmp_path: Path, names: tuple[str, str] | None) -> None:
     [
         ('q1,q2,tau1,tau2', (Q, TAU), 'no time column: .*--rate'),
         ('time,q1,q2,tau1', (T, Q, T), 'no effort of elbow .*: name the column tau_elbow'),
-        ('time,a,b', (T, Q), 'no joint positions'),
+        ('time,a,b', (T, Q), 'no position of any joint'),
         ('a,b', (T, T), r'its columns are a, b\): name the columns time: time/times'),
         ('0.0,1.0,2.0', (T, Q), 'must name the columns'),
         ('time,q1,q2', (T, Q, TAU), '3 names for 5 columns'),
-        ('time,q1,q[0],tau1,tau2', (T, Q, TAU), r'q1 and q\[0\] are both the position of shoulder'),
+        (
+            'time,q1,q[0],tau1,tau2',
+            (T, Q, TAU),
+            r'q1 and q\[0\] of .* are both the position of shoulder',
+        ),
         ('time,t,q1,tau1', (T, T, Q[:, 0], T), 'time and t of .* are both the time: remove one'),
         ('time,q1,q2,tau1 [lbf],tau2', (T, Q, TAU), r'column tau1 .*unknown unit lbf'),
     ],
@@ -185,7 +189,9 @@ def test_files_that_are_none(tmp_path: Path) -> None:
         with pytest.raises(IdentificationError, match='is not a table of numbers'):
             read_table(path, JOINTS)
     np.savez(tmp_path / 'b.npz', time=T, q=Q[:, :1], tau=TAU)
-    with pytest.raises(IdentificationError, match=r'q is \(100, 1\), not \(M, 2\)'):
+    with pytest.raises(
+        IdentificationError, match=r'q has the shape \(100, 1\) instead of \(M, 2\)'
+    ):
         read_table(tmp_path / 'b.npz', JOINTS)
     np.savez(tmp_path / 'c.npz', time=T[:50], q=Q, tau=TAU)
     with pytest.raises(IdentificationError, match='differ in length'):

@@ -190,7 +190,7 @@ def test_intervals_are_those_of_the_table(result: IdentificationResult) -> None:
 def test_only_solvers_that_ran_are_explained(result: IdentificationResult) -> None:
     def explained(result: IdentificationResult) -> list[str]:
         text = ' '.join(Page(report_html(result, ReportExtras())).texts)
-        (metric,) = re.findall(r'thesis \(5\.3\).*?identified\.urdf\.', text)
+        (metric,) = re.findall(r'thesis \(5\.3\).*?identified\.urdf contain', text)
         return re.findall(r'(\w+): ', metric.partition('as recorded.')[2])
 
     assert explained(result) == ['cad', 'cad_friction', 'ols', 'wls', 'sdp']
