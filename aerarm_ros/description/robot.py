@@ -275,7 +275,7 @@ def _moving_joints(
     wanted = list(driven) if joint_names is None else list(joint_names)
     moving = [document.joints[name] for name in wanted if name not in locked]
     if not moving:
-        raise DescriptionError('all moving joints are locked: leave at least one unlocked')
+        raise DescriptionError('no joint can move: at least one moving joint must not be locked')
     for joint in moving:
         if joint.mimics is not None:
             raise DescriptionError(

@@ -280,9 +280,9 @@ class LoadCheck:
         for i, name in enumerate(self._config.joint_names):
             if fails[i]:
                 texts.append(
-                    f'the current of {name} gives a torque of {held[i]:.2f} Nm instead of the '
-                    f'requested {requested[i]:.2f} Nm: check the driver of {name}, supply and '
-                    "motor phases ('arm commission')"
+                    f'{name} delivers {held[i]:.2f} Nm, computed from its current, instead of '
+                    f'the requested {requested[i]:.2f} Nm: check the driver of {name}, supply '
+                    "and motor phases ('arm commission')"
                 )
             elif differs[i]:
                 texts.append(

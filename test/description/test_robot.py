@@ -156,7 +156,7 @@ UNUSABLE = {
         urdf(*TWO_LINKS, joint('base', 'b')),
         'not a serial arm: joint b_joint does not follow joint a_joint',
     ),
-    'no joints': (urdf(link('base')), 'all moving joints are locked: leave at least one unlocked'),
+    'no joints': (urdf(link('base')), 'no joint can move'),
     'floating': (urdf(*TWO_LINKS, joint('a', 'b', 'floating', '')), 'b_joint is floating'),
     'an axis without direction': (
         urdf(*TWO_LINKS, joint('a', 'b')).replace('0 1 0', 'up'),

@@ -47,7 +47,7 @@ def test_a_weak_driver_and_a_wrong_sign_are_warned_of_while_the_arm_is_held(make
     weak = make_rig(position=STRETCHED)
     weak.inject('weak_driver', 0, 1, 0.5)
     (text,) = warnings(weak.bring_up())
-    assert text.startswith('the current of joint2 gives a torque of ')
+    assert text.startswith('joint2 delivers ')
     assert 'check the driver of joint2' in text
     weak.send(velocity=[0.0] * 4)
     weak.run(0.02)

@@ -52,7 +52,7 @@ def test_says_what_is_wrong(tmp_path: Path, recording) -> None:
     with pytest.raises(BagError, match='no topic /imu: choose one of /joint_states'):
         read_joint_states(directory, '/imu')
     next(directory.glob('*.db3')).unlink()
-    with pytest.raises(BagError, match=r'lacks bag.db3, which its metadata.yaml names'):
+    with pytest.raises(BagError, match=r'lacks bag.db3, which metadata.yaml lists'):
         read_joint_states(directory)
 
 

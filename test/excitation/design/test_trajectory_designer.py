@@ -111,7 +111,10 @@ def test_deviations_are_told_as_a_ratio() -> None:
         better.compared_with(worse, 'random')
         == 'standard deviations 2.01 times smaller than those of random'
     )
-    assert worse.compared_with(better, 'random') == 'deviations 2.01 times larger than random'
+    assert (
+        worse.compared_with(better, 'random')
+        == 'standard deviations 2.01 times larger than those of random'
+    )
     assert worse.compared_with(worse, 'random') == 'standard deviations equal to those of random'
 
 
@@ -155,7 +158,7 @@ def test_infeasible_limits_name_the_one_that_binds(setup: ExcitationSetup) -> No
         setup.robot, setup.config, crawling, setup.rotor_inertia, setup.torque_per_ampere
     )
     with pytest.raises(
-        InfeasibleError, match=r'amplitude 0.35 rad is .* velocity of joint\d binds'
+        InfeasibleError, match=r'amplitude 0.35 rad is .* velocity of joint\d is outside its limit'
     ):
         TrajectoryDesigner(DesignSpecification(slow)).initial(0)
 

@@ -46,7 +46,7 @@ def test_joint_2_is_centred_upright_plus_a_random_term(
     [
         ({'amplitude': 3.0}, 'velocity|position|torque'),
         ({'fundamental': 0.35}, 'acceleration|velocity|torque'),
-        ({'fundamental': 1.0}, 'the highest harmonic'),
+        ({'fundamental': 1.0}, 'frequency of highest harmonic'),
         ({'bias': np.array([0.0, -0.4, 0.0, 0.0])}, 'position of joint2|ground clearance'),
     ],
 )

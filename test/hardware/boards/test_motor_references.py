@@ -309,11 +309,11 @@ def test_gains_are_set_whole_or_not_at_all(references):
     assert get(references, 'kd').tolist() == [0.1, 0.2, 0.3, 0.4]
     for kp, kd, ki, hint in (
         (5.2, 0.1, 0.0, 'kp .* carry 0 to 5.09'),
-        (1.0, 0.7, 0.0, 'kd .* hold 0 to 0.61'),
+        (1.0, 0.7, 0.0, 'kd .* carry 0 to 0.61'),
         (-1.0, 0.1, 0.0, 'kp'),
         (math.nan, 0.1, 0.0, 'kp'),
         ([1.0, 2.0], 0.1, 0.0, 'kp has 2 values: set 1 or 4'),
-        (1.0, 0.1, 0.5, 'integral_gain .* hold 0 to 0'),
+        (1.0, 0.1, 0.5, 'integral_gain .* carry 0 to 0'),
     ):
         with pytest.raises(ValueError, match=hint):
             references.set_gains(kp, kd, ki)

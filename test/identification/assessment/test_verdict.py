@@ -49,7 +49,7 @@ def test_a_file_of_limits(tmp_path: Path) -> None:
         ('[1, 2]', 'no limits'),
         ('filterd: 2', 'no limit filterd: limits are'),
         ('raw: much', 'raw = much must be a non-negative number'),
-        ('raw: true', 'raw = True must be a number'),
+        ('raw: true', 'raw = True must be a non-negative number'),
         ('raw: -1', 'raw = -1 must be a non-negative number'),
         ('raw: [', 'limits.yaml: '),
     ):

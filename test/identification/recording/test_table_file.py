@@ -197,7 +197,9 @@ def test_files_that_are_none(tmp_path: Path) -> None:
     with pytest.raises(IdentificationError, match='differ in length'):
         read_table(tmp_path / 'c.npz', JOINTS)
     np.savez(tmp_path / 'e.npz', time=T, q=Q, position=Q, tau=TAU)
-    with pytest.raises(IdentificationError, match='arrays position and q are the same quantity'):
+    with pytest.raises(
+        IdentificationError, match='arrays position and q of .* are the same quantity'
+    ):
         read_table(tmp_path / 'e.npz', JOINTS)
     np.savez(tmp_path / 'd.npz', time=T, q=np.array([{}], dtype=object), tau=TAU)
     with pytest.raises(IdentificationError, match='is not a table of numbers'):
