@@ -167,7 +167,9 @@ def test_only_who_needs_a_stop_gives_up_soon() -> None:
 
 def test_what_other_executables_do_is_done_by_them(tmp_path: Path) -> None:
     status, text = ask('play', '012')  # a text, not a number
-    assert (status, text.startswith('excitation: 012: No such file')) == (1, True), text
+    assert (status, text.startswith('excitation: 012 cannot be read (No such file')) == (1, True), (
+        text
+    )
     status, text = ask('record', str(tmp_path))
     assert (status, text.startswith('recorder: ')) == (1, True), text
 

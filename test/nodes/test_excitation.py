@@ -284,7 +284,7 @@ def test_a_start_in_collision_is_refused(tmp_path: Path, environment) -> None:
     [
         ({'amplitude': 2.0}, 'is outside its limit in'),
         ({'fundamental': 5.0}, 'highest harmonic'),
-        ({'trajectory': '/nowhere/file.yaml'}, '/nowhere/file.yaml: No such file'),
+        ({'trajectory': '/nowhere/file.yaml'}, '/nowhere/file.yaml cannot be read (No such file'),
         ({'mode': 'torque'}, 'one of velocity, position_velocity_effort'),
         ({'periods': -1}, 'from 0 to'),
     ],

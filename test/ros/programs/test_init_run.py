@@ -47,7 +47,7 @@ def test_what_was_found_out_is_not_overwritten(tmp_path: Path, capsys: Any) -> N
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        (['missing.urdf'], 'missing.urdf: No such file'),
+        (['missing.urdf'], 'missing.urdf cannot be read (No such file'),
         ([URDF, '--locked', 'thumb'], "unknown moving joint 'thumb'"),
         ([URDF, '--out', '/proc/nowhere'], '/proc/nowhere'),
     ],
