@@ -127,7 +127,7 @@ def _title(nodes: tuple[str, ...], rows: list[str]) -> str:
 
 
 def _section(executable: str, shared: list[str], rows: list[str]) -> str:
-    links = ', '.join(f'[{title}](#{_anchor(title)})' for title in shared)
+    links = '; '.join(f'[{title}](#{_anchor(title)})' for title in shared)
     text = f'## {executable}\n'
     if shared:
         text += f'\nShared parameters: {links}.\n'
