@@ -23,8 +23,9 @@ INTRODUCTION = """# Parameters
 value outside its bounds and prints the allowed values.
 
 - You can change *live* parameters while the node runs: `ros2 param set /NODE NAME VALUE`.
-- A node reads all other parameters at its start: `ros2 run aerarm_ros NODE --ros-args -p NAME:=VALUE`,
-  or `--params-file FILE`. `ros2 param dump NODE` prints such a file for a running node.
+- A node reads all other parameters at its start:
+  `ros2 run aerarm_ros NODE --ros-args -p NAME:=VALUE` or `--params-file FILE`.
+- `ros2 param dump NODE` prints a parameter file of a running node.
 
 The section [shared](#shared) contains the parameters that several nodes have in common.
 """
