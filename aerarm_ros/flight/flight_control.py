@@ -178,8 +178,8 @@ _SIDEWAYS = np.array([1.0, 1.0, 0.0])
 _CORRECTION = 4.0
 _CORRECTION_LEVER = 0.2
 # Rotors turn a drone about the vertical by little more than their drag. A moment beyond that must
-# neither tilt the drone [rad] nor add to the integral [m]. The heading error in the feedback is
-# limited, because more would only switch between the limits.
+# neither tilt the drone [rad] nor add to the integral [m]. The feedback of the heading uses at most
+# a fraction of that moment, because more would only switch between the limits.
 _YAW_STEP, _YAW_LEVER = 0.2, 0.01
 _YAW_SHARE = 0.25
 _YAW_MISSED = 0.01  # [rad/s^2]

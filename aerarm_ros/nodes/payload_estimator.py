@@ -41,7 +41,7 @@ NAME = 'payload_estimator'
 
 # [s] after the motors hold the arm; in that time a person who carried the arm lets it go
 _LET_GO = 1.0
-_WRITTEN = 5.0  # [s] period of writing the friction file
+_WRITTEN = 5.0  # [s] between two writes of the friction file
 _REPLAY, _TREND = '--bag', '--trend'
 
 PARAMETERS = state_node_parameters(

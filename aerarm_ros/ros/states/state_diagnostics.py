@@ -36,7 +36,7 @@ class StateDiagnostics:
     arm
         Name of the arm.
     notice
-        Time without states before a log message [s]; None for a node that logs it itself.
+        Log notice about missing states; None for a node that logs it itself.
     every_state
         Whether the node should answer each state; if not, unanswered states are not counted.
 
