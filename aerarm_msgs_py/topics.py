@@ -106,8 +106,8 @@ SET_POINT = Topic('set_point', JointState, RELIABLE)
 TOOL_TRAJECTORY = Topic('tool_trajectory', PoseStamped, RELIABLE)
 # A timed path of the tool in the odometry's frame, with one transform per point.
 TOOL_MOTION = Topic('tool_motion', MultiDOFJointTrajectory, RELIABLE)
-# Distances that the base can move before the tool is out of reach, along x, y, z of the world and
-# against them [m], and the time until then at the base's present velocity [s].
+# Distances that the base can move along x, y, z of the world, and against them, before the tool is
+# out of reach [m]. The last entry is the time until then at the base's present velocity [s].
 ARM_REACH = Topic('arm_reach', Float64MultiArray, NEWEST)
 TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
 IMU = Topic('imu', Imu, SENSOR)

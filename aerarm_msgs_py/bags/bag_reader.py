@@ -234,7 +234,7 @@ _STRING = 'std_msgs/msg/String'
 _DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 _MISSED = 'missed cycles'
 _LONGEST = 2**16  # bytes of diagnostics that are read
-_TEXT_BYTES = 500  # memory and time of a text besides its characters, in bytes
+_TEXT_BYTES = 500  # memory and time of a text without its characters, in bytes
 _ENOUGH = 50_000  # messages of an optional topic
 
 

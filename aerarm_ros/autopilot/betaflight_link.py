@@ -84,7 +84,7 @@ class BetaflightLink:
     """Send states and sticks to Betaflight on this host, and receive motor pulses.
 
     All states have one stamp. Otherwise the firmware derives the speed of its clock from two
-    stamps and their arrival, which on a busy host may be hundreds of times too fast.
+    stamps and their arrival. On a busy host that clock may run hundreds of times too fast.
 
     Parameters
     ----------

@@ -127,7 +127,7 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
             action = 'home' if client.mode == 'unhomed' else action
         if options.command in STOPS:
             for answer in client.stop(options.command, options.timeout):
-                print_answer(answer)  # The stop remains in force whoever receives this answer.
+                print_answer(answer)  # The stop continues even if the answer is lost.
         else:
             print(client.call(action, options.timeout), flush=True)
         if options.wait:

@@ -39,7 +39,7 @@ from aerarm_ros.ros.states.state_stream import base_header
 
 NAME = 'payload_estimator'
 
-# [s] after the motors hold the arm; in that time a person who carried the arm lets it go
+# [s] after the motors hold the arm; in which a person who carried the arm releases it
 _LET_GO = 1.0
 _WRITTEN = 5.0  # [s] between two writes of the friction file
 _REPLAY, _TREND = '--bag', '--trend'

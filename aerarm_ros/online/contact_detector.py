@@ -542,8 +542,8 @@ def with_rest_share(
 ) -> ResidualBound:
     """Return a bound that no start of a free motion exceeds at rest.
 
-    A drive builds up torque before a joint breaks loose. How much of it appears before the
-    velocity depends on the arm, so the bound is learnt from free motion too.
+    A drive builds up torque before a joint breaks loose. The part of this torque that appears
+    before the velocity depends on the arm, so it is learnt from free motion too.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class ContactPlace(NamedTuple):
 class ContactLocator:
     """Locate the contact of one arm; an instance contains working memory, use one per thread.
 
-    A contact causes no torque in joints beyond the touched link, so the last joint with external
+    A contact causes no torque in joints beyond the touched link. So the last joint with external
     torque belongs to that link (Haddadin, De Luca, Albu-Schaeffer: Robot collisions: a survey,
     IEEE T-RO 2017). The result is the point, on the line from the joint to the link's far end,
     whose force explains the torque best.

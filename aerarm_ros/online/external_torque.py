@@ -130,7 +130,7 @@ class ExternalTorque:
     """Momentum observer, with the features on which its error depends.
 
     Errors of friction near zero velocity, of inertia and of the torque's timing decay in the
-    observer within some time constants, so the features decay equally slowly.
+    observer within some time constants. So the features decay equally slowly.
 
     Parameters
     ----------

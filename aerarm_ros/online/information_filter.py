@@ -102,11 +102,12 @@ def ball(mass: float, centre: npt.ArrayLike, radius: float) -> Array:
 def nearest_body(mean: Array, information: Array, size: float) -> Array:
     """Return physically consistent inertial parameters (10,) near an estimate.
 
-    They minimize the squared deviation from `mean` weighted by `information`, plus the entropic
-    divergence from a ball of water with the estimate's mass and centre (`solve_entropic`). The
-    divergence keeps the 4x4 pseudo-inertia P in the cone of physical bodies, because its part
-    `-log det P` grows without bound at the border. Newton's method starts at the ball and never
-    leaves the cone, so P is positive definite after any number of steps.
+    The parameters minimize the squared deviation from `mean` weighted by `information`, plus an
+    entropic divergence (`solve_entropic`). The divergence is that from a ball of water with the
+    estimate's mass and centre. The divergence keeps the 4x4 pseudo-inertia P in the cone of
+    physical bodies, because its part `-log det P` grows without bound at the border. Newton's
+    method starts at the ball and never leaves the cone, so P is positive definite after any number
+    of steps.
 
     Parameters
     ----------

@@ -60,9 +60,9 @@ _PATIENCE = 5e-3  # [s], a few cycles: a thread need not wait for a stopped loop
 class CycleSlack:
     """Let another thread start its work when a loop has just ended a cycle.
 
-    Two Python threads share one interpreter. A loop that wakes while the other thread computes
-    waits for the interpreter after each system call. A short piece of work that starts with the
-    slack ends before the loop wakes.
+    Two Python threads use one interpreter. A loop that wakes while the other thread computes waits
+    for the interpreter after each system call. A short piece of work that starts with the slack
+    ends before the loop wakes.
     """
 
     def __init__(self) -> None:

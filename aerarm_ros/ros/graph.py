@@ -156,8 +156,8 @@ class PublisherWatch:
 
     Reading the graph takes up to a millisecond of the interpreter's time, a whole cycle of a loop.
     So it happens only if the number of publishers changes, while a name is unknown, and after
-    `look_soon`. The middleware's event of a new publisher is no alternative: every message of the
-    topic wakes the thread that waits for the event.
+    `look_soon`. The middleware's event of a new publisher is not suitable, because every message
+    of the topic would wake the waiting thread.
 
     Parameters
     ----------

@@ -228,9 +228,9 @@ class ArmPlant:
 
         (B(q) + J_a) ddq + C(q, dq) dq + g(q) + f_v dq + friction = tau
 
-    The dry friction of joint i is at most ``f_s + c |tau_t|``, where ``tau_t`` is the torque that
-    its gear transmitted in the previous sub-step. Dry friction is a constraint of the engine, not
-    a function of speed, so a joint rests under any smaller load.
+    The dry friction of joint i is at most ``f_s + c |tau_t|``. The torque ``tau_t`` is the one
+    that the gear transmitted in the previous sub-step. Dry friction is a constraint of the engine,
+    not a function of speed, so a joint rests under any smaller load.
 
     Parameters
     ----------
@@ -479,8 +479,8 @@ def _fixed_base_model(robot: Robot, parameters: PlantParameters) -> Any:
 def bare_urdf(robot: Robot, parameters: PlantParameters) -> str:
     """Return a URDF with the robot's kinematics and the given inertia only.
 
-    Shapes are removed because there are no contacts, friction because the plant has its own, and
-    the inertia of fixed links because `parameters` includes it in the links that carry them.
+    The URDF has no shapes, because there are no contacts, and no friction, because the plant has
+    its own. `parameters` includes the inertia of fixed links in the links that carry them.
     """
     root = ElementTree.fromstring(robot.urdf_text)
     inertia = dict(zip(robot.link_names, parameters.inertial_parameters, strict=True))

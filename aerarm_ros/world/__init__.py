@@ -1,6 +1,6 @@
 """Control of the tool in the world frame by an arm under a swaying drone.
 
-From odometry, IMU samples, joint states and targets in the world, the package computes a
-`WorldReference` for the control law, and the remaining reach of the arm. `RotorGovernor` slows
+The package computes a `WorldReference` for the control law, and the remaining reach of the arm.
+The inputs are odometry, IMU samples, joint states and targets in the world. `RotorGovernor` slows
 joint motions that exceed the rotors' capacity.
 """

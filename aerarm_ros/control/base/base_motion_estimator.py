@@ -119,11 +119,11 @@ _TREND_CUTOFF = 3.0  # decision 20
 class BaseMotionEstimator:
     """Estimate `BaseMotion` from IMU samples.
 
-    Modes: 'none' uses the configured gravity. 'attitude' rotates gravity with the drone and
-    otherwise assumes a still base. 'full' also uses angular rate and specific force. 'hover' is
-    for feedforward to a drone: it assumes that the specific force is thrust along the drone's own
-    axes. The angular acceleration is the filtered derivative of the rate, extrapolated by the
-    filter's lag.
+    Mode 'none' uses the configured gravity. Mode 'attitude' rotates gravity with the drone and
+    otherwise assumes a still base. Mode 'full' also uses angular rate and specific force. Mode
+    'hover' is for feedforward to a drone; it assumes that the specific force is thrust along the
+    drone's own axes. The angular acceleration is the filtered derivative of the rate, extrapolated
+    by the filter's lag.
 
     While samples arrive, each is extrapolated by its age (see `BaseMotionPrediction`). Without
     samples, the extrapolation continues for `hold_time`; then the result stays constant and fades

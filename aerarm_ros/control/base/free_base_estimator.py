@@ -16,7 +16,8 @@ class FreeBaseMotion(BaseMotion):
     """A `BaseMotion` whose accelerations exclude the base's response.
 
     With the response `M_bb^-1 (w - c_b - M_bj ddq)` of `WholeBodyDynamics`, the base accelerates
-    by `s = s_0 + share * response`. Here s_0 is `specific_force` and `angular_acceleration`.
+    by `s = s_0 + share * response`. The term s_0 consists of `specific_force` and
+    `angular_acceleration`.
 
     Parameters
     ----------
@@ -209,8 +210,8 @@ class ImuWatch:
         Raises
         ------
         RejectedInputError
-            If the sample repeats an earlier one for too long, jumps from the last accepted one,
-            contradicts its attitude, or is impossible for a drone in flight.
+            If the sample is frozen, jumps from the last accepted sample, contradicts its attitude,
+            or is impossible for a drone in flight.
         """
         previous, self._previous = self._previous, sample
         step = np.inf if previous is None else sample.stamp - previous.stamp

@@ -331,7 +331,7 @@ class ModeLog:
         self._news.trigger()
 
     def warn(self, text: str) -> None:
-        """Log a warning that is no change of mode; called from the cycle's thread."""
+        """Log a warning without a change of mode; called from the cycle's thread."""
         self._noted.append(('', (text,), ''))
         self._news.trigger()
 

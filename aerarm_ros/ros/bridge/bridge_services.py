@@ -42,8 +42,8 @@ class CycleRequests:
     def ask(self, action: Action, insist: bool = False) -> Answer:
         """Run an action in the cycle's thread and return its answer.
 
-        After a time-out the action no longer runs, because the client was told that nothing
-        happened. With `insist` the action runs late, which is safer for a stop of the arm.
+        After a time-out the action does not run, because its client has already received an error.
+        With `insist` the action runs late, which is safer for a stop of the arm.
 
         Raises
         ------

@@ -412,7 +412,7 @@ class HardwareBridge(LifecycleNode):
         try:
             loop.run(lambda now_ns, index: self._run_cycle(cycle, timing, now_ns * 1e-9))
         finally:
-            # The motors go off whatever ended the loop, including an exception.
+            # The motors go off after any end of the loop, including an exception.
             cycle.shutdown()
             self._zero_file.close()
             self._publish_mode(INACTIVE)

@@ -60,7 +60,7 @@ class ControllerNode(StateNode):
     loop: ControlLoop[Any]
     _payload: PayloadIntake | None
 
-    # What a derived controller changes.
+    # Methods for derived controllers to override.
 
     def make_loop(self) -> ControlLoop[Any]:
         """Create the control loop; raises ValueError."""
@@ -157,7 +157,7 @@ class ControllerNode(StateNode):
         payload = self._codec.pack(stamp_ns, *command)
         latency_ns = self.since_state_ns()
         self.answers.publish(self._commands, payload)
-        # No other node waits for the work from here on.
+        # No other node waits for the following work.
         self.count_answer(latency_ns)
         self._tell_take_over(state)
         self.loop.observe()

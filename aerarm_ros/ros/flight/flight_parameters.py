@@ -143,8 +143,8 @@ def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProper
     Raises
     ------
     ValueError
-        If the model of PX4's loops must fly a drone with tilted rotors, or Betaflight a drone
-        without a matching mixer, or if a port is in use.
+        If PX4's loops cannot fly the drone (tilted rotors), Betaflight has no mixer for it, or a
+        port is in use.
     """
     gains = {name: getattr(values, name) for name in vars(_GAINS)}
     if values.loops in (PX4, PX4_SITL):

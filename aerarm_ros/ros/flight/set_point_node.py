@@ -75,8 +75,8 @@ class SetPointNode:
     """Republish set points with the acceleration for the arm's motion, until they are too old.
 
     Without an attitude for 0.2 s or without the arm's forecast, set points pass unchanged. The
-    arm's time is that of `joint_states`, or else this computer's. /diagnostics shows a warning if
-    the arm's time is more than 0.2 s ahead, or so late that the node adds no acceleration.
+    arm's time is that of `joint_states`, or else this computer's. The node publishes a warning on
+    /diagnostics if the arm's time is more than 0.2 s ahead, or too late for an acceleration.
 
     Parameters
     ----------

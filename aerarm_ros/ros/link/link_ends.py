@@ -339,7 +339,7 @@ class GroundEnd(LinkEnd):
 
 
 class GroundWatchdog:
-    """Stop or hold the arm when the ground has been silent for a time.
+    """Stop the motion, or move the arm home, when the ground has been silent for a time.
 
     Parameters
     ----------

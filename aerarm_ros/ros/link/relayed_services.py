@@ -40,7 +40,7 @@ E_STOP = 'e_stop'
 _CALL = struct.Struct('<IH')
 _LIFETIME = 1.0  # [s] in which a call must reach the drone
 _ANSWER_TIMEOUT = 30.0  # [s]; as long as the longest wait of the command `arm`
-_STOP_NOTICE = 1.0  # [s] after which the user is told that the stop has not been delivered yet
+_STOP_NOTICE = 1.0  # [s] after which the user is warned that the stop is not delivered yet
 _LOOKS = 0.5  # [s] between two checks for services
 
 

@@ -142,7 +142,7 @@ class PageRequests:
         return self._services[PUT_BACK].found
 
     def look_for_bridges(self) -> None:
-        """Prepare stop requests to all running bridges, whatever their names."""
+        """Prepare stop requests to all running bridges of any name."""
         for stop in self._stops.values():
             stop.look()
 

@@ -2,7 +2,8 @@
 
 A parent that is killed (SIGKILL, out of memory) cannot stop its children, but Linux can. Each
 command of this package requests it first, if its environment names the parent. Code between fork
-and exec (`preexec_fn`) is no alternative: it may hang if the parent has threads, as with ROS.
+and exec (`preexec_fn`) is not suitable, because it may hang if the parent has threads, as with
+ROS.
 """
 
 import ctypes

@@ -6,8 +6,8 @@ then or wait in C, so the C library enforces the limit.
 
 A node that drives motors must finish its cycle and leave the boards safe. rclpy's signal handlers
 invalidate the context first, so publishing fails. Python's handlers raise KeyboardInterrupt in the
-middle of an exchange. SIGHUP (terminal closed, ssh connection lost) would end the process at once,
-and so would SIGQUIT, SIGXCPU (limit of a real-time process) and a dozen others.
+middle of an exchange. SIGHUP (terminal closed, ssh connection lost), SIGQUIT, SIGXCPU (limit of a
+real-time process) and a dozen others would end the process at once.
 
 A process cannot catch SIGKILL. It cannot handle SIGSEGV, SIGBUS, SIGFPE and SIGILL either:
 Python's handlers run after the faulty instruction, which never ends. Nor can a process survive
