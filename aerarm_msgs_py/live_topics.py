@@ -217,8 +217,8 @@ class WaitSetSource:
 
     An executor builds and walks lists of all entities of a node at each wake-up; a wait set with
     one subscription does not. `rclpy.wait_for_message` uses the same two functions of the
-    implementation module, `WaitSet` and `take_message`. They are not public, so only this class
-    uses them, and `available` returns whether the installed rclpy has them.
+    implementation module, `WaitSet` and `take_message`. These functions are not public, so only
+    this class uses them, and `available` returns whether the installed rclpy has them.
 
     SIGINT and SIGTERM end a wait early, through the guard condition that rclpy's signal handlers
     trigger.
@@ -323,9 +323,9 @@ class RawReader:
         Source of the messages; by default a wait set, or an executor if rclpy lacks the functions
         for the wait set.
     identify
-        Whether to read the publisher of each message. This is slower, but counts lost messages of
-        several publishers exactly. The info then has `publisher`, 16 bytes, if this ROS supports
-        it.
+        Whether to read the publisher of each message. Reading it is slower, but counts lost
+        messages of several publishers exactly. The info then has `publisher`, 16 bytes, if this
+        ROS supports it.
 
     Raises
     ------

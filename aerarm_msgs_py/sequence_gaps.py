@@ -19,7 +19,7 @@ class SequenceGaps:
     publisher. A message is assigned to the publisher with the highest number below its own.
     Without such a publisher the message starts a new or restarted publisher. A number inside an
     earlier gap shows that the gap was a change of publisher, because one publisher's messages stay
-    in order. That gap is then no longer counted.
+    in order. The gap is then not counted as a loss.
     """
 
     def __init__(self) -> None:

@@ -42,8 +42,8 @@ _TASKS = frozenset(
 
 _HELP = ('-h', '--help')
 _COMPLETING = '_ARGCOMPLETE'  # set by a shell that asks for completions
-# Most nodes import these libraries, but --help does not need them. They dominate the start-up
-# time.
+# Most nodes import these libraries, but --help does not need them. Importing these libraries takes
+# most of the start-up time.
 _HEAVY = ('mujoco', 'pinocchio')
 # Modules of ROS 2. `calibrator`, `identifier`, `excitation_designer` and `experiment` run without
 # them.

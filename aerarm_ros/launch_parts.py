@@ -174,10 +174,10 @@ def check_first(*packages: str) -> OpaqueFunction:
 def _keep_launch_from_being_interrupted() -> None:
     """Leave SIGINT to launch's event loop.
 
-    Launch reads signals from its wakeup file descriptor but keeps Python's own handler. That
-    handler raises KeyboardInterrupt in any task of launch, which then waits for that task for ever
-    or misses the end of a process. A process that ignores SIGINT, such as a background job of a
-    script, writes nothing to the descriptor.
+    Launch reads signals from its wakeup file descriptor but keeps Python's own handler. Python's
+    handler raises KeyboardInterrupt in any task of launch. Launch then waits for that task for
+    ever, or misses the end of a process. A process that ignores SIGINT, such as a background job
+    of a script, writes nothing to the descriptor.
     """
     ours = threading.current_thread() is threading.main_thread()
     if ours and signal.getsignal(signal.SIGINT) in (signal.default_int_handler, signal.SIG_IGN):

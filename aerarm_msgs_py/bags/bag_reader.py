@@ -285,8 +285,7 @@ def read_contents(
         Optional topics: JointState, String or DiagnosticArray; topics of other types are ignored.
         Of very many JointStates only some are kept, evenly spread.
     most
-        Number of messages of the required topic to keep, from the start. It limits the memory for
-        any bag.
+        Number of messages of the required topic to keep, from the start, to limit the memory.
     limits
         Limits of memory and time for reading.
 

@@ -379,7 +379,7 @@ class JointStateDecoder:
             yield index[left[:1]], numbers[None], columns
             left = left[1:]
             if self._learnt > learnt:
-                # The other messages usually have the layout of the first one.
+                # The layout of one message usually fits all of the group.
                 codec, columns = self._codecs[-1]
                 left = yield from self._rows(codec, columns, rows, left, index, stamp_ns)
 

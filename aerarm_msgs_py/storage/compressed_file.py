@@ -102,7 +102,7 @@ def beginning(data: bytes, compression: str, most: int) -> bytes:
             if not most:
                 break
     except _FAILURES:
-        pass  # the earlier part is valid
+        pass  # The part before the damage is valid.
     return b''.join(parts)
 
 

@@ -43,8 +43,8 @@ _WORD = 8
 class RepeatedMessages:
     """Find repeated messages of one topic: equal reception, number and bytes.
 
-    Eight bytes of each message are stored. They are compared only if the time of reception does
-    not rise, as it does in every intact bag.
+    Eight bytes of each message are stored. The stored bytes are compared only if the time of
+    reception does not rise, as it does in every intact bag.
     """
 
     def __init__(self) -> None:

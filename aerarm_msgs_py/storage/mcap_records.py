@@ -151,7 +151,7 @@ class McapTopics:
     Attributes
     ----------
     names
-        Topics so far.
+        Names of the topics read so far.
     types
         Message type of each topic.
     """

@@ -31,7 +31,7 @@ def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -
     """Return the packet of a state.
 
     The firmware reverses y and z of the angular velocity and all axes of the acceleration, and
-    uses forward-left-up axes. It reads the attitude in forward-right-down axes.
+    uses forward-left-up axes. The firmware reads the attitude in forward-right-down axes.
 
     Parameters
     ----------
@@ -83,8 +83,9 @@ class Firmware(Protocol):
 class BetaflightLink:
     """Send states and sticks to Betaflight on this host, and receive motor pulses.
 
-    All states have one stamp. Otherwise the firmware derives the speed of its clock from two
-    stamps and their arrival. On a busy host that clock may run hundreds of times too fast.
+    All states have one stamp. With different stamps the firmware derives the speed of its clock
+    from two stamps and their arrival. On a busy host that clock may run hundreds of times too
+    fast.
 
     Parameters
     ----------

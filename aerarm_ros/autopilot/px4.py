@@ -36,7 +36,7 @@ def heading(yaw: float) -> float:
 def torque_unit(drone: DroneConfig) -> Array:
     """Return the moments (3,) about the body's axes [Nm] of PX4's normalized torque 1.
 
-    This is the scaling of ControlAllocationPseudoInverse (SYS_CTRL_ALLOC). Roll and pitch have the
+    The scaling is that of ControlAllocationPseudoInverse (SYS_CTRL_ALLOC). Roll and pitch have the
     smaller of `T_max sqrt(n_x Sx2 / 2)` and `T_max sqrt(n_y Sy2 / 2)`. Sx2 is the sum of the
     squared lever arms of the rotors, and n_x the number of rotors with a lever arm. Yaw is scaled
     by the largest entry of the mixer's column.

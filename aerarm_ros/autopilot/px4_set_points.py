@@ -29,9 +29,9 @@ class Px4SetPoints:
 
     A drone with rotors in one plane gets SET_POSITION_TARGET_LOCAL_NED with the acceleration of
     `SetPointAcceleration`; PX4 closes all loops. A drone with tilted rotors stays level, but PX4's
-    position loop would tilt it. So this drone gets SET_ATTITUDE_TARGET with `thrust_body`: the
-    force of this side's position loop plus the arm's feedforward. PX4 then closes only the loops
-    of attitude and angular velocity.
+    position loop would tilt it. So a drone with tilted rotors gets SET_ATTITUDE_TARGET with
+    `thrust_body`: the force of this side's position loop plus the arm's feedforward. PX4 then
+    closes only the loops of attitude and angular velocity.
 
     Parameters
     ----------

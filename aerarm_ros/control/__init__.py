@@ -1,7 +1,7 @@
 """Control of the arm, without ROS: (state, reference, dt) -> command.
 
-A controller receives measured states, IMU samples, and references of users and planners. It
-returns one `JointCommand` per state. The packages, in the order of their imports:
+A controller receives measured states, IMU samples, and references of users and planners. A
+controller returns one `JointCommand` per state. The packages, in the order of their imports:
 
 - checks: reject invalid limits, gains and other numbers
 - base: motion of the arm's base by the drone, and wrench of the arm on the drone

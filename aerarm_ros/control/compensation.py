@@ -77,9 +77,9 @@ class Fade:
 class FrictionCompensation:
     """Thesis (2.6) with `tanh(dq / width)` for the sign, and load-dependent friction.
 
-    A gear loses a fraction of the transmitted torque, so dry friction is `f_s + f_l |load|`. This
-    matters for loads that vary with the drone: at 4 % of 1.5 Nm, the first joint's friction
-    changes by a quarter.
+    A gear loses a fraction of the transmitted torque, so dry friction is `f_s + f_l |load|`.
+    Load-dependent friction matters for loads that vary with the drone: at 4 % of 1.5 Nm, the first
+    joint's friction changes by a quarter.
 
     With a reference velocity, the compensation is exact and without noise. With a measured
     velocity, it acts near rest as a negative damping `fraction * fs / width`. With a fraction

@@ -151,7 +151,7 @@ class ControlLoop(Generic[Reference]):
     def observe(self) -> None:
         """Update the observer and the base's estimator with the newest state.
 
-        Otherwise the next `update` does it. A call after the command is sent removes this
+        Without this call the next `update` does so. A call after the command is sent removes this
         computation from the command's delay. The compensation is one cycle late in both cases,
         which is short compared with its time constant.
         """

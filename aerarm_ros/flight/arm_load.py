@@ -58,7 +58,7 @@ class MassProperties:
 class FeedForward(NamedTuple):
     """Mass properties of drone and arm, and the wrench of the arm's motion on the drone.
 
-    In body axes, moments about the body frame's origin.
+    All quantities are in body axes, with moments about the body frame's origin.
 
     Attributes
     ----------
@@ -68,8 +68,8 @@ class FeedForward(NamedTuple):
         Force [N] and moment [Nm] of the joints' motion on the drone, at the time when a present
         command acts, and now.
     force_rate, force_curvature : (3,) ndarray
-        Time derivatives of the force, now [N/s] and when a command acts [N/s^2]. They determine
-        how fast the drone must tilt.
+        Time derivatives of the force, now [N/s] and when a command acts [N/s^2]. These derivatives
+        determine how fast the drone must tilt.
     """
 
     body: MassProperties
@@ -89,8 +89,8 @@ class ArmLoad(NamedTuple):
     """Mass properties of the arm and its wrenches on the drone, at one instant.
 
     The load depends only on posture and motion of the joints, not on the drone's IMU, so its
-    feedforward closes no loop. In the base frame's axes, moments about its origin, force before
-    moment.
+    feedforward closes no loop. All quantities are in the base frame's axes, with moments about its
+    origin and force before moment.
 
     Attributes
     ----------

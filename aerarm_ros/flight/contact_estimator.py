@@ -227,7 +227,7 @@ class ContactEstimator:
     def offer_rotors(self, names: Sequence[str], thrust: Array, stamp: float) -> None:
         """Process commanded thrusts [N] of named rotors; raises RejectedInputError.
 
-        They act from their stamp [s] on.
+        The thrusts act from their stamp [s] on.
         """
         self._check_clock('rotor_command', stamp)
         self._rotors.offer(names, thrust, stamp, stamp)

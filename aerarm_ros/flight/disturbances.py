@@ -75,7 +75,7 @@ class IncrementalEstimate:
     """Correction of the last command by incremental dynamic inversion, as a `Disturbance`.
 
     INDI commands `w_f + M (a_wanted - a_f)`. The rotors' wrench w and the measured acceleration a
-    pass equal filters (Smeur, Chu and de Croon, J. Guid. Control Dyn. 2016). This equals `M
+    pass equal filters (Smeur, Chu and de Croon, J. Guid. Control Dyn. 2016). The command equals `M
     a_wanted - d` with the disturbance `d = M a_f - w_f`, with a second-order filter.
 
     Parameters

@@ -114,7 +114,8 @@ class Session:
     def open(self, datagram: bytes, other_role: str) -> tuple[bytes, bytes, bytes] | None:
         """Return sender's session, addressed session and body; None if it is not authentic.
 
-        Also None for a repeated datagram, or one that is far behind others of its session.
+        The result is also None for a repeated datagram, or one that is far behind others of its
+        session.
         """
         if len(datagram) < OVERHEAD:
             return None

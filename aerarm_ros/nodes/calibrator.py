@@ -1,7 +1,7 @@
 """Calibrate an arm's geometry, its mount and the drone's IMU from recorded measurements.
 
-The calibrator reads tables and bags of any serial arm and needs no running ROS. It writes
-calibrated.urdf, calibration.yaml, arm.yaml, summary.json and report.html, or drone.yaml.
+The calibrator reads tables and bags of any serial arm and needs no running ROS. The calibrator
+writes calibrated.urdf, calibration.yaml, arm.yaml, summary.json and report.html, or drone.yaml.
 """
 
 from __future__ import annotations

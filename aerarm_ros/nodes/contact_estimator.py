@@ -1,9 +1,10 @@
 """Estimate external joint torque and contact of an arm on any base, without a sensor.
 
-The node compares the measured torque with the identified model, friction included. It publishes
-`external_torque`, `contact` (yes or no), `contact_confidence` and `contact_force`. Thresholds come
-from a recording of free motion: `residuals_file`, which `contact_estimator --free BAG --out DIR`
-writes. With --bag DIR it searches recordings instead (--bag DIR --help lists the options).
+The node compares the measured torque with the identified model, friction included. The node
+publishes `external_torque`, `contact` (yes or no), `contact_confidence` and `contact_force`.
+Thresholds come from a recording of free motion: `residuals_file`, which `contact_estimator --free
+BAG --out DIR` writes. With --bag DIR it searches recordings instead (--bag DIR --help lists the
+options).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Identify an arm's dynamic parameters from recorded motion.
 
-The identifier reads JointState bags of any serial arm and needs no running ROS. It writes
-estimate.yaml, identified.urdf, summary.json and report.html.
+The identifier reads JointState bags of any serial arm and needs no running ROS. The identifier
+writes estimate.yaml, identified.urdf, summary.json and report.html.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 A goal is a `sensor_msgs/JointState` with positions on `joint_goal`, or a
 `geometry_msgs/PointStamped` with the tool's position on `tool_goal`. The node publishes the
-planned motion on `joint_trajectory`. It publishes the result of planning on `plan_status`, as a
-JSON object with the stamps of goal and trajectory.
+planned motion on `joint_trajectory`. The node publishes the result of planning on `plan_status`,
+as a JSON object with the stamps of goal and trajectory.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Estimate the arm's payload while it moves: mass, centre and inertia, with standard deviations.
 
-The node receives joint_states at 1 kHz. It publishes the estimated payload beyond
+The node receives joint_states at 1 kHz. The node publishes the estimated payload beyond
 `payload.inertial_parameters` on `payload`, and the present friction on `joint_friction`, both at
 50 Hz. The arm must start without further payload and move for one second before an estimate.
 

@@ -3,7 +3,8 @@
 The node subscribes to `trajectory_setpoint` and publishes on /fmu/in/trajectory_setpoint at 100
 Hz; it needs px4_msgs. PX4's estimate of the hover thrust carries the arm's weight. PX4 leaves
 offboard mode if messages on /fmu/in/offboard_control_mode stop, but does not monitor set points.
-So this node also publishes that topic while set points arrive; no other node should publish it.
+So this node also publishes /fmu/in/offboard_control_mode while set points arrive; no other node
+should do so.
 """
 
 import copy

@@ -1,6 +1,6 @@
 """Online estimation of the arm's payload, friction and contact.
 
 The estimators process states of the arm, the motion of its base and the model of the arm without a
-payload. They return, at 50 Hz, the inertial parameters of the payload with standard deviations,
-and the present friction.
+payload. The estimators return, at 50 Hz, the inertial parameters of the payload with standard
+deviations, and the present friction.
 """

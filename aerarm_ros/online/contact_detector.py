@@ -423,10 +423,10 @@ _MEMORY = 20.0  # [s]
 class LoadTest:
     """Test whether a body at the last link explains the external torque.
 
-    The body's ten parameters follow from a recursive regression. Its columns pass the torque's
-    observer: `dr/dt = K (d/dt(Y_p pi) + Y_f pi + r)` with `MomentumRegressor`. The regression
-    predicts each torque before it learns from it. So a push counts as a payload only if it follows
-    gravity and inertia for 2 s of motion.
+    The body's ten parameters follow from a recursive regression. The columns of the regression
+    pass the torque's observer: `dr/dt = K (d/dt(Y_p pi) + Y_f pi + r)` with `MomentumRegressor`.
+    The regression predicts each torque before it learns from it. So a push counts as a payload
+    only if it follows gravity and inertia for 2 s of motion.
 
     Attributes
     ----------

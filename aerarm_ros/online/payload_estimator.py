@@ -37,7 +37,7 @@ class OnlineEstimate:
     time : float
         Time of its state [s].
     payload : Payload
-        Payload beyond the arm's model; 1e-6 kg means none. Its covariance is that before the
+        Payload beyond the arm's model; 1e-6 kg means none. The covariance is that before the
         constraint to physical bodies.
     carries : bool
         Whether the arm carries a payload.

@@ -18,8 +18,8 @@ class PayloadHandOver:
     change at limited rates, so the torque of gravity never steps.
 
     If a model without the payload explains the torques better for 0.3 s, the compensation is
-    undone: the payload returns to zero at limited rates. It stays zero until a different estimate
-    arrives.
+    undone: the payload returns to zero at limited rates. The payload stays zero until a different
+    estimate arrives.
 
     Parameters
     ----------

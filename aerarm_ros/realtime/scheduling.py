@@ -130,8 +130,8 @@ def _latency_request() -> int:
 def freeze_garbage_collector() -> str | None:
     """Collect once, then switch Python's cyclic garbage collector off.
 
-    Its pauses grow with the number of objects and occur at any time. Reference counting continues,
-    so a loop without reference cycles does not grow.
+    The collector's pauses grow with the number of objects and occur at any time. Reference
+    counting continues, so a loop without reference cycles does not grow.
     """
     gc.collect()
     gc.freeze()

@@ -25,8 +25,8 @@ def endpoint_name(endpoint: TopicEndpointInfo) -> str:
 def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:
     """Return why a publisher's messages do not arrive, or an empty text.
 
-    The middleware does not report different types. It reports different qualities of service only
-    to executors that run the subscription.
+    The middleware does not report different types. The middleware reports different qualities of
+    service only to executors that run the subscription.
     """
     if publisher.topic_type != topic.type_name:
         return f'it is {publisher.topic_type}, expected is {topic.type_name}'
@@ -155,9 +155,9 @@ class PublisherWatch:
     """Report the full names of a topic's publishers.
 
     Reading the graph takes up to a millisecond of the interpreter's time, a whole cycle of a loop.
-    So it happens only if the number of publishers changes, while a name is unknown, and after
-    `look_soon`. The middleware's event of a new publisher is not suitable, because every message
-    of the topic would wake the waiting thread.
+    So the graph is read only after a change of the number of publishers, while a name is unknown,
+    and after `look_soon`. The middleware's event of a new publisher is not suitable, because every
+    message of the topic would wake the waiting thread.
 
     Parameters
     ----------

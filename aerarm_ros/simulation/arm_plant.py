@@ -142,8 +142,8 @@ class PlantParameters:
         """Return an arm with random manufacturing deviations from this one.
 
         Each link's material is stretched and shifted by an affine map x -> A x + b, and its
-        density scaled by a factor s. Its pseudo-inertia becomes s T P T' with T = [[A, b], [0,
-        1]]. This stays positive semidefinite, so the new parameters are physical.
+        density scaled by a factor s. The link's pseudo-inertia P becomes s T P T' with T = [[A,
+        b], [0, 1]]. The result stays positive semidefinite, so the new parameters are physical.
 
         Parameters
         ----------
@@ -209,8 +209,8 @@ class PlantParameters:
 
 SUBSTEP = 0.25e-3  # [s] four in a cycle of 1 ms
 _STOP_MARGIN = 0.1  # [rad] from the software limit to the mechanical stop
-# MuJoCo's constraints are soft. These are as stiff as the sub-step permits, so that a joint held
-# by dry friction moves by less than 1e-6 rad/s.
+# MuJoCo's constraints are soft. With this stiffness, the largest that the sub-step permits, a
+# joint held by dry friction moves by less than 1e-6 rad/s.
 _FRICTION_SOLREF = (2.0 * SUBSTEP, 1.0)
 _FRICTION_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 _STOP_SOLREF = (20.0 * SUBSTEP, 1.0)

@@ -283,8 +283,9 @@ _HELD = 1e6
 class FlyingPlant(FreeBasePlant):
     """An `ArmPlant` under a drone: one mechanism on a free joint, driven by rotors and gusts.
 
-    There is no ground. At first, the drone is held still and level. It is released once the motors
-    hold the arm and the rotors have been commanded for 0.3 s. Without commands it then falls.
+    There is no ground. At first, the drone is held still and level. The drone is released once the
+    motors hold the arm and the rotors have been commanded for 0.3 s. Without commands it then
+    falls.
 
     Parameters
     ----------

@@ -87,8 +87,9 @@ _BLOCK = 4096  # number of random numbers drawn at once
 class RandomDrift:
     """A first-order Gauss-Markov process of three independent axes (white noise, filtered).
 
-    Its autocorrelation is `deviation^2 exp(-|t| / correlation_time)`. This is the longitudinal
-    gust of Dryden's spectrum, with the scale length over the airspeed as correlation time.
+    The autocorrelation is `deviation^2 exp(-|t| / correlation_time)`. The process is the
+    longitudinal gust of Dryden's spectrum, with the scale length over the airspeed as correlation
+    time.
 
     Parameters
     ----------

@@ -116,8 +116,8 @@ class DroneRequest:
     """Slow request of the drone's place for which the arm is in the middle of its reach.
 
     The requested place depends on the tool's target and on the heading at the start of the
-    request. It does not depend on the drone's place or the arm's posture, so it closes no loop.
-    Within `deadband` the request stays constant; beyond it, the request moves at `speed`.
+    request. The request does not depend on the drone's place or the arm's posture, so it closes no
+    loop. Within `deadband` the request stays constant; beyond it, the request moves at `speed`.
 
     Parameters
     ----------

@@ -279,8 +279,8 @@ class WorldLaw:
     ) -> Array:
         """Return the joint acceleration in the null space of the place.
 
-        It minimizes `weight |J_w ddq - spin|^2 + |z - preferred|^2` over z, with `ddq = J^# place
-        + N z`, for posture and orientation.
+        The result minimizes `weight |J_w ddq - spin|^2 + |z - preferred|^2` over z, with `ddq =
+        J^# place + N z`, for posture and orientation.
         """
         found = self._inverse.of(task)
         free = turning @ found.null_space
@@ -306,10 +306,10 @@ def felt_share(whole: WholeBodyDynamics, kinematics: Kinematics, q: Array) -> fl
     """Return the drone's effective inertia under an arm that holds its tool, as a fraction.
 
     The arm then does not rotate with the drone. With the inverse `J_q^+` of the tool's Jacobian,
-    the base has the inertia `M_bb - M_bj J_q^+ J_b`. The result is a ratio of least eigenvalues,
-    about the common centre of mass: of this inertia's angular part, and of the inertia of arm and
-    drone as one rigid body. The frequency of the drone's attitude loop grows by one over the root
-    of the result, compared with held joints.
+    the base has the inertia `M_bb - M_bj J_q^+ J_b`. The result is the least eigenvalue of this
+    inertia's angular part relative to the inertia of arm and drone as one rigid body, about the
+    common centre of mass. The frequency of the drone's attitude loop grows by one over the root of
+    the result, compared with held joints.
 
     Parameters
     ----------

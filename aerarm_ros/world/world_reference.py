@@ -256,8 +256,8 @@ class WorldToolReference:
     def ahead(self, times: Array) -> list[TaskReference] | None:
         """Return the planned motion at times (M,) [s], None while the arm is stopped.
 
-        The plan is only the goal's own motion. It excludes the base's motion and the tool's return
-        to its goal.
+        The plan is only the goal's own motion. The plan excludes the base's motion and the tool's
+        return to its goal.
         """
         if self._goal is None or self.reason:
             return None

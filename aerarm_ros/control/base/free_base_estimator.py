@@ -55,8 +55,8 @@ _LIMIT = np.repeat([6.0, 6.0], 3)
 class AnswerCorrection:
     """Complementary filter of predicted (x) and measured (y) acceleration of a base.
 
-    Both are deviations from hover, (6,), linear before angular. Below the cut-off frequency the
-    filter uses the measurement, above it the prediction::
+    The accelerations x and y are deviations from hover, (6,), linear before angular. Below the
+    cut-off frequency the filter uses the measurement, above it the prediction::
 
         s - s_hover = y_slow + trust (x - x_slow)
 
@@ -89,8 +89,8 @@ class AnswerCorrection:
     slow : (6,) ndarray
         y_slow without bias, limited.
     sustained : (6,) ndarray
-        The mean over 5 s without bias, limited. It is used without a prediction, because y_slow
-        would then be the base's delayed response.
+        The mean over 5 s without bias, limited. The filter uses this mean without a prediction,
+        because y_slow would then be the base's delayed response.
     predicted_slow : (6,) ndarray
         x_slow.
     disagreement : float

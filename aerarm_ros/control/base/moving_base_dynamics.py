@@ -18,7 +18,7 @@ class MovingBaseDynamics:
 
     For a base with known motion, the arm is attached to a free joint without gravity, whose
     acceleration is the base's specific force. One recursion yields the joint torques and the
-    wrench at the mount. On a still base this is the fixed-base model.
+    wrench at the mount. On a still base the model is that of a fixed base.
 
     For a base that responds (`FreeBaseMotion`), the rotors' wrench and the joints' acceleration
     add to the acceleration of `BaseMotion`::
@@ -95,8 +95,8 @@ class MovingBaseDynamics:
             Joint acceleration to which the base responds [rad/s^2], by default `ddq`. Give the
             planned acceleration if `ddq` also contains the correction of an error. Then the
             correction changes `xi` by B(q) of the fixed base, with the stiffness as there. The
-            error obeys `D dde + B (Kd de + Kp e) = 0` with the inertia D on the free base. This is
-            stable, because both matrices are positive definite.
+            error obeys `D dde + B (Kd de + Kp e) = 0` with the inertia D on the free base. The
+            error is stable, because B and D are positive definite.
         """
         if not isinstance(base, FreeBaseMotion):
             return self._recursion(q, dq, ddq, base)[6:]

@@ -142,8 +142,8 @@ class RotorWrench:
             return
         if gap >= self._hold_time or np.any(command != self._pieces[-1][2]):
             self._changed = now
-        # Also after a gap, although the thrust meanwhile is unknown: a control law that still uses
-        # the rotors would turn a step of the thrust into a step of the torque.
+        # After a gap too, the thrust continues without a step, although it is unknown. A control
+        # law that still uses the rotors would turn a step of the thrust into a step of the torque.
         self._pieces.append((begin, self.thrust(begin), command))
 
     def _find(self, names: Sequence[str]) -> list[int]:

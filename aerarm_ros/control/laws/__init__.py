@@ -1,5 +1,5 @@
 """Control laws, one per file, and the inverse kinematics that some of them need.
 
 A law receives the measured `ArmState`, a reference, the cycle's length and the motion of the base.
-It returns a `JointCommand`. The only memory of a law are its integrals.
+A law returns a `JointCommand`. The only memory of a law are its integrals.
 """

@@ -60,10 +60,11 @@ class ComputedTorque(InverseDynamicsLaw):
     the error can be added to `a` (the PID of thesis 2.6.2). Friction is compensated for the
     reference velocity.
 
-    This assumes that a torque acts at once and that the velocity is not delayed. With `delay` the
-    model is evaluated at the time when the torque acts, apart from the change of the acceleration.
-    With `velocity_lag` measured velocities are corrected for the lag of their filter. Both
-    corrections use only the reference, so the feedback loop does not change.
+    The error equation assumes a torque that acts at once and a velocity without delay. With
+    `delay` the model is evaluated at the time when the torque acts, apart from the change of the
+    acceleration. With `velocity_lag` measured velocities are corrected for the lag of their
+    filter. The corrections by `delay` and `velocity_lag` use only the reference, so the feedback
+    loop does not change.
 
     Parameters
     ----------

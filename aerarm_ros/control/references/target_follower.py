@@ -18,9 +18,9 @@ _SILENT_PERIODS = 2.0
 class TargetFollower:
     """Reference generator of thesis 2.5: second order, critically damped, limited.
 
-    The tool approaches a single target without overshoot. It follows a stream of targets with the
-    velocity between them, so a constant velocity causes no lag. After the stream the tool stays at
-    the last target.
+    The tool approaches a single target without overshoot. The tool follows a stream of targets
+    with the velocity between them, so a constant velocity causes no lag. After the stream the tool
+    stays at the last target.
 
     Parameters
     ----------

@@ -106,7 +106,7 @@ class TrajectoryFollower:
         'cubic' or 'quintic', for trajectories.
     govern : callable
         Returns a motion, possibly slowed down along its path, or rejects it (RejectedInputError).
-        It is not called for streamed points and stops.
+        Streamed points and stops do not pass this function.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ class TrajectoryFollower:
         now : float
             [s]
         start : float, optional
-            Time zero of the trajectory [s], by default `now`. Its past part is skipped.
+            Time zero of the trajectory [s], by default `now`. The part before `now` is skipped.
         tolerances : FollowerTolerances, optional
             Path, goal and goal time of this motion, by default those of the follower.
         is_goal : bool

@@ -55,8 +55,8 @@ class StreamedPoint:
 
     The point is extrapolated with constant acceleration. The deviation of the present reference
     from it goes to zero along a quintic, so that the reference never steps. After the time-out
-    each joint brakes. It brakes earlier if it would leave a limit, or could no longer stop before
-    a position limit.
+    each joint brakes. A joint brakes earlier if it would leave a limit, or could no longer stop
+    before a position limit.
 
     Parameters
     ----------

@@ -121,7 +121,7 @@ LOOP_PARAMETERS = grouped(
     *REAL_TIME_PARAMETERS,
 )
 
-# The same key as in payload.yaml, so that the file serves as parameter file.
+# Key of the payload in payload.yaml, so that the file serves as parameter file.
 PAYLOAD = 'payload.inertial_parameters'
 
 PAYLOAD_PARAMETER = Parameter(

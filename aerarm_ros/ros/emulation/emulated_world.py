@@ -40,7 +40,7 @@ class WorldLoop(PeriodicLoop):
         cycle may start before its deadline.
     wait_first
         Whether to wait for the deadline before calling `hold`. Then `hold` blocks only on a slow
-        host. Otherwise `hold` is called at once, and a cycle may start early.
+        host. With False, `hold` is called at once, and a cycle may start early.
 
     Attributes
     ----------
@@ -49,8 +49,8 @@ class WorldLoop(PeriodicLoop):
     slipped_ns
         Time [ns] by which the host's clock advanced more than the simulation's.
     stood_ns
-        Time [ns] of pauses in which the arm was at rest; `hold` adds to it. It does not count in
-        `share_of_real_time`.
+        Time [ns] of pauses in which the arm was at rest; `hold` adds to it. Such a pause does not
+        count in `share_of_real_time`.
 
     Raises
     ------
@@ -276,9 +276,10 @@ _REPEAT = 0.05  # [s] between two copies of a state, for nodes that missed the f
 class EmulatedWorld:
     """A simulation that advances by one period per cycle and pauses in between.
 
-    In lockstep the simulation waits until the last state is answered. It also pauses before the
-    first command, and while the arm is off and at rest. So a controller meets the same states at
-    the same times in every run. Lockstep starts at `start_ns`, `keep_up` at the host's time.
+    In lockstep the simulation waits until the last state is answered. The simulation also pauses
+    before the first command, and while the arm is off and at rest. So a controller meets the same
+    states at the same times in every run. Lockstep starts at `start_ns`, `keep_up` at the host's
+    time.
 
     Parameters
     ----------
@@ -377,7 +378,7 @@ class EmulatedWorld:
         """Wait until the simulation may continue; return whether the next cycle may start early."""
         self.is_waiting = False
         if self._mode not in COMMANDABLE or self._mode == 'ready':
-            self._watch.forget()  # another controller may command next
+            self._watch.forget()  # The next command may come from another controller.
         self._stands = (
             self._in_lockstep
             and self._mode in _STANDING

@@ -1,5 +1,5 @@
 """Parts of the node that flies a drone.
 
-They convert parameters and messages (set points, trajectories, the arm's load) to the ROS-free
-objects of `aerarm_ros.flight`, and reject invalid messages.
+The modules convert parameters and messages (set points, trajectories, the arm's load) to the
+ROS-free objects of `aerarm_ros.flight`, and reject invalid messages.
 """

@@ -43,8 +43,8 @@ def die_with_launch() -> None:
     """Request SIGTERM when the launch that started this process ends.
 
     Launch can end before its processes: by an exception during start, by SIGTERM or SIGQUIT, or if
-    it is killed. Without launch in the environment this function does nothing. The same holds for
-    a grandchild of launch, which belongs to its own parent.
+    it is killed. Without launch in the environment this function does nothing. A grandchild of
+    launch is not affected either, because it belongs to its own parent.
 
     Raises
     ------

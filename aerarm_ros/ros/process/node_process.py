@@ -17,9 +17,9 @@ from typing import IO
 from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 
-# [s] Much longer than any node's own shut-down (a bag's last chunk, the boards' last frames). That
-# takes 0.3 s on an idle host and more than 10 s next to 20 busy programs. Only a hanging node may
-# be killed, because a killed recorder loses the end of its bag.
+# [s] Much longer than any node's own shut-down (a bag's last chunk, the boards' last frames). A
+# shut-down takes 0.3 s on an idle host and more than 10 s next to 20 busy programs. Only a hanging
+# node may be killed, because a killed recorder loses the end of its bag.
 STOP_TIMEOUT = 60.0
 _TAIL = 65536  # [bytes]; a page reads the log many times per second, and logs grow for days
 

@@ -1,17 +1,17 @@
 """End of a process: exit status, signals and time limits.
 
 Fast DDS announces its end when a node is destroyed, or else in an exit handler of the C library.
-That handler may loop for ever (docs/decisions.md, 70). Python and its signal handlers are gone by
-then or wait in C, so the C library enforces the limit.
+The exit handler may loop for ever (docs/decisions.md, 70). Python and its signal handlers are gone
+by then or wait in C, so the C library enforces the limit.
 
 A node that drives motors must finish its cycle and leave the boards safe. rclpy's signal handlers
 invalidate the context first, so publishing fails. Python's handlers raise KeyboardInterrupt in the
 middle of an exchange. SIGHUP (terminal closed, ssh connection lost), SIGQUIT, SIGXCPU (limit of a
 real-time process) and a dozen others would end the process at once.
 
-A process cannot catch SIGKILL. It cannot handle SIGSEGV, SIGBUS, SIGFPE and SIGILL either:
-Python's handlers run after the faulty instruction, which never ends. Nor can a process survive
-abort().
+A process cannot catch SIGKILL. A Python process cannot handle SIGSEGV, SIGBUS, SIGFPE and SIGILL
+either: Python's handlers run after the faulty instruction, which never ends. Nor can a process
+survive abort().
 """
 
 from __future__ import annotations
