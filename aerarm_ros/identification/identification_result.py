@@ -24,6 +24,7 @@ from aerarm_ros.identification.model_choice.model_choice import Comparison
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.residual_split import ResidualSplit
 from aerarm_ros.identification.rollout import RolloutError
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED
@@ -71,6 +72,8 @@ class IdentificationResult:
         What each bag, of identification and then of validation, asks of the model.
     trends : list of ResidualTrend
         What changed during each bag of identification.
+    splits : list of ResidualSplit
+        Causes of the residual of each validation bag, or identification bag without any.
     rollouts : list of RolloutError
         Of each solver on each bag, if they were asked for.
     warnings : list of str
@@ -91,6 +94,7 @@ class IdentificationResult:
     left_out: list[str]
     demands: list[BagDemand]
     trends: list[ResidualTrend]
+    splits: list[ResidualSplit]
     rollouts: list[RolloutError]
     warnings: list[str]
 

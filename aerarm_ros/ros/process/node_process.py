@@ -240,16 +240,21 @@ def is_on_this_host(environment: Mapping[str, str] = os.environ) -> bool:
     )
 
 
+_PARTICIPANTS = 20  # discovery ports of a domain that are tried
+
+
 def is_domain_free(domain: int) -> bool:
     """Return whether no node on this host uses a ROS domain of 0 to 101.
 
-    The first participant in a domain binds its discovery port (RTPS 2.2, 9.6.1.1).
+    Each of the first participants in a domain binds its own discovery port (RTPS 2.2, 9.6.1.1). The
+    first participant may have ended before the others, so the function tries 20 ports.
     """
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(('', 7400 + 250 * domain + 10))
-        except OSError:
-            return False
+    for participant in range(_PARTICIPANTS):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(('', 7400 + 250 * domain + 10 + 2 * participant))
+            except OSError:
+                return False
     return True
 
 
