@@ -1,4 +1,4 @@
-"""The documents against the code: what they point to exists, and nothing is left out."""
+"""The documents agree with the code: all targets exist, and nothing is missing."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ def make_barrier(settings=SETTINGS):
 
 
 def seen(q=0.0, dq=0.0, effort=0.0, load=0.0):
-    """Return a barrier that has seen a joint go on like this for some cycles."""
+    """Return a barrier that has processed some cycles of a joint's motion."""
     barrier = make_barrier()
     for _ in range(30):
         barrier.update(q, dq, effort, load, INERTIA, DT, DT)

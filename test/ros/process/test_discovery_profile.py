@@ -172,7 +172,7 @@ def unread_after(pid: int, sockets: list[UdpSocket], patience: float) -> dict[in
 
 
 def hears_elsewhere(pid: int, patience: float) -> bool:
-    """Tell whether a process reads, within [s], what comes at another address than 127.0.0.1."""
+    """Return whether a process reads, within [s], datagrams to another address than 127.0.0.1."""
     elsewhere = [x for x in udp_sockets(pid) if x.address != '127.0.0.1' and not x.unread]
     # Fast DDS sends from sockets of all interfaces; those nobody reads.
     at_all = [x for x in elsewhere if x.address == '0.0.0.0']
