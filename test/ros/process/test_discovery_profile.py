@@ -158,7 +158,7 @@ def udp_sockets(pid: int) -> list[UdpSocket]:
 
 
 def unread_after(pid: int, sockets: list[UdpSocket], patience: float) -> dict[int, int]:
-    """Send a datagram to each socket; return what is unread, by port, once all was read or [s]."""
+    """Send a datagram to each socket; return the unread ones by port, at the latest after [s]."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for one in sockets:
             sender.sendto(b'RTPS-like', ('127.0.0.1', one.port))
