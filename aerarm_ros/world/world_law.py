@@ -50,7 +50,7 @@ class WorldReference(NamedTuple):
 
 
 class WorldGains(NamedTuple):
-    """Gains of `WorldLaw`.
+    """Gains of the control law for the tool in the world, `WorldLaw`.
 
     Attributes
     ----------
