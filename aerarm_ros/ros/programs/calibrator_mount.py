@@ -1,4 +1,4 @@
-"""The calibrator's run for the mount: a bag of a moving drone in, a drone file out."""
+"""The calibrator's run for the mount: from a bag of a moving drone to a drone file."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _NOTE = (
 
 
 class MountRun:
-    """What `calibrator --mount` asks for.
+    """Run of `calibrator --mount`.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class MountRun:
             imu = self._imu(flight)
             text = drone_yaml(self._source, mount.pose, imu.pose if imu else None)
             directory.write(DRONE, text)
-            load_drone_config(directory.path(DRONE))  # what no node could read is not kept
+            load_drone_config(directory.path(DRONE))  # a file that no node can read is not kept
             rows = self._rows(mount, imu)
             directory.write_json(MARKER, _summary(mount, imu))
             directory.write(REPORT, _html(rows))
@@ -83,7 +83,7 @@ class MountRun:
         return '\n'.join([*lines, f'Report: {directory.target / REPORT}'])
 
     def _imu(self, flight: FlightRecording) -> ImuResult | None:
-        """Return where the IMU is; None, with a message, if the bag does not show it."""
+        """Return the IMU's pose; None, with a message, if the bag does not determine it."""
         values, stays = flight.imu, f'the pose of the IMU stays as in {self._source.name}'
         if values is None:
             _tell(f'no IMU on {self._options.imu}: {stays}')
