@@ -262,8 +262,8 @@ class LoadCheck:
         ----------
         q
             (n,) positions [rad].
-        (n,) torques from measured currents and from the boards' control law [Nm]; NaN if unknown.
-            (n,) torques by the measured currents and by the boards' law [Nm]; NaN where not known.
+        held, requested
+            (n,) torques from measured currents and from the boards' law [Nm]; NaN if unknown.
         """
         empty, loaded = self._empty.gravity(q).copy(), self._loaded.gravity(q)
         lowest, highest = np.minimum(empty, loaded), np.maximum(empty, loaded)

@@ -22,7 +22,10 @@ class SupplyWatch:
 
     Parameters
     ----------
-    Name of the board.
+    name
+        Name of the board.
+    stage
+        Voltage limits of the supply.
 
     Attributes
     ----------

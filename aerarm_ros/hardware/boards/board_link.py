@@ -51,6 +51,7 @@ class RestartWatch:
 
         Parameters
         ----------
+        state
             State that the board reports.
         longest
             Longest possible time since the previous answer [s].

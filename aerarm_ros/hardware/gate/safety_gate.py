@@ -194,8 +194,8 @@ class SafetyGate:
 
     Attributes
     ----------
-    Reason of the latched stop, or ''.
-        Reason of the latched stop, '' if there is none.
+    stop
+        Reason of the latched stop, or ''.
     limited
         Number of times that each limit acted on a joint, by its name in `LIMITED`.
     last_limited, last_limited_time
