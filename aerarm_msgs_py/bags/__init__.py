@@ -1,5 +1,5 @@
-"""Bags: rosbag2 folders of MCAP files, written so that they survive, read whatever their storage.
+"""Bags: rosbag2 folders of MCAP files, with crash-safe writing and reading of any storage format.
 
-In come serialized messages and what is said of their topics; out goes a bag. And back: blocks of
-messages, joint states as arrays, what else a motion left behind. Reading needs no ROS.
+The writer stores serialized messages of given topics. The reader returns blocks of messages, joint
+states as arrays, and further data of a recorded motion. Reading needs no ROS installation.
 """

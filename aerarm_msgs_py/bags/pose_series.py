@@ -1,4 +1,4 @@
-"""Positions, poses and inertial measurements out of a bag, by topic and frame."""
+"""Reader for positions, poses and inertial measurements in a bag, by topic and frame."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ ODOMETRY = 'nav_msgs/msg/Odometry'
 IMU = 'sensor_msgs/msg/Imu'
 KINDS = (POINT, POSE, TRANSFORM, TF, ODOMETRY, IMU)
 
-_MOST = 2_000_000  # values of all series: memory has an end
-_COVARIANCE = 9  # numbers of an Imu's covariances
-_ROW = 8 * 12  # bytes that a sample takes
+_MOST = 2_000_000  # largest number of values of all series, to limit the memory
+_COVARIANCE = 9  # number of covariance values of an Imu message
+_ROW = 8 * 12  # bytes per sample
 
 
 @dataclass(eq=False)
 class PoseSeries:
-    """Samples of one thing.
+    """Time series of one point, pose or IMU.
 
     Attributes
     ----------
     name : str
-        The topic, of a TFMessage the child frame.
+        Topic name; for a TFMessage, the child frame.
     kind : str
         Message type.
     stamp, log_time : (T,) ndarray
-        Of the message's header, and of reception [s].
+        Stamp of the message's header, and receipt time [s].
     position : (T, 3) ndarray
-        [m]; NaN of an Imu.
+        Position [m]; NaN for an Imu.
     quaternion : (T, 4) ndarray
-        x, y, z, w; NaN of a point.
+        Orientation x, y, z, w; NaN for a point.
     angular_velocity, linear_acceleration : (T, 3) ndarray
-        [rad/s], [m/s^2]; NaN unless of an Imu.
+        Measurements of an Imu [rad/s], [m/s^2]; NaN otherwise.
     """
 
     name: str
@@ -81,21 +81,21 @@ def read_poses(
     path
         rosbag2 directory, .mcap or .db3 file.
     topics
-        Topics of these types; all in the bag if empty.
+        Topics of these types; empty for all topics in the bag.
     frames
-        Child frames of TFMessages that are wanted; all if empty.
+        Child frames of TFMessages; empty for all.
     limits
-        What reading may take, whatever the bag holds.
+        Limits of memory and time for reading.
 
     Returns
     -------
     dict of str to PoseSeries
-        By topic, those of TFMessages by child frame; in the order of their stamps.
+        Series by topic, for TFMessages by child frame, sorted by stamp.
 
     Raises
     ------
     BagError
-        If the bag cannot be read, or holds more than fits into memory.
+        If the bag cannot be read, or contains more than fits into memory.
     """
     bag = Bag(path, limits)
     wanted = {'/' + topic.lstrip('/') for topic in topics}

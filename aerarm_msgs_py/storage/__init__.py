@@ -1,6 +1,6 @@
-"""Files that hold messages, MCAP, SQLite or of ROS 1, read within limits whatever they hold.
+"""Readers of message files (MCAP, SQLite, ROS 1) with limits of memory and time.
 
-In comes a file that anybody may have written, cut or damaged; out go blocks of messages, one
-warning for each thing that is missing, and the file's own account of what it holds. Reading
-takes no more memory and time than the limits allow, and no message twice.
+The files may come from any source, and may be truncated or damaged. A reader returns blocks of
+messages, each message once, with one warning per missing part, and the file's own message counts.
+Memory and time stay within the limits.
 """
