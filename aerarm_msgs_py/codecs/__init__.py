@@ -1,5 +1,5 @@
-"""Serialized messages (CDR) to numbers and back.
+"""Conversion between serialized messages (CDR) and numbers.
 
-In come the bytes of one message, or of many in one buffer; out go stamps and arrays. Messages of
-a layout that is known are read and packed at fixed offsets, others field by field.
+The decoders convert one message, or many messages in one buffer, into stamps and arrays. Messages
+with a known layout are read and packed at fixed offsets, other messages field by field.
 """

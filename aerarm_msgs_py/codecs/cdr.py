@@ -14,12 +14,11 @@ LITTLE_ENDIAN = b'\x00\x01'
 
 
 class CdrPrefix:
-    """Bytes of a message that are known in advance, with alignment padding left open.
+    """Known bytes at the beginning of a message, with undefined alignment padding.
 
-    Fast CDR doesn't clear the padding after a string, so two messages with the same
-    content differ in those bytes: a plain comparison would refuse good messages now and
-    then. Offsets count from the start of the payload, encapsulation included; alignment
-    counts from the end of the encapsulation.
+    Fast CDR does not clear the padding after a string, so two messages with equal content may
+    differ in those bytes and a plain comparison would sometimes fail. Offsets count from the start
+    of the payload, including the encapsulation; alignment counts from the end of the encapsulation.
 
     Parameters
     ----------
@@ -29,7 +28,7 @@ class CdrPrefix:
     Attributes
     ----------
     end
-        Offset of the first byte behind the prefix.
+        Offset of the first byte after the prefix.
     """
 
     def __init__(self, start: int) -> None:
@@ -43,16 +42,16 @@ class CdrPrefix:
 
     @property
     def content(self) -> bytes:
-        """The bytes, padding zero."""
+        """Known bytes, with zeros for padding."""
         return bytes(self._bytes)
 
     def add_uint32(self, value: int) -> None:
-        """Append an aligned 32-bit number."""
+        """Append an aligned unsigned 32-bit number."""
         self.align(4)
         self._append(struct.pack('<I', value))
 
     def add_string(self, text: str) -> None:
-        """Append a string: its length with the closing zero, then its bytes."""
+        """Append a string: its length including the final zero, then its bytes."""
         encoded = text.encode() + b'\0'
         self.add_uint32(len(encoded))
         self._append(encoded)
@@ -64,12 +63,12 @@ class CdrPrefix:
             self.add_string(text)
 
     def align(self, size: int) -> None:
-        """Pad to a multiple of `size` bytes."""
+        """Add padding up to a multiple of `size` bytes."""
         padding = -(self.end - ENCAPSULATION_SIZE) % size
         self._append(bytes(padding), known=False)
 
     def matches(self, payload: bytes) -> bool:
-        """Tell whether a payload is little-endian CDR and has these bytes at this place."""
+        """Return whether a payload is little-endian CDR with the known bytes at this offset."""
         if not payload.startswith(LITTLE_ENDIAN):
             return False
         found = payload[self.start : self.end]
@@ -79,12 +78,12 @@ class CdrPrefix:
             return False
         if int.from_bytes(found, 'little') & self._mask_value != self._value:
             return False
-        # One publisher's padding seldom changes, so this spares most comparisons.
+        # A publisher's padding rarely changes, so this avoids most comparisons.
         self._recent = found
         return True
 
     def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return which of the (M, size) rows match, (M,)."""
+        """Return a mask (M,) of the (M, size) rows that match."""
         if rows.shape[1] < self.end:
             return np.zeros(len(rows), bool)
         mask = np.frombuffer(bytes(self._mask), np.uint8)
@@ -109,7 +108,7 @@ class CdrReader:
     Parameters
     ----------
     payload
-        Message with its encapsulation.
+        Message including its encapsulation.
 
     Raises
     ------
@@ -153,7 +152,7 @@ class CdrReader:
         return np.frombuffer(self._take(8 * count), f'{self._order}f8').astype(np.float64)
 
     def fixed_doubles(self, count: int) -> NDArray[np.float64]:
-        """Read some doubles that no length stands before."""
+        """Read a number of doubles without a preceding length."""
         self._align(8)
         return np.frombuffer(self._take(8 * count), f'{self._order}f8').astype(np.float64)
 
@@ -179,12 +178,12 @@ class CdrReader:
 
 
 class Payloads(Sequence[bytes]):
-    """K serialized messages inside a buffer, cut out only when asked for.
+    """Sequence of K serialized messages inside a buffer, copied only on access.
 
     Parameters
     ----------
     buffer
-        Holds the messages, and possibly other bytes between them.
+        Buffer that contains the messages, possibly with other bytes between them.
     starts, sizes
         (K,) offset and length of each message [bytes]; all inside the buffer.
     """
@@ -196,7 +195,7 @@ class Payloads(Sequence[bytes]):
 
     @classmethod
     def of(cls, messages: Iterable[bytes]) -> 'Payloads':
-        """Put messages next to each other into a buffer."""
+        """Concatenate messages in a buffer."""
         messages = list(messages)
         sizes = np.fromiter(map(len, messages), np.int64, len(messages))
         return cls(b''.join(messages), np.cumsum(sizes) - sizes, sizes)
@@ -211,7 +210,7 @@ class Payloads(Sequence[bytes]):
     def __getitem__(self, index: slice) -> 'Payloads': ...
 
     def __getitem__(self, index: int | slice) -> 'bytes | Payloads':
-        """Return one message, or some of them."""
+        """Return one message, or a slice of the messages."""
         if isinstance(index, slice):
             return Payloads(self._buffer, self._starts[index], self.sizes[index])
         start = int(self._starts[index])
@@ -223,7 +222,7 @@ class Payloads(Sequence[bytes]):
             yield buffer[start : start + size]
 
     def chosen(self, which: NDArray[np.bool_]) -> 'Payloads':
-        """Return some of the messages, by a (K,) mask."""
+        """Return the messages selected by a (K,) mask."""
         return Payloads(self._buffer, self._starts[which], self.sizes[which])
 
     def rows(self, index: NDArray[np.intp]) -> NDArray[np.uint8]:
@@ -232,7 +231,7 @@ class Payloads(Sequence[bytes]):
         Parameters
         ----------
         index
-            (k,) which ones.
+            (k,) indices of the messages.
 
         Returns
         -------
@@ -246,29 +245,29 @@ class Payloads(Sequence[bytes]):
 
 
 def elements_at(buffer: bytes, kind: np.dtype[Any], starts: NDArray[np.int64]) -> NDArray[Any]:
-    """Return the (K,) elements of a type that begin at any bytes of a buffer.
+    """Return the (K,) elements of a type that start at arbitrary bytes of a buffer.
 
     Raises
     ------
     IndexError
-        If one would reach beyond the end.
+        If an element extends beyond the end of the buffer.
     """
     places = len(buffer) - kind.itemsize + 1
     if places < 1:
         if len(starts):
             raise IndexError('the buffer is shorter than one element')
         return np.empty(0, kind)
-    # Overlapping elements, one beginning at every byte, of which only some are copied.
+    # Overlapping view with one element per byte, of which only the selected ones are copied.
     return np.ndarray((places,), kind, buffer, strides=(1,))[starts]
 
 
 def diagnostic_values(payload: bytes) -> dict[str, dict[str, str]]:
-    """Return the values of each status by its name.
+    """Return the values of each status by the name of the status.
 
     Raises
     ------
     ValueError
-        If the payload is no DiagnosticArray.
+        If the payload is not a DiagnosticArray.
     """
     reader = CdrReader(payload)
     reader.int32(), reader.uint32(), reader.string()  # header
@@ -281,20 +280,20 @@ def diagnostic_values(payload: bytes) -> dict[str, dict[str, str]]:
     return found
 
 
-# Encapsulation (4), an empty list of dimensions (4), data_offset 0 (4), count (4); the
-# numbers then need 4 bytes of padding to be aligned to 8 from the end of the encapsulation.
+# Encapsulation (4), an empty list of dimensions (4), data_offset 0 (4), count (4). The numbers then
+# need 4 bytes of padding for 8-byte alignment from the end of the encapsulation.
 _HEADER = struct.Struct('<2s2xIII4x')
 _NO_DIMENSIONS = 0
 _NO_OFFSET = 0
 
 
 class Float64ArrayCdr:
-    """Packs and unpacks Float64MultiArray payloads of n numbers and no layout labels.
+    """Codec of Float64MultiArray payloads with n numbers and no layout labels.
 
     Parameters
     ----------
     n
-        Numbers in every message, at least one.
+        Number of values in every message, at least one.
 
     Raises
     ------
@@ -318,7 +317,7 @@ class Float64ArrayCdr:
         return bytes(self._buffer)
 
     def unpack(self, payload: bytes) -> NDArray[np.float64] | None:
-        """Return the (n,) numbers as a read-only view, or None if the layout is another."""
+        """Return the (n,) numbers as a read-only view, or None if the layout differs."""
         if len(payload) < len(self._buffer):
             return None
         expected = (LITTLE_ENDIAN, _NO_DIMENSIONS, _NO_OFFSET, self.n)

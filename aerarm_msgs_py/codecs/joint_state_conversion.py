@@ -1,4 +1,4 @@
-"""JointState messages to samples and back, for layouts that the fixed codec does not know."""
+"""Conversion between JointState messages of any layout and samples."""
 
 from collections.abc import Sequence
 
@@ -20,16 +20,15 @@ def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
     Raises
     ------
     ValueError
-        If the payload is no JointState, or a field has neither no numbers nor one a name.
+        If the payload is not a JointState, or a field is neither empty nor one number per name.
     """
     return _checked(*decode_as_sent(payload))
 
 
 def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
-    """Return what `decode_joint_state` does, fields that do not fit the names among it.
+    """Decode a message like `decode_joint_state`, but keep fields that do not match the names.
 
-    For who has its own word for such a message. Raises ValueError if the payload is no
-    JointState.
+    The caller reports such a message itself. Raises ValueError if the payload is not a JointState.
     """
     reader = CdrReader(payload)
     stamp_ns = reader.int32() * _NANOSECONDS + reader.uint32()
@@ -39,7 +38,7 @@ def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
 
 
 def from_message(message: JointState) -> tuple[tuple[str, ...], JointSample]:
-    """Return names and numbers of a message object; raises as `decode_joint_state`."""
+    """Return names and numbers of a message object; same errors as `decode_joint_state`."""
     stamp = message.header.stamp
     names = tuple(message.name)
     fields = [np.array(x) for x in (message.position, message.velocity, message.effort)]
@@ -58,7 +57,7 @@ def to_message(names: Sequence[str], sample: JointSample) -> JointState:
 
 
 def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -> JointSample:
-    """Return the numbers of some joints in a given order.
+    """Return the numbers of selected joints in a given order.
 
     Raises
     ------
