@@ -138,11 +138,12 @@ class EnergyModel:
 
     Parameters
     ----------
-    config : ArmConfig Configuration with drive train, resistances and power stage.
-    robot : Robot Links, and friction f_v, f_s; joints without friction in the URDF use the
-        configuration's.
-    rotor_inertia : (n,) array_like, optional Rotor inertia at the joints [kg m^2]; by default from
-        the configuration.
+    config : ArmConfig
+        Configuration with drive train, resistances and power stage.
+    robot : Robot
+        Links, and friction f_v, f_s; joints without friction in the URDF use the configuration's.
+    rotor_inertia : (n,) array_like, optional
+        Rotor inertia at the joints [kg m^2]; by default from the configuration.
     load_friction : float or (n,) array_like, optional
         Dry friction per torque transmitted by a gear [-]; by default the robot's.
     friction_width : float
